@@ -42,7 +42,7 @@ def learned(study: LearningStudy) -> Front:
         verdict=study.notes[0],
         tiles=tiles(data.shown(FIRST)[1:4]),
         parts=(_over_runs(study),),
-        sentences=(("What the error is", _introduction(study)),),
+        sentences=(("Definition of the error", _introduction(study)),),
     )
 
 

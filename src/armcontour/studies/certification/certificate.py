@@ -363,7 +363,7 @@ class Certificate(Result):
         yield Row("limits_used", {x.name: x.ratio for x in self.check.uses}, "1")
         yield Row("not_judged", self.check.not_judged)
         yield Row("trials", self.trials, "", "plans tried")
-        yield Row("model", self.model, "", "holds for")
+        yield Row("model", self.model, "", "valid for")
         yield Row("simulate_rigid_bodies", self.simulate_rigid_bodies)
         yield Row("run", self.run.name)
         yield from field_rows("goal", self.goal)
@@ -451,8 +451,8 @@ class Certificate(Result):
         if not self.budget.model_error:
             return ""
         return beyond_logs(self.job.plant_servo, self.trajectory) or (
-            "What the servo model does not explain is bounded for motion with at most the velocity "
-            "and acceleration of the logs of its identification."
+            "Errors that the servo model does not explain are bounded for motion with at most the "
+            "velocity and acceleration of the logs of its identification."
         )
 
     @property
@@ -540,7 +540,7 @@ class Certificate(Result):
         if len(self.contours) != 1:
             raise InvalidInput(
                 f"The certificate of the job {self.job.name} has {len(self.contours)} contours: "
-                "every one of its contours has a path and a derating of its own."
+                "each contour has its own path and derating."
             )
         return self.contours[0]
 

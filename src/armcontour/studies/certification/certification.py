@@ -1,4 +1,4 @@
-"""Entry points `certify`, the fastest plan whose execution keeps a tolerance, and `sweep`."""
+"""Entry points `certify`, the fastest plan within a tolerance when executed, and `sweep`."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def certify(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Certificate:
-    """Find the fastest plan of a job whose execution keeps its tolerance.
+    """Find the fastest plan of a job whose execution stays within its tolerance.
 
     The plan has optimal timing, derated where required, with the compensation, cycle and limits of
     the run. The certificate is valid only for the job's plant: its servos, or its rigid bodies if

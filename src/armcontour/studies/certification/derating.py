@@ -154,7 +154,7 @@ REASONS = {
     "tool": "the speed of the executed tool, which passed the assigned velocity",
     "error": "the contour error",
     "box": "the contour error of robots of the box",
-    "limit": "what drives and plan need of it",
+    "limit": "the requirements of drives and plan",
 }
 
 

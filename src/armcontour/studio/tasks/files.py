@@ -61,7 +61,7 @@ def certify(x: Request) -> Frame:
     x.progress(Step(("writing",)))
     data = found.to_data()
     header = {
-        **{"run": found.run.name, "sentence": f"{verdict(data)} It holds for: {found.model}."},
+        **{"run": found.run.name, "sentence": f"{verdict(data)} It is valid for: {found.model}."},
         **{"notes": [*data.notes, *data.warnings], "certificate": plain(data)},
     }
     page = render_report(found.study, certificate=found)
