@@ -11,12 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from armcontour.batches.base_job import (
-    BaseJob,
-    check_placed,
-    named_files,
-    read_base,
-)
+from armcontour.batches.base_job import BaseJob, check_placed, named_files, read_base
 from armcontour.batches.columns import COLUMNS, PLACE, RUN, WORKS, read_columns
 from armcontour.batches.parameters import Parameter, read_parameter
 from armcontour.core import checks

@@ -53,7 +53,7 @@ def contours(study: JobResult) -> Section | None:
         summary="length, time, speed and error of each contour",
         text=(
             'Lengths, times and errors are those at work; "as assigned" is the share of the length '
-            "at the assigned velocity. Rapids between contours satisfy the limits of the joints, and "
+            "at the assigned velocity. Rapids between contours satisfy the joint limits, and "
             "rapid_speed and approach_speed of the process if specified."
         ),
         choices=tuple((name, (_table(name, x),)) for name, x in study.runs.items()),

@@ -298,10 +298,7 @@ def _refuse_start(case: Case) -> None:
 
 
 def _certificate(
-    base: Case,
-    proven: Proven,
-    shapes: Mapping[str, float],
-    plant: RigidBodyPlant | None,
+    base: Case, proven: Proven, shapes: Mapping[str, float], plant: RigidBodyPlant | None
 ) -> Certificate:
     """Evaluate a proven plan, run the experiment, and make the certificate."""
     proof, moves = proven

@@ -57,11 +57,7 @@ from armcontour.verification.contour_execution import pieces_of
 MAX_TRIALS = 25
 # Errors grow at least with the third power of speed and acceleration. The best step sizes are not
 # known in advance, so each contour tries all of these.
-STEPS = (
-    StepSizes(1 / 3, 0.7, True),
-    StepSizes(1 / 3, 0.85, True),
-    StepSizes(1 / 4, 0.85, False),
-)
+STEPS = (StepSizes(1 / 3, 0.7, True), StepSizes(1 / 3, 0.85, True), StepSizes(1 / 4, 0.85, False))
 # Relative excess over the optimum above which a certified plan is searched with further steps.
 GAIN = 1e-4
 # If saturation is allowed, the cause of an error can be anywhere before it, so accelerations are
@@ -232,10 +228,7 @@ def _next_attempt(case: Case, move: MoveSearch, *, within: bool, slow: bool = Fa
 
 
 def _reopen(
-    case: Case,
-    move: MoveSearch,
-    margins: LimitMargins,
-    aims: Mapping[str, float] | None = None,
+    case: Case, move: MoveSearch, margins: LimitMargins, aims: Mapping[str, float] | None = None
 ) -> None:
     """Derate a contour further whose plan a proof rejected; `aims` are factors by cause."""
     worst = _record_ratios(case, move, margins)
@@ -353,11 +346,7 @@ def _execute_box(case: Case, move: MoveSearch, trial: Trial, *, drawn: bool) -> 
 
 
 def execute_servos(
-    case: Case,
-    set_points: SetPoints,
-    number: int,
-    span: Span,
-    samples: int | None = None,
+    case: Case, set_points: SetPoints, number: int, span: Span, samples: int | None = None
 ) -> MonteCarloResult:
     """Execute a contour on robots of the box with servos; by default in its corners."""
     assert case.box is not None and span.trajectory is not None and span.work is not None
