@@ -49,7 +49,7 @@ OPTIONS = {
         "|.*/tracing|program|.*/jerk|.*shaping/(curves|nodes|search|starts)|control"
         "|jobs/(goal|single_corners|automatic_leads|run_plan)|cli/(certify_command|check_command)|files/job_(path|model)"
         "|report/sections/shaping|.*shaping/shaper|planning/options"
-        "|studio/(converting|tasks|static/taskforms)",
+        "|studio/(edits/conversion|tasks|static/taskforms)",
     ),
     # Tool speeds as figures; how much of a limit is used; the corner speed of `Rounding`.
     "limits.speed": (
@@ -57,8 +57,8 @@ OPTIONS = {
         "geometry|files/drawings|.*(certification|identification)|motion|program"
         "|robot/drives|report|batches|.*constraints|.*/(jerk|topp)|core/text|verification"
         "|planning/(law_checks|paper|end_sp|expl|program|planner)"
-        "|studio/(line|picture)|robot/limit_use"
-        "|jobs/(analog|automatic_leads|run_plan|run_warnings|job_result|run_data|job)|studio/(converting|static)",
+        "|studio/picture|robot/limit_use"
+        "|jobs/(analog|automatic_leads|run_plan|run_warnings|job_result|run_data|job)|studio/(edits/conversion|static)",
     ),
     # Exports have an interval of their own, and so has `Paper`, the arguments of a function; a
     # preview chooses a longer one.
@@ -102,7 +102,7 @@ MECHANISMS = {
     "placement": ("def _override_keys(", "files/study_files.py"),
     "Studio": ("def place_of(", "studio/edits/keys.py"),
     "batches": ("def _put(", "batches/base_job.py"),
-    "sweep": ("changes_of(", "studio/tasks/searching.py"),
+    "sweep": ("changes_of(", "studio/tasks/searches.py"),
     "patch": ("def apply_patch(", "*/patch.py"),
 }
 FUNCTIONS = (ac.plan, ac.read_path, ac.shape, ac.place, ac.export, ac.load_arm)

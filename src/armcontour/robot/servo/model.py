@@ -90,6 +90,10 @@ class ServoModel(Checked):
     The command passes each set-point at its time. A controller needs the next set-point for a line,
     and the one after it for the cubic; this delay is part of the dead time.
 
+    >>> model = ac.ServoModel(kp=25.0, kv=150.0, dead_time=4e-3)
+    >>> model.replace(velocity_feedforward=1.0).kp
+    array(25.)
+
     Args:
         kp: Position loop gain [1/s], one for all joints or one per joint; infinite for joints of
             order "delay" or "unknown".
@@ -240,7 +244,7 @@ class ServoModel(Checked):
         Raises:
             InvalidInput: The number of gains, dead times or inertias is not 1 or `dof`.
         """
-        dof = checks.check_int("dof", dof, 1, checks.MOST_JOINTS)
+        dof = checks.check_int("dof", dof, 1, checks.MAX_JOINTS)
         values = [getattr(self, x) for x in PER_JOINT]
         if all(x is None or x.shape == (dof,) for x in values) and isinstance(self.order, str):
             return self

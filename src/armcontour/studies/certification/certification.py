@@ -38,7 +38,7 @@ from armcontour.studies.certification.certificate import (
 from armcontour.studies.certification.certification_case import Case
 from armcontour.studies.certification.derating import derated_intervals
 from armcontour.studies.certification.limit_margins import (
-    Trial,
+    ProgramTrial,
     distances,
     execute_trial,
     speed_ratios,
@@ -70,7 +70,7 @@ LEAST_GAIN = 1e-3
 
 
 # A proven plan of a program, and its moves in the search.
-Proven = tuple[Trial, list[MoveSearch]]
+Proven = tuple[ProgramTrial, list[MoveSearch]]
 
 
 @checked
@@ -87,6 +87,10 @@ def certify(
     The plan has optimal timing, derated where required, with the compensation, cycle and limits of
     the run. The certificate is valid only for the job's plant: its servos, or its rigid bodies if
     the goal has `plant="rigid_body"`.
+
+    >>> certificate = ac.certify(ac.read_job("job.yaml"))
+    >>> certificate.evaluation.contour_error.max < 0.1e-3
+    True
 
     Args:
         job: The job.
@@ -240,7 +244,7 @@ def _search_budgets(case_of: Callable[[float], Case], budgets: Sequence[float]) 
     return best
 
 
-def _worst_error(proof: Trial, moves: Sequence[MoveSearch]) -> float:
+def _worst_error(proof: ProgramTrial, moves: Sequence[MoveSearch]) -> float:
     """Largest contour error of a proven plan, over the box if there is one [m]."""
     robots = [x for y in moves for x in (y.corners, y.spread) if x is not None]
     largest = [float(distances(x).max()) for x in proof.pieces]
@@ -282,7 +286,7 @@ def _refuse_other_programs(case: Case) -> None:
 def _refuse_start(case: Case) -> None:
     """Refuse rigid bodies that rest too far from the start of the contour."""
     (contour,) = case.program.contours
-    distance = rest_at_start(case, contour.path, case.teach(case.planned.trajectory))
+    distance = rest_at_start(case, contour.path, case.compute_set_points(case.planned.trajectory))
     allowed = case.goal.servo_error or case.goal.tolerance
     assert allowed is not None
     counts_at_start = case.program.single_path is not None or contour.at_work[0] <= 0
@@ -339,7 +343,7 @@ def _certificate(
 
 
 def _contours(
-    base: Case, proof: Trial, contours: Sequence[MoveSearch]
+    base: Case, proof: ProgramTrial, contours: Sequence[MoveSearch]
 ) -> Iterator[ContourCertificate]:
     """The certificates of all contours."""
     case, fastest = proof.case, base.planned.trajectory.contour_spans
@@ -347,7 +351,9 @@ def _contours(
     # Nearly continuous set-points separate the part of the servo from that of the cycle.
     run_cycle = case.run.cycle
     cycle = max(run_cycle / CONTINUOUS, min(SHORTEST, run_cycle))
-    smooth = execute_trial(case, case.teach(proof.trajectory, cycle), max(cycle, case.resolution))
+    smooth = execute_trial(
+        case, case.compute_set_points(proof.trajectory, cycle), max(cycle, case.resolution)
+    )
     pieces = pieces_of(smooth, case.program, None, None)
     for k, (move, piece, span) in enumerate(zip(contours, proof.pieces, spans, strict=True)):
         assert span.work is not None
@@ -395,7 +401,7 @@ def _contours(
 def _uncertified(case: Case) -> Uncertified:
     """Execute the fastest plan without derating."""
     fastest = case.planned.trajectory
-    set_points = case.teach(fastest)
+    set_points = case.compute_set_points(fastest)
     resolution = max(min(1e-3, case.run.cycle), case.resolution)
     executed = simulate(set_points, case.plant(), resolution=resolution)
     t = executed.t

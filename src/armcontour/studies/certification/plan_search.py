@@ -24,7 +24,7 @@ from armcontour.studies.certification.limit_margins import (
     KEPT,
     POINTS,
     LimitMargins,
-    Trial,
+    ProgramTrial,
     execute_on_box,
     execute_trial,
     margins_of,
@@ -72,7 +72,7 @@ AIM_STEP = 0.998
 TORQUE_STEP = 1.01
 
 
-def search(case: Case) -> tuple[Trial, list[MoveSearch]]:
+def search(case: Case) -> tuple[ProgramTrial, list[MoveSearch]]:
     """Fastest plan of a program that satisfies the goal, with its proof, and its moves.
 
     Raises NotRealizable if none does; the message names the contour.
@@ -110,7 +110,7 @@ def search(case: Case) -> tuple[Trial, list[MoveSearch]]:
 
 def execute_program(
     case: Case, moves: Sequence[MoveSearch], robots: list[FloatArray] | None = None
-) -> Trial:
+) -> ProgramTrial:
     """Join the plans of all moves, compensate them, and execute the program.
 
     `robots` of the box are executed as rigid bodies; an empty list gets the first ones.
@@ -125,14 +125,14 @@ def execute_program(
             joined.stand(move.pause)
         joined.add(step, move.plan)
     trajectory = joined.trajectory().limited(case.limits)
-    set_points = case.teach(trajectory)
+    set_points = case.compute_set_points(trajectory)
     executed, box = execute_trial(case, set_points), None
     if case.bodies and case.box is not None and robots is not None:
         if not robots:
             corners, moves[0].parts = worst_corners(case, set_points)
             robots += list(corners[:FIRST_CORNERS])
         box = largest_errors(case, set_points, robots)
-    return Trial(
+    return ProgramTrial(
         case=case,
         trajectory=trajectory,
         set_points=set_points,
@@ -143,7 +143,7 @@ def execute_program(
     )
 
 
-def _rate(case: Case, move: MoveSearch, trial: Trial) -> None:
+def _rate(case: Case, move: MoveSearch, trial: ProgramTrial) -> None:
     """Rate a trial of a contour, and plan its next one."""
     assert move.number is not None
     margins = margins_of(case, trial, move.number, move.plan)
@@ -247,8 +247,8 @@ def _reopen(
 
 
 def _prove(
-    case: Case, moves: Sequence[MoveSearch], trial: Trial, robots: list[FloatArray]
-) -> Trial | None:
+    case: Case, moves: Sequence[MoveSearch], trial: ProgramTrial, robots: list[FloatArray]
+) -> ProgramTrial | None:
     """Proof of a trial; None if it rejects moves, which are then derated further."""
     contours = [x for x in moves if x.number is not None]
     proven = trial
@@ -278,7 +278,7 @@ def _prove(
     return None if outside else replace(proven, check=checked)
 
 
-def _derate_rapids(case: Case, moves: Sequence[MoveSearch], trial: Trial) -> bool:
+def _derate_rapids(case: Case, moves: Sequence[MoveSearch], trial: ProgramTrial) -> bool:
     """Derate rapids that exceed a joint limit in the whole program; True if there are any."""
     if case.saturated or case.bodies:
         return False
@@ -295,7 +295,7 @@ def _derate_rapids(case: Case, moves: Sequence[MoveSearch], trial: Trial) -> boo
     return outside
 
 
-def _prove_box(case: Case, move: MoveSearch, trial: Trial, robots: list[FloatArray]) -> bool:
+def _prove_box(case: Case, move: MoveSearch, trial: ProgramTrial, robots: list[FloatArray]) -> bool:
     """Execute a contour in corners of the box and on robots drawn from it; reopen it on failure.
 
     The worst robot need not be in a corner. Returns True if all robots satisfy the budget.
@@ -328,7 +328,9 @@ def _prove_box(case: Case, move: MoveSearch, trial: Trial, robots: list[FloatArr
     return True
 
 
-def _execute_box(case: Case, move: MoveSearch, trial: Trial, *, drawn: bool) -> MonteCarloResult:
+def _execute_box(
+    case: Case, move: MoveSearch, trial: ProgramTrial, *, drawn: bool
+) -> MonteCarloResult:
     """Execute a contour in the corners of the box, or on robots drawn from it."""
     assert move.number is not None and case.box is not None
     goal = case.goal

@@ -1,8 +1,4 @@
-"""The arm and its cell in space: what the page needs to draw them at any joint positions.
-
-The page moves the links itself: the frame of link i in that of link i - 1 is the joint's `origin`
-followed by a turn by q[i] about its `axis`; link 0 is the base, and the tool is in the last link.
-"""
+"""Frame with the arm and its cell in space."""
 
 from __future__ import annotations
 
@@ -30,22 +26,21 @@ from armcontour.robot.scene import (
     Shape,
     Sphere,
 )
-from armcontour.studio.wire import Frame as Message
+from armcontour.studio.page_frame import PageFrame
 
-# Round bodies have so many sides.
+# The page moves the links: frame of link i in link i - 1 = `origin` of its joint, then a rotation
+# by q[i] about `axis`. Link 0 is the base; the tool is in the last link.
+
+# Sides of round bodies.
 SIDES = 24
-# Bodies of more triangles are drawn by their convex hulls.
-MOST_TRIANGLES = 4_000
-# A table reaches so much farther than the arm, and is so thick [m].
-ROOM, THICK = 1.1, 0.02
+# Larger meshes are drawn as convex hulls.
+MAX_TRIANGLES = 4_000
+# Size of a table relative to the reach of the arm, and its thickness [m].
+TABLE_SIZE, TABLE_THICKNESS = 1.1, 0.02
 
 
-def arm_frame(job: Job) -> Message:
-    """The arm of a job and what stands in its cell.
-
-    Args:
-        job: The job.
-    """
+def arm_frame(job: Job) -> PageFrame:
+    """Frame with the arm of a job and the bodies in its cell."""
     arm, chain = job.arm, _chain_of(job.arm)
     base = chain.base
     bodies, arrays = _bodies(arm, chain, job.scene or Scene())
@@ -72,14 +67,14 @@ def arm_frame(job: Job) -> Message:
         "bodies": bodies,
         "notes": [] if arm.knows_shapes else ["The shapes of the arm's links are not known."],
     }
-    return Message("arm", header, arrays)
+    return PageFrame("arm", header, arrays)
 
 
 def matrix(frame: Frame) -> FloatArray:
-    """A frame as a matrix of homogeneous coordinates, (4, 4)."""
-    found = np.eye(4)
-    found[:3, :3], found[:3, 3] = frame.rotation, frame.position
-    return found
+    """Homogeneous matrix of a frame, (4, 4)."""
+    homogeneous = np.eye(4)
+    homogeneous[:3, :3], homogeneous[:3, 3] = frame.rotation, frame.position
+    return homogeneous
 
 
 def _chain_of(arm: Arm) -> Chain:
@@ -88,50 +83,52 @@ def _chain_of(arm: Arm) -> Chain:
 
 
 def _reach(chain: Chain) -> float:
-    """About the longest distance of the tool from the base [m]."""
+    """Upper bound of the distance of the tool from the base [m]."""
     ends = [*chain.positions, (chain.tip @ chain.tool).position]
     return float(sum(np.linalg.norm(x) for x in ends))
 
 
 def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """The bodies of links, tool and obstacles, and their triangles as corners, (n, 3, 3)."""
-    found: list[dict[str, Any]] = []
+    """Bodies of links, tool and obstacles, and their triangles, (n, 3, 3)."""
+    bodies: list[dict[str, Any]] = []
     arrays: dict[str, npt.NDArray[Any]] = {}
 
-    def add(name: str, link: int, colour: str, place: Frame, corners: FloatArray) -> None:
-        array = f"body{len(found)}"
+    def add(name: str, link: int, colour: str, pose: Frame, corners: FloatArray) -> None:
+        array = f"body{len(bodies)}"
         arrays[array] = np.asarray(corners, dtype=np.float32)
         look = {"name": name, "link": link, "colour": colour}
-        found.append({**look, "triangles": array, "at": matrix(place)})
+        bodies.append({**look, "triangles": array, "at": matrix(pose)})
 
     shapes = arm.shapes.shapes if arm.knows_shapes and arm.shapes is not None else ()
-    for x in shapes:
-        add(x.name, x.link, "tool" if x.tool else "link", x.place, triangles_of(x.exact or x.shape))
+    for link_shape in shapes:
+        add(
+            link_shape.name,
+            link_shape.link,
+            "tool" if link_shape.tool else "link",
+            link_shape.place,
+            triangles_of(link_shape.exact or link_shape.shape),
+        )
     for obstacle in scene.obstacles:
         # Link 0 is the base, whose frame in the work frame is the chain's base.
-        place = obstacle.place
+        pose = obstacle.place
         if obstacle.fixed_to != BASE:
-            place = chain.base.inverse @ place
+            pose = chain.base.inverse @ pose
         if isinstance(obstacle.shape, HalfSpace):
-            # Under the arm, wherever the origin of its plane is.
-            foot = -(place.rotation.T @ place.position) * [1, 1, 0]
-            place = place @ Frame(position=foot + [0, 0, -THICK / 2])
-            side = 2 * ROOM * max(_reach(chain), 0.5)
-            corners = triangles_of(Box(size=np.array([side, side, THICK])))
-            add(obstacle.name, 0, "table", place, corners)
+            # The table is drawn below the arm, independent of the origin of its plane.
+            foot = -(pose.rotation.T @ pose.position) * [1, 1, 0]
+            pose = pose @ Frame(position=foot + [0, 0, -TABLE_THICKNESS / 2])
+            side = 2 * TABLE_SIZE * max(_reach(chain), 0.5)
+            corners = triangles_of(Box(size=np.array([side, side, TABLE_THICKNESS])))
+            add(obstacle.name, 0, "table", pose, corners)
         else:
             colour = "part" if obstacle.fixed_to == PART else "obstacle"
-            add(obstacle.name, 0, colour, place, triangles_of(obstacle.shape))
-    return found, arrays
+            add(obstacle.name, 0, colour, pose, triangles_of(obstacle.shape))
+    return bodies, arrays
 
 
 @lru_cache(maxsize=64)
 def triangles_of(shape: Shape) -> FloatArray:
-    """Corners of the triangles of a shape [m], (n, 3, 3), counter-clockwise as seen from outside.
-
-    Args:
-        shape: The shape; a mesh of very many triangles is drawn by its hull.
-    """
+    """Triangles of a shape, or the hull of a large mesh [m], (n, 3, 3), outward normals."""
     match shape:
         case Box():
             ring = shape.size[:2] / 2 * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
@@ -143,7 +140,7 @@ def triangles_of(shape: Shape) -> FloatArray:
         case Cylinder():
             ring = _ring(shape.radius)
             return _around([(ring, -shape.length / 2), (ring, shape.length / 2)])
-        case Mesh() if shape.triangles is not None and len(shape.triangles) <= MOST_TRIANGLES:
+        case Mesh() if shape.triangles is not None and len(shape.triangles) <= MAX_TRIANGLES:
             return np.asarray(shape.points[shape.triangles])
         case Mesh():
             return _hull(shape.points)
@@ -157,8 +154,8 @@ def _ring(radius: float) -> FloatArray:
 
 
 def _rounded(radius: float, length: float) -> FloatArray:
-    """Triangles of a capsule along z [m], (n, 3, 3); of a ball if it has no length."""
-    # The poles are corners of their own; a ball has one ring at its middle, a capsule has two.
+    """Triangles of a capsule along z [m], (n, 3, 3); of a sphere if `length` is 0."""
+    # The poles are separate points; a sphere has one ring at its equator, a capsule has two.
     angles = np.linspace(-np.pi / 2, np.pi / 2, SIDES // 2 + 1)[1:-1]
     rings = [
         (_ring(radius * np.cos(angle)), radius * np.sin(angle) + end * length / 2)
@@ -173,24 +170,22 @@ def _rounded(radius: float, length: float) -> FloatArray:
 def _around(
     rings: Sequence[tuple[FloatArray, float]], poles: tuple[float, float] | None = None
 ) -> FloatArray:
-    """Triangles of a body about z whose sections are polygons of as many corners each.
+    """Triangles of a body from polygons (n, 2) [m] with their z, lowest first; `poles`.
 
-    Args:
-        rings: Corners of each polygon [m], (n, 2), counter-clockwise, and its z, from below.
-        poles: z of the points at both ends; by default the ends are plane.
+    Its ends.
     """
     low, high = poles or (rings[0][1], rings[-1][1])
     points = [np.column_stack([ring, np.full(len(ring), z)]) for ring, z in rings]
     ends = [np.broadcast_to([0.0, 0.0, z], points[0].shape) for z in (low, high)]
-    found = [_fan(points[0][::-1], ends[0]), _fan(points[-1], ends[1])]
+    triangles = [_fan(points[0][::-1], ends[0]), _fan(points[-1], ends[1])]
     for below, above in pairwise(points):
         after, over = np.roll(below, -1, axis=0), np.roll(above, -1, axis=0)
-        found += [np.stack([below, after, over], 1), np.stack([below, over, above], 1)]
-    return np.concatenate(found)
+        triangles += [np.stack([below, after, over], 1), np.stack([below, over, above], 1)]
+    return np.concatenate(triangles)
 
 
 def _fan(ring: FloatArray, middle: FloatArray) -> FloatArray:
-    """Triangles from the sides of a polygon to a point, which is repeated, (n, 3, 3)."""
+    """Triangles between the sides of a polygon and a point, which is repeated, (n, 3, 3)."""
     return np.stack([ring, np.roll(ring, -1, axis=0), middle], 1)
 
 
@@ -200,7 +195,7 @@ def _hull(points: FloatArray) -> FloatArray:
 
     hull = ConvexHull(points)
     corners = hull.points[hull.simplices]
-    # Its triangles have normals that point outwards, but corners in any order.
+    # The normals of the hull point outwards, but the order of its corners is arbitrary.
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     inside_out = np.einsum("ij,ij->i", across, hull.equations[:, :3]) < 0
     corners[inside_out] = corners[inside_out][:, ::-1]

@@ -13,10 +13,10 @@ from tests.studio.talking import JOB, AtOnce, NoLane, Tab
 import armcontour as ac
 from armcontour.files.cell import cell_names
 from armcontour.files.job_edits import Change
+from armcontour.studio.connection import open_session
 from armcontour.studio.document import Document
-from armcontour.studio.opening import open_session
-from armcontour.studio.starting import DRAWINGS as CARDS
-from armcontour.studio.starting import new_document
+from armcontour.studio.start_page import DRAWINGS as CARDS
+from armcontour.studio.start_page import new_document
 from armcontour.studio.uploads import Uploads
 
 FASTER = [Change(("limits", "speed"), "0.1 m/s")]
@@ -26,7 +26,7 @@ FASTER = [Change(("limits", "speed"), "0.1 m/s")]
 def opened(tmp_path, monkeypatch):
     """Opens sessions as the command does, in a folder of its own."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("armcontour.studio.session.FastLane", AtOnce, raising=False)
+    monkeypatch.setattr("armcontour.studio.session.PreviewWorker", AtOnce, raising=False)
     sessions = []
 
     def open_one(file=None, cell=None):
@@ -89,7 +89,7 @@ def test_an_empty_plane_is_drawn_on_and_undone(opened):
     edit = {"do": "draw", "start": a.tolist()}
     edit["segments"] = [{"to": np.asarray(x["to"]).tolist()} for x in lines]
     tab.edit(edit, gesture=1)
-    session.display.planner.wait()
+    session.display.scheduler.wait()
     assert tab.last("document")["path"]["kind"] == "segments"
     tab.say("undo")
     assert session.document.text == text and tab.last("document")["path"]["kind"] == "blank"

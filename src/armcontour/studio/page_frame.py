@@ -1,15 +1,10 @@
-"""Frames: what the server tells the page, as bytes.
-
-A frame is `u32` length of the header | header, JSON in UTF-8 | zeros up to a multiple of 8 |
-arrays, each from a multiple of 8 on, all little-endian. The header has the frame's `kind`, and
-under `arrays` the type, the shape and the place of every array, counted from the first byte after
-the zeros. Numbers that are not finite are null in the header; arrays keep them.
-"""
+"""Frames: messages of the server to the page, as bytes."""
 
 from __future__ import annotations
 
 import json
 import math
+import re
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -22,6 +17,9 @@ import numpy.typing as npt
 from armcontour.core.errors import InvalidInput
 from armcontour.core.render import jsonable
 
+# Layout: length of the header (u32), JSON header, zeros, little-endian arrays; arrays begin at
+# multiples of 8 and their offsets count from the first byte after the zeros. Numbers that are not
+# finite are null in the header.
 ALIGNED = 8
 LENGTH = struct.Struct("<I")
 # Types of arrays, by the names that the page knows.
@@ -36,74 +34,73 @@ FILE_TYPES = {
     ".yaml": "application/yaml",
     ".zip": "application/zip",
 }
+# Options of the command line in a sentence, which also names the key of the job file.
+_OPTION = r"--[a-z][a-z-]*(?: (?:'[^']*'|[^\s,.;:()']+))?"
+_BEFORE = r",? (?:or|also with|such as)| as"
+_OPTIONS = re.compile(rf" \([a-z ]*{_OPTION}\)|(?:{_BEFORE}) {_OPTION}|, {_OPTION}(?=\))")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Frame:
-    """A message to the page: facts as JSON, and long rows of numbers.
+class PageFrame:
+    """A message to the page: a JSON header and numeric arrays."""
 
-    Args:
-        kind: What it is, such as "picture".
-        header: Facts, of anything that JSON has, and of numbers of numpy.
-        arrays: Arrays by their names, of the types TYPES.
-    """
-
+    # What it is, such as "picture".
     kind: str
     header: Mapping[str, Any] = field(default_factory=dict)
     arrays: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
 
     @classmethod
-    def of_file(cls, name: str, content: bytes, header: Mapping[str, Any]) -> Frame:
-        """A result that is a file."""
+    def of_file(cls, name: str, content: bytes, header: Mapping[str, Any]) -> PageFrame:
+        """A result with a file as array `content`."""
         kind = FILE_TYPES.get(PurePath(name).suffix, "application/octet-stream")
         facts = {**header, "name": name, "type": kind, "bytes": len(content)}
         return cls("result", facts, {"content": np.frombuffer(content, np.uint8)})
 
-    def stamped(self, **facts: Any) -> Frame:
-        """The same frame with some more facts in its header."""
+    def stamped(self, **facts: Any) -> PageFrame:
+        """Copy with more facts in the header."""
         return replace(self, header={**self.header, **facts})
 
     def pack(self) -> bytes:
-        """The frame as bytes.
-
-        Raises:
-            InvalidInput: An array of another type.
-        """
-        places: dict[str, Any] = {}
+        """The frame as bytes."""
+        layouts: dict[str, Any] = {}
         parts: list[bytes] = []
         end = 0
         for name, values in self.arrays.items():
             kind = f"{values.dtype.kind}{values.dtype.itemsize}"
             if kind not in TYPES:
                 raise InvalidInput(f"The array {name} of a frame has the type {values.dtype}.")
-            places[name] = {"type": kind, "shape": list(values.shape), "at": end}
+            layouts[name] = {"type": kind, "shape": list(values.shape), "at": end}
             data = np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()
             parts += [data, bytes(-len(data) % ALIGNED)]
             end += len(data) + len(parts[-1])
-        told = {**self.header, "kind": self.kind, "arrays": places}
-        text = _to_json(told).encode(errors="replace")
+        header = {**self.header, "kind": self.kind, "arrays": layouts}
+        text = _to_json(header).encode(errors="replace")
         gap = bytes(-(LENGTH.size + len(text)) % ALIGNED)
         return b"".join([LENGTH.pack(len(text)), text, gap, *parts])
 
     @classmethod
-    def unpack(cls, data: bytes) -> Frame:
-        """The frame that was packed; its arrays are read-only."""
+    def unpack(cls, data: bytes) -> PageFrame:
+        """Decode a frame; its arrays are read-only."""
         (count,) = LENGTH.unpack_from(data)
         header = json.loads(data[LENGTH.size : LENGTH.size + count])
         begin = LENGTH.size + count
         begin += -begin % ALIGNED
         arrays = {}
-        for name, x in header.pop("arrays").items():
-            size = math.prod(x["shape"])
-            values = np.frombuffer(data, f"<{x['type']}", size, begin + x["at"])
-            arrays[name] = values.reshape(x["shape"])
+        for name, layout in header.pop("arrays").items():
+            size = math.prod(layout["shape"])
+            values = np.frombuffer(data, f"<{layout['type']}", size, begin + layout["at"])
+            arrays[name] = values.reshape(layout["shape"])
         return cls(header.pop("kind"), header, arrays)
 
 
 def _to_json(header: Mapping[str, Any]) -> str:
-    """A header as JSON."""
     try:
         return json.dumps(header, ensure_ascii=False, allow_nan=False, default=jsonable)
     except (TypeError, ValueError):
         # Keys that are no texts, and numbers that are not finite, are rare.
         return json.dumps(jsonable(header), ensure_ascii=False, allow_nan=False)
+
+
+def without_options(sentence: str) -> str:
+    """Remove options of the command line from a sentence: the page does not have them."""
+    return _OPTIONS.sub("", sentence)
