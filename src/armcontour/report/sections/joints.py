@@ -72,7 +72,7 @@ def draw_joints(name: str, result: RunResult) -> Any:
         for j in range(n):
             place = {"row": j + 1, "col": order + 1}
             for label, (t, values, look) in curves.items():
-                times, y = thin(t, values[:, j], most=MAX_POINTS)
+                times, y = thin(t, values[:, j], count=MAX_POINTS)
                 first = order == 0 and j == 0
                 figure.add_trace(
                     line(times, y, label, showlegend=first, legendgroup=label, **look), **place
