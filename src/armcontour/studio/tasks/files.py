@@ -59,7 +59,7 @@ def certify(request: Request) -> PageFrame:
     header = {
         **{
             "run": certificate.run.name,
-            "sentence": f"{verdict(data)} It holds for: {certificate.model}.",
+            "sentence": f"{verdict(data)} It is valid for: {certificate.model}.",
         },
         **{"notes": [*data.notes, *data.warnings], "certificate": plain(data)},
     }
