@@ -42,8 +42,8 @@ def home(tmp_path_factory, monkeypatch):
 @pytest.fixture
 def no_hurry(monkeypatch):
     """Plans are quick however busy the machine is."""
-    monkeypatch.setattr(scheduler, "QUICK", 1e6)
-    monkeypatch.setattr(scheduler, "SLOW", 1e6)
+    monkeypatch.setattr(scheduler, "FAST_PLAN", 1e6)
+    monkeypatch.setattr(scheduler, "SLOW_PLAN", 1e6)
 
 
 @pytest.fixture

@@ -10,18 +10,18 @@ from armcontour.files import parse_job
 from armcontour.robot.scene import Box, Capsule, Cylinder, Mesh, Sphere
 from armcontour.studio.access_control import (
     BURST,
-    LARGEST_UPLOAD,
+    MAX_UPLOAD,
     RATE,
-    Allowance,
-    Door,
-    Guard,
+    AccessControl,
+    Endpoint,
+    RateLimit,
     make_token,
     respond,
 )
 from armcontour.studio.arm_picture import arm_frame, triangles_of
 from armcontour.studio.editor import check_trusted_xacro
 
-DOOR = Door(4711, "0123456789abcdef0123456789abcdef")
+DOOR = Endpoint(4711, "0123456789abcdef0123456789abcdef")
 HOST = (b"host", b"127.0.0.1:4711")
 ORIGIN = (b"origin", b"http://127.0.0.1:4711")
 TOKEN = (b"authorization", b"Bearer " + DOOR.token.encode())
@@ -55,7 +55,7 @@ def ask(headers, *, path="/", method="GET", type="http", body=None):
     scope = {"type": type, "path": path, "headers": headers}
     if type == "http":
         scope["method"] = method
-    asyncio.run(Guard(app, DOOR)(scope, receive, send))
+    asyncio.run(AccessControl(app, DOOR)(scope, receive, send))
     return sent, read
 
 
@@ -103,10 +103,10 @@ def test_all_but_the_page_needs_the_token_and_a_post_its_own_header():
 
 
 def test_large_bodies_are_refused_before_they_are_read():
-    length = (b"content-length", str(LARGEST_UPLOAD + 1).encode())
+    length = (b"content-length", str(MAX_UPLOAD + 1).encode())
     sent, read = ask([HOST, ORIGIN, TOKEN, OWN, length], **POST)
     assert sent[0]["status"] == 413 and read == 0
-    half = bytes(LARGEST_UPLOAD // 2 + 1)
+    half = bytes(MAX_UPLOAD // 2 + 1)
     sent, read = ask([HOST, ORIGIN, TOKEN, OWN], body=[half, half, half], **POST)
     assert sent[0]["status"] == 413 and read == len(half)
 
@@ -127,19 +127,19 @@ def test_every_answer_tells_the_browser_to_be_strict(headers):
 def test_tokens():
     first, second = make_token(), make_token()
     assert first != second and len(bytes.fromhex(first)) == 16
-    door = Door(1)
-    assert door.opens(door.token) and not door.opens(first)
-    for token in (None, "", 3, door.token[:-1], "\ud800", "ä", [door.token]):
-        assert not door.opens(token)
-    assert door.token not in repr(door)
-    assert door.page == f"http://127.0.0.1:1/#{door.token}"
+    endpoint = Endpoint(1)
+    assert endpoint.accepts(endpoint.token) and not endpoint.accepts(first)
+    for token in (None, "", 3, endpoint.token[:-1], "\ud800", "ä", [endpoint.token]):
+        assert not endpoint.accepts(token)
+    assert endpoint.token not in repr(endpoint)
+    assert endpoint.page == f"http://127.0.0.1:1/#{endpoint.token}"
 
 
 def test_messages_come_at_a_rate_with_some_at_once():
     now = 0.0
-    allowance = Allowance(lambda: now)
+    allowance = RateLimit(lambda: now)
     for now, most in ((0.0, BURST), (1.0, RATE), (1e6, BURST)):  # noqa: B007 - read by the lambda
-        assert sum(allowance.take() for _ in range(10_000)) == most
+        assert sum(allowance.allow() for _ in range(10_000)) == most
 
 
 def test_programs_that_the_user_has_not_named_are_refused(tmp_path):

@@ -27,7 +27,7 @@ from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.job_edits import Change, change_text
 from armcontour.studio import scheduler
-from armcontour.studio.page_frame import Frame
+from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.preview import CoarsePlanner, Tier
 
 PAPER = (resources.files("armcontour.jobs") / "library" / "paper.yaml").read_text("utf-8")
@@ -63,7 +63,7 @@ def tiers(frames):
 
 def answer(lane, **header):
     """The other process gives the figures that it was asked for last; there is no change."""
-    lane.deliver(Frame("figures", {"id": lane.given[-1][0], "tier": "exact", **header}))
+    lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact", **header}))
     if lane.given[-1][1] == "changes":
         advance(lane, share=1.0)
 
@@ -72,7 +72,7 @@ def advance(lane, **header):
     """The other process gives the next step of what to change."""
     id, task, _ = lane.given[-1]
     assert task == "changes"
-    lane.deliver(Frame("changes", {"id": id, **header}))
+    lane.deliver(PageFrame("changes", {"id": id, **header}))
 
 
 def figures_asked(lane):
@@ -109,7 +109,7 @@ def test_what_moves_is_planned_on_a_coarser_grid_until_it_rests(opened):
 
 def test_older_answers_never_come_after_newer_ones(opened):
     session, tab, _ = opened()
-    session.display.planner._lane = lane = Held(None)
+    session.display.scheduler._preview_worker = lane = Held(None)
     tab.edit(MOVE)
     tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
     old, new = lane.works
@@ -134,7 +134,7 @@ def test_exact_figures_come_when_nothing_moves(opened):
     tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
     assert len(figures_asked(lane)) == 2, "one at a time"
     before = kinds(tab.frames).count("figures")
-    lane.deliver(Frame("figures", {"id": late}))
+    lane.deliver(PageFrame("figures", {"id": late}))
     assert kinds(tab.frames).count("figures") == before, "out of date"
     asked = figures_asked(lane)
     assert len(asked) == 3 and asked[2][2]["text"] == session.document.text
@@ -147,7 +147,7 @@ def test_exact_figures_come_when_nothing_moves(opened):
 
 def test_what_to_change_follows_step_by_step_until_something_is_edited(opened):
     session, tab, lane = opened(fast=Resting)
-    lane.deliver(Frame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
+    lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
     for share in (0.0, 0.5):
         advance(lane, share=share)
         assert tab.last("changes")["share"] == share
@@ -159,7 +159,7 @@ def test_what_to_change_follows_step_by_step_until_something_is_edited(opened):
     advance(lane, share=0.75)
     assert kinds(tab.frames).count("changes") == before
     assert lane.given[-1][1] == "figures"
-    lane.deliver(Frame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
+    lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
     advance(lane, share=0.5)
     # Without another change of the document it goes on where it was.
     tab.say("select", run="slow")
@@ -169,8 +169,8 @@ def test_what_to_change_follows_step_by_step_until_something_is_edited(opened):
     assert tab.last("changes")["changes"] == ["faster"] and len(lane.given) == steps
     # A step that fails is no loss.
     tab.edit(MOVE | {"to": [0.38, 0.15]}, gesture=2)
-    lane.deliver(Frame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
-    lane.deliver(Frame("failed", {"id": lane.given[-1][0], "sentence": "too bad"}))
+    lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
+    lane.deliver(PageFrame("failed", {"id": lane.given[-1][0], "sentence": "too bad"}))
     assert "failed" not in kinds(tab.frames) and len(figures_asked(lane)) == 3
 
 
@@ -179,9 +179,9 @@ def test_another_configuration_of_the_full_run_is_announced(opened):
     # Nothing exact was shown before the first full run: it changes nothing.
     tab.edit({"do": "set", "key": "limits.speed", "value": 0.09}, gesture=9)
     answer(lane)
-    before = session.display.planner.planned.start
+    before = session.display.scheduler.planned.start
     answer(lane, start=before + [0, 0, 0, 0, 0, np.pi / 2])
-    assert session.display.planner.planned.start == pytest.approx(
+    assert session.display.scheduler.planned.start == pytest.approx(
         before + [0, 0, 0, 0, 0, np.pi / 2]
     )
     assert "notice" not in kinds(tab.frames)
@@ -190,11 +190,11 @@ def test_another_configuration_of_the_full_run_is_announced(opened):
         assert "notice" not in kinds(tab.frames)
         asked = figures_asked(lane)
         assert len(asked) == k + 2 and asked[-1][2]["text"] == session.document.text
-        before = session.display.planner.planned.start
+        before = session.display.scheduler.planned.start
         answer(lane, start=before + [0, 0, 0, 0, 0, turn])
     assert kinds(tab.frames).count("notice") == 1
     told = tab.last("notice")["sentence"]
-    after = session.display.planner.planned.start
+    after = session.display.scheduler.planned.start
     assert all(f"{np.degrees(q[5]):.1f}" in told for q in (before, after)) and "joint 6" in told
 
 
@@ -228,8 +228,8 @@ def during(monkeypatch):
         return plan(self, data, run, tier=tier, progress=progress)
 
     monkeypatch.setattr(CoarsePlanner, "plan", planning)
-    monkeypatch.setattr(scheduler, "LATE", -1.0)
-    monkeypatch.setattr(scheduler, "SOON", -1.0)
+    monkeypatch.setattr(scheduler, "MAX_OBSOLETE_PLAN", -1.0)
+    monkeypatch.setattr(scheduler, "PROGRESS_DELAY", -1.0)
     return lambda tier, act: acts.append((Tier(tier), act))
 
 
@@ -275,13 +275,13 @@ def test_a_slow_plan_has_an_outline_and_progress_and_is_stopped_and_resumed(
     opened, during, monkeypatch
 ):
     _, tab, lane = opened(fast=Nested)
-    monkeypatch.setattr(scheduler, "SLOW", -1.0)
+    monkeypatch.setattr(scheduler, "SLOW_PLAN", -1.0)
     during("preview", lambda: tab.say("cancel", id="#"))
     heard = tab.edit(moved(1), gesture=1)
     assert tiers(heard) == ["picture outline"]
     assert progress(heard)[-2:] == ["working", "stopped"]
     assert lane.cancelled == [lane.given[-1][0]], "its figures are stopped, too"
-    lane.deliver(Frame("cancelled", {"id": lane.cancelled[0]}))
+    lane.deliver(PageFrame("cancelled", {"id": lane.cancelled[0]}))
     count = len(lane.given)
     heard = tab.say("resume")
     assert tiers(heard)[-2:] == ["picture preview", "executed preview"]
@@ -295,7 +295,7 @@ def test_a_slow_plan_has_an_outline_and_progress_and_is_stopped_and_resumed(
 
 def test_an_outline_follows_a_drag_whose_plans_take_long(opened, monkeypatch):
     _, tab, _ = opened()
-    monkeypatch.setattr(scheduler, "SLOW", 0.5)
+    monkeypatch.setattr(scheduler, "SLOW_PLAN", 0.5)
     looks = count()
     slow = SimpleNamespace(monotonic=time.monotonic, thread_time=lambda: next(looks))
     monkeypatch.setattr(scheduler, "time", slow)
@@ -310,10 +310,10 @@ def test_an_outline_follows_a_drag_whose_plans_take_long(opened, monkeypatch):
 
 
 def test_progress_of_exact_figures_is_told_with_its_step(opened, during, monkeypatch):
-    monkeypatch.setattr(scheduler, "OFTEN", -1e6)
+    monkeypatch.setattr(scheduler, "PROGRESS_INTERVAL", -1e6)
     _, tab, lane = opened(fast=Nested)
     step = {"id": lane.given[-1][0], "steps": ["compensated", "timing"], "share": 0.25}
-    lane.deliver(Frame("progress", step))
+    lane.deliver(PageFrame("progress", step))
     told = tab.last("progress")
     assert (told["tier"], told["share"]) == ("exact", 0.25)
     assert told["steps"] == ["compensated", "timing (step 3 of 7)"]
@@ -324,13 +324,15 @@ def test_progress_of_exact_figures_is_told_with_its_step(opened, during, monkeyp
 def test_a_killed_process_is_said_and_the_next_edit_has_figures(opened):
     _, tab, lane = opened(fast=Nested)
     id = lane.given[-1][0]
-    lane.deliver(Frame("failed", {"id": id, "sentence": "It has ended before it gave an answer."}))
+    lane.deliver(
+        PageFrame("failed", {"id": id, "sentence": "It has ended before it gave an answer."})
+    )
     told = tab.last("progress")
     assert told["state"] == "stopped" and "has ended" in told["steps"][0]
     tab.say("resume")
     assert len(lane.given) == 2 and tab.last("progress")["state"] == "working"
     tab.edit(moved(1), gesture=1)
-    lane.deliver(Frame("cancelled", {"id": lane.given[1][0]}))
+    lane.deliver(PageFrame("cancelled", {"id": lane.given[1][0]}))
     answer(lane, duration=12.5)
     assert tab.last("figures")["seq"] == tab.seq
 
@@ -339,10 +341,10 @@ def test_figures_that_take_long_make_way_for_an_edit(opened, monkeypatch):
     _, tab, lane = opened(fast=Nested)
     tab.edit(moved(1), gesture=1)
     assert lane.cancelled == [], "soon they are there"
-    monkeypatch.setattr(scheduler, "PATIENCE", -1.0)
+    monkeypatch.setattr(scheduler, "MAX_OBSOLETE_FIGURES", -1.0)
     tab.edit(moved(2), gesture=2)
     assert lane.cancelled == [lane.given[-1][0]]
-    lane.deliver(Frame("cancelled", {"id": lane.given[-1][0]}))
+    lane.deliver(PageFrame("cancelled", {"id": lane.given[-1][0]}))
     assert len(lane.given) == 2 and "cancelled" not in kinds(tab.frames)
 
 

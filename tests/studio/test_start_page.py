@@ -26,7 +26,7 @@ FASTER = [Change(("limits", "speed"), "0.1 m/s")]
 def opened(tmp_path, monkeypatch):
     """Opens sessions as the command does, in a folder of its own."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("armcontour.studio.session.FastLane", AtOnce, raising=False)
+    monkeypatch.setattr("armcontour.studio.session.PreviewWorker", AtOnce, raising=False)
     sessions = []
 
     def open_one(file=None, cell=None):
@@ -89,7 +89,7 @@ def test_an_empty_plane_is_drawn_on_and_undone(opened):
     edit = {"do": "draw", "start": a.tolist()}
     edit["segments"] = [{"to": np.asarray(x["to"]).tolist()} for x in lines]
     tab.edit(edit, gesture=1)
-    session.display.planner.wait()
+    session.display.scheduler.wait()
     assert tab.last("document")["path"]["kind"] == "segments"
     tab.say("undo")
     assert session.document.text == text and tab.last("document")["path"]["kind"] == "blank"
@@ -116,7 +116,7 @@ def test_files_opened_before_are_offered_and_vanished_ones_are_not(opened, tmp_p
     drawing.unlink()
     assert [x["name"] for x in start(tab)["recent"]] == ["job.yaml"]
     for id in (recent[0]["id"], "0" * 32, "job.yaml"):
-        assert "not there" in tab.say("open_recent", id=id)[-1].header["sentence"]
+        assert "no longer exists" in tab.say("open_recent", id=id)[-1].header["sentence"]
 
 
 def test_a_file_opened_before_opens_no_other_folder(opened, tmp_path):

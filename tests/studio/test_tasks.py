@@ -16,9 +16,9 @@ import armcontour as ac
 from armcontour.core.errors import InvalidInput
 from armcontour.files import parse_job
 from armcontour.jobs import run
-from armcontour.studio.page_frame import Frame
+from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks import dispatch
-from armcontour.studio.tasks.dispatch import SMALL, do, work
+from armcontour.studio.tasks.dispatch import WARMUP_JOB, do, work
 
 
 def quiet(step):
@@ -57,12 +57,12 @@ def test_progress_has_the_share_and_the_time_that_is_left(monkeypatch):
     monkeypatch.setattr(dispatch, "time", SimpleNamespace(monotonic=count().__next__))
     told = []
     options = {"key": "limits.speed", "values": [0.1, 0.2]}
-    work(("a", "sweep", {"text": SMALL, "options": options}), told.append)
-    for k, frame in enumerate(map(Frame.unpack, told), 1):
+    work(("a", "sweep", {"text": WARMUP_JOB, "options": options}), told.append)
+    for k, frame in enumerate(map(PageFrame.unpack, told), 1):
         share, eta = frame.header["share"], frame.header["eta"]
         assert frame.kind == "progress" and frame.header["id"] == "a" and 0 <= share <= 1
         assert eta == (pytest.approx(k * (1 - share) / share) if share else None)
-    assert any(0 < Frame.unpack(x).header["share"] < 1 for x in told)
+    assert any(0 < PageFrame.unpack(x).header["share"] < 1 for x in told)
 
 
 def test_a_check_has_a_row_per_limit(coarse):
@@ -168,7 +168,7 @@ def test_what_a_file_cannot_be_made_of_is_refused(line, short):
         ("certify", short, {"tolerance": 5.5e-3, "plant": "robot"}, "must be one of servo"),
         ("certify", short, bodies, "on rigid bodies does not allow"),
         ("certify", short, {"tolerance": 5.5e-3, "of": 1}, "An option of certify must be one of"),
-        ("certify", short, {}, "beside Certify"),
+        ("certify", short, {}, "next to Certify"),
     ):
         with pytest.raises(ac.InvalidInput, match=words):
             ask(task, job, "optimal", **options)

@@ -9,9 +9,9 @@ from tests.studio.talking import figure
 from armcontour.core.errors import Unreachable
 from armcontour.core.process import ProcessEnded
 from armcontour.studio import workers
-from armcontour.studio.page_frame import Frame
-from armcontour.studio.tasks.dispatch import SMALL, WARM
-from armcontour.studio.workers import FastLane, SlowLane
+from armcontour.studio.page_frame import PageFrame
+from armcontour.studio.tasks.dispatch import WARM, WARMUP_JOB
+from armcontour.studio.workers import PreviewWorker, TaskWorker
 
 
 class Heard:
@@ -42,16 +42,16 @@ def test_of_works_that_wait_only_the_latest_is_done():
         begun.set()
         go.wait()
         assert stale() and stale(within=1e6)
-        heard(Frame("picture", {"id": 1}))
+        heard(PageFrame("picture", {"id": 1}))
 
     def other(n):
         def work(stale):
             assert not stale()
-            heard(Frame("picture", {"id": n}))
+            heard(PageFrame("picture", {"id": n}))
 
         return work
 
-    lane = FastLane(heard)
+    lane = PreviewWorker(heard)
     lane.submit(first)
     begun.wait()
     for n in (2, 3, 4):
@@ -68,12 +68,12 @@ def test_work_that_rests_goes_on_when_newer_work_comes():
     def resting(stale):
         begun.set()
         assert stale(within=1e6)
-        heard(Frame("picture", {"id": 1}))
+        heard(PageFrame("picture", {"id": 1}))
 
-    lane = FastLane(heard)
+    lane = PreviewWorker(heard)
     lane.submit(resting)
     begun.wait()
-    lane.submit(lambda stale: heard(Frame("picture", {"id": 2})))
+    lane.submit(lambda stale: heard(PageFrame("picture", {"id": 2})))
     heard.wait(2, "picture")
     lane.close()
     assert [x.header["id"] for x in heard.frames] == [1, 2]
@@ -87,7 +87,7 @@ def test_errors_are_told_and_the_lane_goes_on():
         return work
 
     heard = Heard()
-    lane = FastLane(lambda frame: heard(frame.stamped(id=len(heard.frames))))
+    lane = PreviewWorker(lambda frame: heard(frame.stamped(id=len(heard.frames))))
     lane.submit(failing(Unreachable("The arm does not reach it.")))
     first = heard.wait(0, "notice")
     lane.submit(failing(ZeroDivisionError("division by zero")))
@@ -113,12 +113,12 @@ class Pool:
         (given,), future, killed = work.args, Future(), self.killed
         future.set_running_or_notify_cancel()
         if given.task == "long":
-            heard(Frame("progress", {"id": given.id}).pack())
+            heard(PageFrame("progress", {"id": given.id}).pack())
             Thread(target=lambda: (killed.wait(), self.end_of(future)), daemon=True).start()
         elif given.task == "die":
             self.end_of(future)
         else:
-            future.set_result(Frame("result", {"id": given.id}).pack())
+            future.set_result(PageFrame("result", {"id": given.id}).pack())
         return future
 
     def end_of(self, future):
@@ -137,7 +137,7 @@ def lane(monkeypatch):
     monkeypatch.setattr(workers, "ProcessPool", Pool)
     Pool.made = []
     heard = Heard()
-    lane = SlowLane(heard)
+    lane = TaskWorker(heard)
     yield lane, heard
     lane.close()
 
@@ -160,11 +160,11 @@ def test_a_cancelled_task_ends_and_the_next_is_done(lane):
 
 def test_a_real_process_does_one_task_after_the_other():
     heard = Heard()
-    lane = SlowLane(heard)
+    lane = TaskWorker(heard)
     options = {"key": "limits.speed", "values": [0.1, 0.2]}
-    lane.submit("a", "figures", {"text": SMALL})
-    lane.submit("b", "sweep", {"text": SMALL, "options": options})
-    lane.submit("c", "bake", {"text": SMALL})
+    lane.submit("a", "figures", {"text": WARMUP_JOB})
+    lane.submit("b", "sweep", {"text": WARMUP_JOB, "options": options})
+    lane.submit("c", "bake", {"text": WARMUP_JOB})
     assert figure(heard.wait("a", "figures").header, "duration") > 0
     assert heard.wait("b", "result").arrays["values"].tolist() == [0.1, 0.2]
     assert "no task 'bake'" in heard.wait("c", "failed").header["sentence"]

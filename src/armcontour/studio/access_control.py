@@ -20,12 +20,12 @@ ADDRESS = "127.0.0.1"
 # 128 bits cannot be guessed.
 TOKEN_BYTES = 16
 # Largest upload, and largest message of a page [bytes].
-LARGEST_UPLOAD = 64 * MEGABYTE
-LARGEST_MESSAGE = 16 * MEGABYTE
+MAX_UPLOAD = 64 * MEGABYTE
+MAX_MESSAGE = 16 * MEGABYTE
 # Messages of one page per second, and burst: a page sends one per frame of the screen.
 RATE, BURST = 500.0, 1000.0
 # A header that pages of other servers can send only after a CORS preflight, which fails.
-OWN_HEADER = b"x-armcontour"
+PAGE_HEADER = b"x-armcontour"
 
 
 def make_token() -> str:
@@ -34,7 +34,7 @@ def make_token() -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Door:
+class Endpoint:
     """Address of the server, and the token that gives access to it."""
 
     port: int
@@ -55,10 +55,10 @@ class Door:
         """Address of the page with the token. Browsers do not send the part after `#`."""
         return f"http://{ADDRESS}:{self.port}/#{self.token}"
 
-    def opens(self, token: object) -> bool:
+    def accepts(self, token: object) -> bool:
         """True if the token is right; takes the same time for all wrong tokens."""
-        given = token if isinstance(token, str) else ""
-        return secrets.compare_digest(given.encode("utf-8", "replace"), self.token.encode())
+        text = token if isinstance(token, str) else ""
+        return secrets.compare_digest(text.encode("utf-8", "replace"), self.token.encode())
 
     @property
     def headers(self) -> list[tuple[bytes, bytes]]:
@@ -80,7 +80,7 @@ class Door:
         ]
 
 
-class Refused(Exception):
+class RefusedRequest(Exception):
     """A request that is refused, with its HTTP status."""
 
     def __init__(self, status: int, sentence: str) -> None:
@@ -88,11 +88,11 @@ class Refused(Exception):
         self.status = status
 
 
-class Guard:
+class AccessControl:
     """ASGI middleware that refuses requests of anything but the Studio's own page."""
 
-    def __init__(self, app: App, door: Door) -> None:
-        self.app, self.door = app, door
+    def __init__(self, app: App, endpoint: Endpoint) -> None:
+        self.app, self.endpoint = app, endpoint
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer or refuse a request."""
@@ -102,14 +102,14 @@ class Guard:
 
         async def answer(message: Message) -> None:
             if message["type"] == "http.response.start":
-                own = [(name, x) for name, x in message.get("headers", [])]
-                message = {**message, "headers": [*own, *self.door.headers]}
+                own_headers = [(name, x) for name, x in message.get("headers", [])]
+                message = {**message, "headers": [*own_headers, *self.endpoint.headers]}
             await send(message)
 
         try:
             self._check(scope)
             await self.app(scope, _bounded(receive), answer)
-        except Refused as refusal:
+        except RefusedRequest as refusal:
             if scope["type"] == "websocket":
                 # Closed before it is accepted, which browsers see as status 403.
                 await send({"type": "websocket.close"})
@@ -119,27 +119,31 @@ class Guard:
     def _check(self, scope: Scope) -> None:
         """Refuse a request that the Studio's own page would not send."""
         headers = scope["headers"]
-        # Host and Origin are compared with this server: a foreign name may point to this machine (DNS
-        # rebinding), so their equality proves nothing.
-        if not _is_one_of(_all(headers, b"host"), self.door.hosts):
-            raise Refused(400, "This is the Studio of armcontour: open the address it printed.")
-        origins = _all(headers, b"origin")
+        # Both headers are compared with this server. That they are equal proves nothing, because a
+        # foreign name may point to this machine (DNS rebinding).
+        if not _is_one_of(_header_values(headers, b"host"), self.endpoint.hosts):
+            raise RefusedRequest(
+                400, "This is the Studio of armcontour: open the address it printed."
+            )
+        origins = _header_values(headers, b"origin")
         method = scope.get("method", "GET")
         reads = scope["type"] == "http" and method in ("GET", "HEAD")
-        if not (reads and not origins) and not _is_one_of(origins, self.door.origins):
-            raise Refused(403, "Only the Studio's own page may ask for this.")
+        if not (reads and not origins) and not _is_one_of(origins, self.endpoint.origins):
+            raise RefusedRequest(403, "Only the Studio's own page may send this request.")
         if method not in ("GET", "HEAD", "POST"):
-            raise Refused(405, f"The Studio does not know the method {method}.")
+            raise RefusedRequest(405, f"The Studio does not know the method {method}.")
         if scope["type"] == "websocket" or is_public(scope["path"]):
             # A websocket sends the token in its first message, because it cannot have headers.
             return
-        if method == "POST" and _all(headers, OWN_HEADER) != [b"1"]:
-            raise Refused(403, "A request that changes something needs the header X-Armcontour.")
-        kind, _, token = b"".join(_all(headers, b"authorization")).partition(b" ")
-        if kind.lower() != b"bearer" or not self.door.opens(token.decode("latin-1")):
-            raise Refused(401, "The token is missing or wrong: open the address it printed.")
-        length = b"".join(_all(headers, b"content-length"))
-        if length.isdigit() and int(length) > LARGEST_UPLOAD:
+        if method == "POST" and _header_values(headers, PAGE_HEADER) != [b"1"]:
+            raise RefusedRequest(
+                403, "A request that changes something needs the header X-Armcontour."
+            )
+        kind, _, token = b"".join(_header_values(headers, b"authorization")).partition(b" ")
+        if kind.lower() != b"bearer" or not self.endpoint.accepts(token.decode("latin-1")):
+            raise RefusedRequest(401, "The token is missing or wrong: open the address it printed.")
+        length = b"".join(_header_values(headers, b"content-length"))
+        if length.isdigit() and int(length) > MAX_UPLOAD:
             raise _too_large()
 
 
@@ -148,20 +152,20 @@ def is_public(path: str) -> bool:
     return path == "/" or path.startswith("/static/")
 
 
-class Allowance:
+class RateLimit:
     """Rate limit of messages, with bursts."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock, self._left, self._last = clock, BURST, clock()
+        self._clock, self._remaining, self._last = clock, BURST, clock()
 
-    def take(self) -> bool:
+    def allow(self) -> bool:
         """Count one message; False if it exceeds the limit."""
         now = self._clock()
-        self._left = min(BURST, self._left + RATE * (now - self._last))
+        self._remaining = min(BURST, self._remaining + RATE * (now - self._last))
         self._last = now
-        if self._left < 1.0:
+        if self._remaining < 1.0:
             return False
-        self._left -= 1.0
+        self._remaining -= 1.0
         return True
 
 
@@ -175,8 +179,10 @@ async def respond(
     """Send a complete response."""
     if kind.startswith("text/") or kind == "application/json":
         kind += "; charset=utf-8"
-    own = [(b"content-type", kind.encode()), (b"content-length", str(len(body)).encode())]
-    await send({"type": "http.response.start", "status": status, "headers": [*own, *headers]})
+    own_headers = [(b"content-type", kind.encode()), (b"content-length", str(len(body)).encode())]
+    await send(
+        {"type": "http.response.start", "status": status, "headers": [*own_headers, *headers]}
+    )
     await send({"type": "http.response.body", "body": body})
 
 
@@ -189,22 +195,22 @@ def _bounded(receive: Receive) -> Receive:
         message = await receive()
         if message["type"] == "http.request":
             size += len(message.get("body", b""))
-            if size > LARGEST_UPLOAD:
+            if size > MAX_UPLOAD:
                 raise _too_large()
         return message
 
     return bounded
 
 
-def _too_large() -> Refused:
-    return Refused(
+def _too_large() -> RefusedRequest:
+    return RefusedRequest(
         413,
-        f"A file opened in the Studio may have {LARGEST_UPLOAD // MEGABYTE} MB: name a larger one "
+        f"A file opened in the Studio may have {MAX_UPLOAD // MEGABYTE} MB: name a larger one "
         "in the job file, or give a larger log to armcontour identify or armcontour learn.",
     )
 
 
-def _all(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> list[bytes]:
+def _header_values(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> list[bytes]:
     return [x for key, x in headers if key.lower() == name]
 
 

@@ -26,20 +26,20 @@ from armcontour.robot.scene import (
     Shape,
     Sphere,
 )
-from armcontour.studio.page_frame import Frame as Message
+from armcontour.studio.page_frame import PageFrame
 
-# The page moves the links: frame of link i in link i - 1 = `origin` of its joint, then a rotation by
-# q[i] about `axis`. Link 0 is the base; the tool is in the last link.
+# The page moves the links: frame of link i in link i - 1 = `origin` of its joint, then a rotation
+# by q[i] about `axis`. Link 0 is the base; the tool is in the last link.
 
 # Sides of round bodies.
 SIDES = 24
 # Larger meshes are drawn as convex hulls.
-MOST_TRIANGLES = 4_000
+MAX_TRIANGLES = 4_000
 # Size of a table relative to the reach of the arm, and its thickness [m].
-ROOM, THICK = 1.1, 0.02
+TABLE_SIZE, TABLE_THICKNESS = 1.1, 0.02
 
 
-def arm_frame(job: Job) -> Message:
+def arm_frame(job: Job) -> PageFrame:
     """Frame with the arm of a job and the bodies in its cell."""
     arm, chain = job.arm, _chain_of(job.arm)
     base = chain.base
@@ -67,14 +67,14 @@ def arm_frame(job: Job) -> Message:
         "bodies": bodies,
         "notes": [] if arm.knows_shapes else ["The shapes of the arm's links are not known."],
     }
-    return Message("arm", header, arrays)
+    return PageFrame("arm", header, arrays)
 
 
 def matrix(frame: Frame) -> FloatArray:
     """Homogeneous matrix of a frame, (4, 4)."""
-    found = np.eye(4)
-    found[:3, :3], found[:3, 3] = frame.rotation, frame.position
-    return found
+    homogeneous = np.eye(4)
+    homogeneous[:3, :3], homogeneous[:3, 3] = frame.rotation, frame.position
+    return homogeneous
 
 
 def _chain_of(arm: Arm) -> Chain:
@@ -90,34 +90,40 @@ def _reach(chain: Chain) -> float:
 
 def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """Bodies of links, tool and obstacles, and their triangles, (n, 3, 3)."""
-    found: list[dict[str, Any]] = []
+    bodies: list[dict[str, Any]] = []
     arrays: dict[str, npt.NDArray[Any]] = {}
 
-    def add(name: str, link: int, colour: str, place: Frame, corners: FloatArray) -> None:
-        array = f"body{len(found)}"
+    def add(name: str, link: int, colour: str, pose: Frame, corners: FloatArray) -> None:
+        array = f"body{len(bodies)}"
         arrays[array] = np.asarray(corners, dtype=np.float32)
         look = {"name": name, "link": link, "colour": colour}
-        found.append({**look, "triangles": array, "at": matrix(place)})
+        bodies.append({**look, "triangles": array, "at": matrix(pose)})
 
     shapes = arm.shapes.shapes if arm.knows_shapes and arm.shapes is not None else ()
-    for x in shapes:
-        add(x.name, x.link, "tool" if x.tool else "link", x.place, triangles_of(x.exact or x.shape))
+    for link_shape in shapes:
+        add(
+            link_shape.name,
+            link_shape.link,
+            "tool" if link_shape.tool else "link",
+            link_shape.place,
+            triangles_of(link_shape.exact or link_shape.shape),
+        )
     for obstacle in scene.obstacles:
         # Link 0 is the base, whose frame in the work frame is the chain's base.
-        place = obstacle.place
+        pose = obstacle.place
         if obstacle.fixed_to != BASE:
-            place = chain.base.inverse @ place
+            pose = chain.base.inverse @ pose
         if isinstance(obstacle.shape, HalfSpace):
             # The table is drawn below the arm, independent of the origin of its plane.
-            foot = -(place.rotation.T @ place.position) * [1, 1, 0]
-            place = place @ Frame(position=foot + [0, 0, -THICK / 2])
-            side = 2 * ROOM * max(_reach(chain), 0.5)
-            corners = triangles_of(Box(size=np.array([side, side, THICK])))
-            add(obstacle.name, 0, "table", place, corners)
+            foot = -(pose.rotation.T @ pose.position) * [1, 1, 0]
+            pose = pose @ Frame(position=foot + [0, 0, -TABLE_THICKNESS / 2])
+            side = 2 * TABLE_SIZE * max(_reach(chain), 0.5)
+            corners = triangles_of(Box(size=np.array([side, side, TABLE_THICKNESS])))
+            add(obstacle.name, 0, "table", pose, corners)
         else:
             colour = "part" if obstacle.fixed_to == PART else "obstacle"
-            add(obstacle.name, 0, colour, place, triangles_of(obstacle.shape))
-    return found, arrays
+            add(obstacle.name, 0, colour, pose, triangles_of(obstacle.shape))
+    return bodies, arrays
 
 
 @lru_cache(maxsize=64)
@@ -134,7 +140,7 @@ def triangles_of(shape: Shape) -> FloatArray:
         case Cylinder():
             ring = _ring(shape.radius)
             return _around([(ring, -shape.length / 2), (ring, shape.length / 2)])
-        case Mesh() if shape.triangles is not None and len(shape.triangles) <= MOST_TRIANGLES:
+        case Mesh() if shape.triangles is not None and len(shape.triangles) <= MAX_TRIANGLES:
             return np.asarray(shape.points[shape.triangles])
         case Mesh():
             return _hull(shape.points)
@@ -171,11 +177,11 @@ def _around(
     low, high = poles or (rings[0][1], rings[-1][1])
     points = [np.column_stack([ring, np.full(len(ring), z)]) for ring, z in rings]
     ends = [np.broadcast_to([0.0, 0.0, z], points[0].shape) for z in (low, high)]
-    found = [_fan(points[0][::-1], ends[0]), _fan(points[-1], ends[1])]
+    triangles = [_fan(points[0][::-1], ends[0]), _fan(points[-1], ends[1])]
     for below, above in pairwise(points):
         after, over = np.roll(below, -1, axis=0), np.roll(above, -1, axis=0)
-        found += [np.stack([below, after, over], 1), np.stack([below, over, above], 1)]
-    return np.concatenate(found)
+        triangles += [np.stack([below, after, over], 1), np.stack([below, over, above], 1)]
+    return np.concatenate(triangles)
 
 
 def _fan(ring: FloatArray, middle: FloatArray) -> FloatArray:

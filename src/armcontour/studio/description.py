@@ -26,9 +26,9 @@ from armcontour.studio.edits.conversion import is_convertible
 from armcontour.studio.edits.keys import run_of, value_of
 from armcontour.studio.edits.layout import tilt_of
 from armcontour.studio.handles import LENGTH, Handles, obstacles_of
-from armcontour.studio.page_frame import Frame
+from armcontour.studio.page_frame import PageFrame
 
-# What an edit is called in the list of what can be undone.
+# Labels of edits in the undo list.
 LABELS = {
     "move_waypoint": "move waypoint {number}",
     "set_waypoint": "set waypoint {number}",
@@ -41,58 +41,58 @@ LABELS = {
     "draw": "draw",
     "text": "edit the text",
     "set": "set {key}",
-    "unset": "leave {key} out",
+    "unset": "remove {key}",
     "tilt": "tilt the tool",
 }
 
 
 @cache
-def quantities() -> dict[Keys, tuple[float, float]]:
+def slider_ranges() -> dict[Keys, tuple[float, float]]:
     """Keys with a slider and their usual ranges, without those of the real servo."""
     every = usual_ranges().items()
     return {keys: x for keys, x in every if len(keys) <= 2 and keys[0] != "plant"}
 
 
-def values_of(data: Mapping[str, Any], job: Job, run: str) -> dict[str, dict[str, Any]]:
+def slider_rows(data: Mapping[str, Any], job: Job, run: str) -> dict[str, dict[str, Any]]:
     """Slider rows by key for the shown run, in SI units; by joint if values differ."""
-    return dict(x for keys in quantities() for x in _quantity(keys, data, job, run))
+    return dict(x for keys in slider_ranges() for x in _quantity(keys, data, job, run))
 
 
 def _quantity(
-    asked: Keys, data: Mapping[str, Any], job: Job, run: str
+    keys: Keys, data: Mapping[str, Any], job: Job, run: str
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Slider row of a quantity, or those of its joints."""
     written, value = (
-        value_at(data, locate_key(asked, data, run)),
-        value_of(asked, job, run_of(job, run)),
+        value_at(data, locate_key(keys, data, run)),
+        value_of(keys, job, run_of(job, run)),
     )
-    key = ".".join(map(str, asked))
+    key = ".".join(map(str, keys))
     if not isinstance(value, np.ndarray):
-        yield key, _row(asked, value, written)
+        yield key, _row(keys, value, written)
         return
-    # Lower and upper bounds are typed.
+    # Bounds of a range have no slider.
     if value.ndim == 2:
         return
-    # A joint without such a loop has no gain to slide.
+    # An infinite or zero gain has no slider.
     finite = np.flatnonzero(np.isfinite(value) & (value > 0))
     if isinstance(written, list) or len(set(value.tolist())) > 1 or not len(finite):
         for k in finite.tolist():
             text = written[k] if isinstance(written, list) else written
-            yield f"{key}.{k}", _row(asked, float(value[k]), text)
+            yield f"{key}.{k}", _row(keys, float(value[k]), text)
     else:
-        yield key, _row(asked, float(value[0]), written)
+        yield key, _row(keys, float(value[0]), written)
 
 
-def _row(asked: Keys, value: float | None, written: Any) -> dict[str, Any]:
+def _row(keys: Keys, value: float | None, written: Any) -> dict[str, Any]:
     """Value and range of a slider."""
-    kind = quantity_of(JobModel, full_key(asked))
+    kind = quantity_of(JobModel, full_key(keys))
     assert kind is not None
     unit, factor = unit_of(written, kind)
-    low, high = usual = quantities()[asked]
+    low, high = usual = slider_ranges()[keys]
     if value is not None and value > 0 and low > 0:
         low = min(low, 10.0 ** math.floor(math.log10(value)))
         high = max(high, 10.0 ** math.ceil(math.log10(value)))
-    of_arm = str(asked[-1]).startswith("joint_") and value is not None
+    of_arm = str(keys[-1]).startswith("joint_") and value is not None
     return {
         **{"value": value, "unit": unit, "factor": factor, "arm": of_arm},
         **{"min": low, "max": high, "log": usual[0] > 0},
@@ -100,13 +100,13 @@ def _row(asked: Keys, value: float | None, written: Any) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class JobState:
     """Job of the document between gestures; None where the data make no job."""
 
     data: Mapping[str, Any]
-    # The job; None if the data make none.
+    # None if the data make no job.
     job: Job | None
-    # What can be grabbed; None without a job.
+    # None if no job was valid yet.
     handles: Handles | None
     error: InvalidInput | None = None
 
@@ -123,9 +123,11 @@ def label_of(edits: Sequence[Mapping[str, Any]]) -> str:
     return words if len(edits) == 1 else f"{words} and {len(edits) - 1} more"
 
 
-def describe(document: Document, seen: Seen, run: str, *, draft: str | None) -> Frame:
+def document_frame(
+    document: Document, state: JobState, run: str, *, draft: str | None
+) -> PageFrame:
     """The frame `document`."""
-    data, handles = seen.data, seen.handles
+    data, handles = state.data, state.handles
     header: dict[str, Any] = {
         "name": data.get("name"),
         "title": data.get("title") or data.get("name"),
@@ -139,52 +141,55 @@ def describe(document: Document, seen: Seen, run: str, *, draft: str | None) -> 
         "redo_label": document.redo_label,
         "runs": runs_of(data),
         "run": run,
-        "path": _path(data, handles, seen, run),
+        "path": _path(data, handles, state, run),
         "waypoints": [] if handles is None else _waypoints(handles),
         "data": {**data, "path": _options(data.get("path"))},
-        "values": {} if seen.job is None else values_of(data, seen.job, run),
-        "layers": [] if seen.job is None else _layers(seen.job),
+        "values": {} if state.job is None else slider_rows(data, state.job, run),
+        "layers": [] if state.job is None else _layers(state.job),
         "tilt": None if handles is None else tilt_of(handles, data),
-        "obstacles": [] if seen.job is None else obstacles_of(data),
-        "placement": seen.job is not None and bool(seen.job.placement and seen.job.placement.over),
+        "obstacles": [] if state.job is None else obstacles_of(data),
+        "placement": state.job is not None
+        and bool(state.job.placement and state.job.placement.over),
         "text": document.text,
         "draft": draft,
         "start": document.key == START,
-        "sentence": None if seen.error is None else str(seen.error),
-        "line": None if seen.error is None else line_of(document.text, str(seen.error)),
+        "sentence": None if state.error is None else str(state.error),
+        "line": None if state.error is None else line_of(document.text, str(state.error)),
     }
-    return Frame("document", header)
+    return PageFrame("document", header)
 
 
 def runs_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Runs of a job with their methods."""
     runs = data.get("runs")
-    found = []
+    rows = []
     for name, run in runs.items() if isinstance(runs, Mapping) else ():
-        given = run if isinstance(run, Mapping) else {}
-        corners = given.get("corners", data.get("corners", "sharp"))
-        found.append(
+        options = run if isinstance(run, Mapping) else {}
+        corners = options.get("corners", data.get("corners", "sharp"))
+        rows.append(
             {
                 "name": name,
-                "timing": _method(given.get("timing"), Optimal.method),
-                "compensation": _method(given.get("compensation"), "default"),
+                "timing": _method(options.get("timing"), Optimal.method),
+                "compensation": _method(options.get("compensation"), "default"),
                 "corners": corners.get("shape", "arc") if isinstance(corners, Mapping) else corners,
             }
         )
-    return found
+    return rows
 
 
-def _method(given: Any, otherwise: str) -> str:
+def _method(options: Any, default: str) -> str:
     """Name of a method, or of the default one."""
-    return str(given.get("method", otherwise) if isinstance(given, Mapping) else otherwise)
+    return str(options.get("method", default) if isinstance(options, Mapping) else default)
 
 
-def _path(data: Mapping[str, Any], handles: Handles | None, seen: Seen, run: str) -> dict[str, Any]:
+def _path(
+    data: Mapping[str, Any], handles: Handles | None, state: JobState, run: str
+) -> dict[str, Any]:
     """Source of the path, and whether its points can be moved."""
     if handles is None:
-        why = "" if seen.error is None else str(seen.error)
+        why = "" if state.error is None else str(state.error)
         return {"editable": False, "convertible": False, "why_not": why, "notes": []}
-    notes = [] if seen.job is None else list(seen.job.program.notes)
+    notes = [] if state.job is None else list(state.job.program.notes)
     tolerance = locate_key(("corners", "tolerance"), data, run)
     coordinates = handles.waypoints[0].written if handles.waypoints else (None,)
     return {

@@ -14,14 +14,14 @@ from armcontour.core.file_access import read_bytes
 from armcontour.files.cell import drawing_text
 from armcontour.files.job_edits import Change, change_data, change_text, file_names
 from armcontour.files.job_file import read_data
-from armcontour.studio.drafts import BOM, Draft, decoded, drop_draft, find_draft, write_whole
+from armcontour.studio.drafts import BOM, Draft, decode_text, drop_draft, find_draft, write_file
 
 SAME, CHANGED, MISSING, NONE = "same", "changed", "missing", "none"
-# Characters of all texts that can be had back by undoing; the last one always can.
-MOST_UNDO = 50_000_000
+# Largest number of characters in the history; the last text is always kept.
+MAX_HISTORY = 50_000_000
 
 
-class Step(NamedTuple):
+class HistoryEntry(NamedTuple):
     """A text in the history with its data, and the label of the change that replaced it."""
 
     label: str
@@ -45,24 +45,24 @@ class Document:
     ) -> None:
         self.source, self.file, self.folder = source, file, folder
         self.id = secrets.token_hex(4)
-        self._marked = text.startswith(BOM)
+        self._has_bom = text.startswith(BOM)
         self._saved = saved
         self.key, self._upload = key or f"file {file}", upload
         self.text = self._opened = text.removeprefix(BOM)
         self.saved_text = self.text if saved is not None or file is None else ""
-        self._data = self._checked(self.text)
-        self._past: list[Step] = []
-        self._future: list[Step] = []
+        self._data = self._parse(self.text)
+        self._past: list[HistoryEntry] = []
+        self._future: list[HistoryEntry] = []
         draft = find_draft(self.key, file)
         self.earlier = None if draft is None or draft.text == self._opened else draft.text
 
     @classmethod
     def open(cls, file: str | FilePath) -> Document:
         """Open a job file; changes are saved to it."""
-        place = FilePath(file).absolute()
-        content = read_bytes(place, "job file")
-        text = decoded(content, place)
-        return cls(text, source=place.name, file=place, folder=place.parent, saved=content)
+        path = FilePath(file).absolute()
+        content = read_bytes(path, "job file")
+        text = decode_text(content, path)
+        return cls(text, source=path.name, file=path, folder=path.parent, saved=content)
 
     @classmethod
     def of_text(
@@ -78,11 +78,11 @@ class Document:
         drawing = FilePath(file).absolute()
         if not drawing.is_file():
             raise InvalidInput(f"There is no drawing {drawing}.")
-        place = drawing.with_suffix(".yaml")
-        text = drawing_text(cell, drawing, place.parent)
-        own = FilePath(cell).absolute() if FilePath(cell).suffix else cell
-        key = f"drawing {drawing} on {own}"
-        return cls(text, source=place.name, file=place, folder=place.parent, key=key)
+        file_next = drawing.with_suffix(".yaml")
+        text = drawing_text(cell, drawing, file_next.parent)
+        cell_key = FilePath(cell).absolute() if FilePath(cell).suffix else cell
+        key = f"drawing {drawing} on {cell_key}"
+        return cls(text, source=file_next.name, file=file_next, folder=file_next.parent, key=key)
 
     @property
     def data(self) -> Mapping[str, Any]:
@@ -105,7 +105,7 @@ class Document:
         return bool(self._future)
 
     @property
-    def before(self) -> str:
+    def previous_text(self) -> str:
         """The text before the last change; "" without one."""
         return self._past[-1].text if self._past else ""
 
@@ -122,23 +122,23 @@ class Document:
     def apply(self, changes: Sequence[Change], label: str) -> None:
         """Change keys of the text as one step of undo."""
         text = change_text(self.text, changes, self.source)
-        self._put(text, change_data(self._data, changes), label)
+        self._set_text(text, change_data(self._data, changes), label)
 
     def replace(self, text: str, label: str) -> None:
         """Replace the text as one step of undo; line breaks follow the old text."""
         text = text.removeprefix(BOM)
-        # Browsers turn all line breaks into line feeds.
+        # Browsers convert all line breaks to line feeds.
         if "\r\n" in self.text and "\r" not in text:
             text = text.replace("\n", "\r\n")
-        self._put(text, self._checked(text), label)
+        self._set_text(text, self._parse(text), label)
 
     def undo(self) -> None:
         """Revert the last change."""
-        self._step(self._past, self._future, "undo")
+        self._move_history(self._past, self._future, "undo")
 
     def redo(self) -> None:
         """Repeat the change that was undone last."""
-        self._step(self._future, self._past, "redo")
+        self._move_history(self._future, self._past, "redo")
 
     def on_disk(self) -> str:
         """The file compared with the text read or saved: same, changed, missing or none."""
@@ -146,7 +146,7 @@ class Document:
             return NONE
         if not self.file.exists():
             return MISSING
-        return SAME if self._read() == self._saved else CHANGED
+        return SAME if self._read_file() == self._saved else CHANGED
 
     def changed_on_disk(self) -> bool:
         """True if another program has changed or created the file since it was read or saved."""
@@ -161,8 +161,8 @@ class Document:
                 f"{self.file} was changed by another program since it was read: reload it, or "
                 "overwrite it."
             )
-        content = ((BOM if self._marked else "") + self.text).encode()
-        write_whole(self.file, content)
+        content = ((BOM if self._has_bom else "") + self.text).encode()
+        write_file(self.file, content)
         self._saved, self.saved_text = content, self.text
         self.write_draft()
 
@@ -172,31 +172,33 @@ class Document:
 
     def conflict(self) -> str:
         """Differences between the file on disk and the text, as a unified diff."""
-        there = decoded(self._read(), self.file) if self.on_disk() in (SAME, CHANGED) else ""
+        there = (
+            decode_text(self._read_file(), self.file) if self.on_disk() in (SAME, CHANGED) else ""
+        )
         return _diff(there.removeprefix(BOM), self.text, self.source, "on disk", "now")
 
     def reload(self) -> None:
         """Replace the text by the file on disk, as one step of undo."""
         if self.file is None:
             raise InvalidInput(f"{self.source} has no file to read again.")
-        content = self._read()
-        text = decoded(content, self.file)
-        own = text.removeprefix(BOM)
-        data = self._checked(own)
-        self._saved, self.saved_text, self._marked = content, own, text.startswith(BOM)
-        self._put(own, data, "reload")
+        content = self._read_file()
+        text = decode_text(content, self.file)
+        body = text.removeprefix(BOM)
+        data = self._parse(body)
+        self._saved, self.saved_text, self._has_bom = content, body, text.startswith(BOM)
+        self._set_text(body, data, "reload")
 
     def write_draft(self) -> bool:
         """Write the draft, or remove it if nothing is unsaved; returns whether a draft exists."""
-        # The job of a drawing is made again as it was opened.
+        # The job of a drawing can be generated again.
         made = self._saved is None and self.text == self._opened
         if self.dirty and not made:
             named = (self.source, str(self.folder), self._opened)
             if self.earlier not in (None, self.text):
-                # Nobody has decided on it: it stays, next to the newer one.
+                # An earlier draft that the user has not restored or discarded is kept separately.
                 Draft(self._earlier_key, *named, self.earlier or "", upload=True).write()
             return Draft(self.key, *named, self.text, self._upload).write()
-        # What nobody has decided on is offered again.
+        # The earlier draft is offered again.
         if self.earlier is not None:
             return True
         drop_draft(self.key)
@@ -208,7 +210,7 @@ class Document:
             return None
         return f"Changes of {self.source} that were not saved are kept as its draft."
 
-    def settle(self) -> None:
+    def drop_earlier(self) -> None:
         """Remove the draft of an earlier session after it was restored or discarded."""
         drop_draft(self._earlier_key)
         self.earlier = None
@@ -218,7 +220,7 @@ class Document:
         """Key of the earlier draft after a newer draft has replaced it."""
         return f"{self.key}, before {hashlib.sha256((self.earlier or '').encode()).hexdigest()}"
 
-    def _checked(self, text: str) -> dict[str, Any]:
+    def _parse(self, text: str) -> dict[str, Any]:
         """Data of a text. Refuses a text that is no mapping or names files without a folder."""
         data = read_data(text, self.source)
         self._refuse_files(text)
@@ -232,28 +234,30 @@ class Document:
                 "opened: start armcontour studio with the job file in its folder."
             )
 
-    def _put(self, text: str, data: dict[str, Any], label: str) -> None:
+    def _set_text(self, text: str, data: dict[str, Any], label: str) -> None:
         """Take a new text as one step of undo."""
         if text == self.text:
             return
         self._refuse_files(text)
-        self._past.append(Step(label, self.text, self._data))
+        self._past.append(HistoryEntry(label, self.text, self._data))
         self._future.clear()
-        while len(self._past) > 1 and sum(len(x.text) for x in self._past) > MOST_UNDO:
+        while len(self._past) > 1 and sum(len(x.text) for x in self._past) > MAX_HISTORY:
             del self._past[0]
         self.text, self._data = text, data
         self.write_draft()
 
-    def _step(self, taken: list[Step], given: list[Step], what: str) -> None:
+    def _move_history(
+        self, source: list[HistoryEntry], destination: list[HistoryEntry], action: str
+    ) -> None:
         """Move a history entry from one list to the other, and take its text."""
-        if not taken:
-            raise InvalidInput(f"There is nothing to {what}.")
-        label, text, data = taken.pop()
-        given.append(Step(label, self.text, self._data))
+        if not source:
+            raise InvalidInput(f"There is nothing to {action}.")
+        label, text, data = source.pop()
+        destination.append(HistoryEntry(label, self.text, self._data))
         self.text, self._data = text, data
         self.write_draft()
 
-    def _read(self) -> bytes:
+    def _read_file(self) -> bytes:
         assert self.file is not None
         return read_bytes(self.file, "job file")
 

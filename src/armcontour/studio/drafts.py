@@ -22,8 +22,8 @@ START = "start"
 
 def state_folder() -> FilePath:
     """The user's folder for drafts and uploads that outlive a session."""
-    own = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
-    return FilePath(own or os.path.expanduser("~/.local/state")) / "armcontour" / "studio"
+    folder = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
+    return FilePath(folder or os.path.expanduser("~/.local/state")) / "armcontour" / "studio"
 
 
 def make_private(folder: FilePath) -> None:
@@ -51,27 +51,27 @@ class Draft:
         content = json.dumps(asdict(self)).encode()
         try:
             make_private(state_folder() / "drafts")
-            write_atomically(place_of(self.key), lambda fresh: fresh.write_bytes(content))
+            write_atomically(draft_file(self.key), lambda fresh: fresh.write_bytes(content))
         except (InvalidInput, OSError):
             return False
         return True
 
 
-def place_of(key: str) -> FilePath:
+def draft_file(key: str) -> FilePath:
     """File of a draft."""
     return state_folder() / "drafts" / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"
 
 
 def find_draft(key: str, job: FilePath | None) -> Draft | None:
     """Draft of a document if it is newer than its job file, else None."""
-    place = place_of(key)
+    file = draft_file(key)
     try:
         saved = None
         if job is not None and job.exists():
-            if place.stat().st_mtime_ns < job.stat().st_mtime_ns:
+            if file.stat().st_mtime_ns < job.stat().st_mtime_ns:
                 return None
-            saved = decoded(read_bytes(job, "job file"), job).removeprefix(BOM)
-        draft = _read(place)
+            saved = decode_text(read_bytes(job, "job file"), job).removeprefix(BOM)
+        draft = _read_draft(file)
     except (InvalidInput, OSError):
         return None
     return None if draft is None or draft.text == saved else draft
@@ -80,28 +80,28 @@ def find_draft(key: str, job: FilePath | None) -> Draft | None:
 def drop_draft(key: str) -> None:
     """Remove the draft of a document."""
     with suppress(OSError):
-        place_of(key).unlink()
+        draft_file(key).unlink()
 
 
 def all_drafts() -> Iterator[Draft]:
     """All drafts, newest first."""
-    places = (state_folder() / "drafts").glob("*.json")
+    files = (state_folder() / "drafts").glob("*.json")
     with suppress(OSError):
-        for place in sorted(places, key=lambda x: x.stat().st_mtime_ns, reverse=True):
-            draft = _read(place)
+        for file in sorted(files, key=lambda x: x.stat().st_mtime_ns, reverse=True):
+            draft = _read_draft(file)
             if draft is not None:
                 yield draft
 
 
-def _read(place: FilePath) -> Draft | None:
+def _read_draft(file: FilePath) -> Draft | None:
     """The draft in a file; None if the file is invalid."""
     try:
-        return Draft(**json.loads(place.read_bytes()))
+        return Draft(**json.loads(file.read_bytes()))
     except (ValueError, TypeError):
         return None
 
 
-def decoded(content: bytes, file: FilePath | None) -> str:
+def decode_text(content: bytes, file: FilePath | None) -> str:
     """Decode a UTF-8 file; line breaks stay."""
     try:
         return content.decode()
@@ -109,18 +109,18 @@ def decoded(content: bytes, file: FilePath | None) -> str:
         raise InvalidInput(f"{file} cannot be read: it is not UTF-8 text.") from None
 
 
-def write_whole(file: FilePath, content: bytes) -> None:
+def write_file(file: FilePath, content: bytes) -> None:
     """Write a file atomically; a link stays a link."""
     if file.is_symlink():
         read_bytes(file, "job file")
-    place = FilePath(os.path.realpath(file))
+    target = FilePath(os.path.realpath(file))
 
     def write(fresh: FilePath) -> None:
         fresh.write_bytes(content)
-        if place.exists():
-            shutil.copymode(place, fresh)
+        if target.exists():
+            shutil.copymode(target, fresh)
 
     try:
-        write_atomically(place, write)
+        write_atomically(target, write)
     except OSError as error:
         raise unwritable(file, error) from None

@@ -13,7 +13,7 @@ from armcontour.core.yaml_loader import load
 from armcontour.files.cell import YAML
 from armcontour.files.job_edits import Change, change_data, change_text
 from armcontour.jobs import Job
-from armcontour.studio.description import Seen, runs_of
+from armcontour.studio.description import JobState, runs_of
 from armcontour.studio.document import Document
 from armcontour.studio.drafts import Draft, all_drafts, drop_draft
 from armcontour.studio.edits import changes_of
@@ -24,7 +24,7 @@ from armcontour.studio.uploads import Uploads
 # A run with this timing is shown first.
 FASTEST = "optimal"
 # Edits that change the handles.
-MOVING = ("insert_waypoint", "remove_waypoint", "place", "to_waypoints", "draw")
+HANDLE_EDITS = ("insert_waypoint", "remove_waypoint", "place", "to_waypoints", "draw")
 NOTHING_DRAWN = "Nothing is drawn yet: draw with the pen, or open a drawing."
 
 
@@ -52,11 +52,11 @@ def arm_file_of(data: Mapping[str, Any]) -> str | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
+class Revision:
     """The document as edits change it: changed keys, or a new text."""
 
     data: Mapping[str, Any]
-    # Changes of keys; None if the whole text is new.
+    # None if the whole text is new.
     changes: tuple[Change, ...] | None = ()
     text: str | None = None
 
@@ -72,9 +72,9 @@ class Editor:
         self.named: tuple[FilePath, ...] = ()
         self._trusted = frozenset(x.resolve() for x in trusted)
         self.rev, self.run = 1, ""
-        self.seen = Seen({}, None, None)
-        self._renew()
-        self._other = self._find_other()
+        self.state = JobState({}, None, None)
+        self._refresh()
+        self._other_draft = self._find_other_draft()
 
     @property
     def folder(self) -> FilePath:
@@ -90,17 +90,17 @@ class Editor:
         """Edit another document; refuses one that makes no job."""
         before, self.previewer.folder = self.previewer.folder, document.folder or FilePath.cwd()
         self.previewer.forget()
-        seen = self._see(document.data)
-        if seen.job is None and not is_blank(document.data):
+        state = self._read_state(document.data)
+        if state.job is None and not is_blank(document.data):
             self.previewer.folder = before
-            raise seen.error or InvalidInput("There is no job.")
-        self.document, self.run, self._other = document, "", None
-        self._changed(seen)
+            raise state.error or InvalidInput("There is no job.")
+        self.document, self.run, self._other_draft = document, "", None
+        self._count_revision(state)
 
     @property
     def id(self) -> str:
         """Identity of document and drawing. Frames of others are not shown."""
-        handles = self.seen.handles
+        handles = self.state.handles
         return f"{self.document.id} {'' if handles is None else handles.file}"
 
     @property
@@ -108,92 +108,92 @@ class Editor:
         """Name of an unsaved document of an earlier session, else None."""
         if self.document.earlier is not None:
             return self.document.source
-        return None if self._other is None else self._other.name
+        return None if self._other_draft is None else self._other_draft.name
 
     def restore(self, draft: Draft | None = None) -> None:
         """Restore a draft, by default that of the document, else that of the newest upload."""
         if draft is None and self.document.earlier is None:
-            draft = self._other
+            draft = self._other_draft
         if draft is not None:
             folder = FilePath(draft.folder)
             self.open(Document.of_text(draft.opened, folder, draft.name, draft.key, upload=True))
         if self.document.earlier is None:
             raise InvalidInput("There is no draft.")
-        self.commit(self.of_text(self.document.earlier), "take the draft")
-        self.document.settle()
+        self.commit(self.revise_text(self.document.earlier), "take the draft")
+        self.document.drop_earlier()
 
     def discard(self) -> None:
         """Remove the draft of an earlier session."""
-        if self.document.earlier is None and self._other is not None:
-            drop_draft(self._other.key)
-            self._other = None
-        self.document.settle()
+        if self.document.earlier is None and self._other_draft is not None:
+            drop_draft(self._other_draft.key)
+            self._other_draft = None
+        self.document.drop_earlier()
         self.document.write_draft()
 
     def select(self, run: str) -> None:
         """Show another run."""
-        if run not in (self.seen.data.get("runs") or {}):
+        if run not in (self.state.data.get("runs") or {}):
             raise InvalidInput(f"The job has no run {run}.")
         self.run = run
-        self._renew()
+        self._refresh()
 
-    def commit(self, made: Made, label: str) -> None:
+    def commit(self, revision: Revision, label: str) -> None:
         """Change the text in one step of undo; refuses changes after which there is no job."""
         # Read before the text changes, so that an invalid job changes nothing.
-        seen = self._see(made.data)
-        if seen.error is not None and self.seen.job is not None:
-            raise seen.error
-        if made.changes is None:
-            assert made.text is not None
-            self.document.replace(made.text, label)
+        state = self._read_state(revision.data)
+        if state.error is not None and self.state.job is not None:
+            raise state.error
+        if revision.changes is None:
+            assert revision.text is not None
+            self.document.replace(revision.text, label)
         else:
-            self.document.apply(made.changes, label)
-        self._changed(seen)
+            self.document.apply(revision.changes, label)
+        self._count_revision(state)
 
     def undo(self) -> None:
         """Revert the last change."""
         self.document.undo()
-        self._changed()
+        self._count_revision()
 
     def redo(self) -> None:
         """Repeat the change that was undone last."""
         self.document.redo()
-        self._changed()
+        self._count_revision()
 
     def reload(self) -> None:
         """Read the file again, as one step of undo."""
         self.document.reload()
         self.previewer.forget()
-        self._changed()
+        self._count_revision()
 
-    def edited(self, edits: Sequence[Mapping[str, Any]]) -> Made:
+    def revise(self, edits: Sequence[Mapping[str, Any]]) -> Revision:
         """Apply edits of a page to the document as it was at the start of their gesture."""
         if [x.get("do") for x in edits] == ["text"]:
-            return self.of_text(edits[0].get("text"))
-        seen = self.seen
-        if seen.handles is None:
-            raise seen.error or InvalidInput("There is no job to be edited yet.")
-        data, handles, changes = dict(seen.data), seen.handles, list[Change]()
+            return self.revise_text(edits[0].get("text"))
+        state = self.state
+        if state.handles is None:
+            raise state.error or InvalidInput("There is no job to be edited yet.")
+        data, handles, changes = dict(state.data), state.handles, list[Change]()
         for k, edit in enumerate(edits):
-            if k and edits[k - 1].get("do") in MOVING:
-                handles = handles_of(self._job_of(data), data)
-            more = changes_of(edit, EditState(data=data, run=self.run, handles=handles))
-            data = change_data(data, more)
-            changes += more
-        return self._checked(Made(data, tuple(changes)))
+            if k and edits[k - 1].get("do") in HANDLE_EDITS:
+                handles = handles_of(self._make_job(data), data)
+            edit_changes = changes_of(edit, EditState(data=data, run=self.run, handles=handles))
+            data = change_data(data, edit_changes)
+            changes += edit_changes
+        return self._check_trust(Revision(data, tuple(changes)))
 
-    def of_text(self, text: Any) -> Made:
+    def revise_text(self, text: Any) -> Revision:
         """The document with another text."""
         if not isinstance(text, str):
-            raise InvalidInput("The whole job is a text.")
+            raise InvalidInput("The text of a job must be a string.")
         data = load(text, self.document.source)
         if not isinstance(data, dict):
             raise InvalidInput("A job is a mapping of keys such as arm, path and runs.")
-        return self._checked(Made(data, None, text))
+        return self._check_trust(Revision(data, None, text))
 
-    def with_changes(self, changes: Sequence[Change]) -> Made:
+    def revise_keys(self, changes: Sequence[Change]) -> Revision:
         """The document with some keys changed."""
-        return self._checked(Made(change_data(self.seen.data, changes), tuple(changes)))
+        return self._check_trust(Revision(change_data(self.state.data, changes), tuple(changes)))
 
     def run_of(self, data: Mapping[str, Any]) -> str:
         """Name of the run to show: the last shown, else the first optimal one, else the first."""
@@ -202,11 +202,11 @@ class Editor:
         fast = [x["name"] for x in runs if x["timing"] == FASTEST and x["corners"] != "free"]
         return self.run if self.run in names else next(iter([*fast, *names]), "")
 
-    def request(self, made: Made, options: Mapping[str, Any]) -> dict[str, Any]:
+    def request(self, revision: Revision, options: Mapping[str, Any]) -> dict[str, Any]:
         """Request for the task process, as fields of `tasks.request.Request`."""
-        text = self.document.text if made.text is None else made.text
-        if made.changes:
-            text = change_text(text, made.changes, self.document.source)
+        text = self.document.text if revision.text is None else revision.text
+        if revision.changes:
+            text = change_text(text, revision.changes, self.document.source)
         return {
             "text": text,
             "source": self.document.source,
@@ -219,40 +219,40 @@ class Editor:
             "logs": self.uploads.find_logs(options.get("logs") or []),
         }
 
-    def _find_other(self) -> Draft | None:
+    def _find_other_draft(self) -> Draft | None:
         """Newest draft of an upload, if the document has none. No command opens it again."""
         if self.document.earlier is not None:
             return None
         return next((x for x in all_drafts() if x.upload and x.folder == str(self.folder)), None)
 
-    def _changed(self, seen: Seen | None = None) -> None:
+    def _count_revision(self, state: JobState | None = None) -> None:
         """Count the revision and read the job again."""
         self.rev += 1
-        self._renew(seen)
+        self._refresh(state)
 
-    def _renew(self, seen: Seen | None = None) -> None:
+    def _refresh(self, state: JobState | None = None) -> None:
         """Read the job of the document, unless it is given."""
         self.run = self.run_of(self.document.data)
-        self.seen = seen or self._see(self.document.data)
+        self.state = state or self._read_state(self.document.data)
 
-    def _checked(self, made: Made) -> Made:
+    def _check_trust(self, revision: Revision) -> Revision:
         """Refuse a .xacro arm that the user has not named."""
-        check_trusted_xacro(made.data, self.folder, self._trusted)
-        return made
+        check_trusted_xacro(revision.data, self.folder, self._trusted)
+        return revision
 
-    def _see(self, data: Mapping[str, Any]) -> Seen:
+    def _read_state(self, data: Mapping[str, Any]) -> JobState:
         """The job of data, and its handles."""
         try:
-            job = self._job_of(data)
-            return Seen(data, job, handles_of(job, data))
+            job = self._make_job(data)
+            return JobState(data, job, handles_of(job, data))
         except InvalidInput as error:
             if is_blank(data):
                 with suppress(InvalidInput):
-                    handles = blank_handles(data, self._job_of)
-                    return Seen(data, None, handles, InvalidInput(NOTHING_DRAWN))
+                    handles = blank_handles(data, self._make_job)
+                    return JobState(data, None, handles, InvalidInput(NOTHING_DRAWN))
             # The picture of the last job stays, greyed, until the text makes a job again.
-            return Seen(data, None, self.seen.handles, error)
+            return JobState(data, None, self.state.handles, error)
 
-    def _job_of(self, data: Mapping[str, Any]) -> Job:
+    def _make_job(self, data: Mapping[str, Any]) -> Job:
         check_trusted_xacro(data, self.folder, self._trusted)
         return self.previewer.job(data, self.run_of(data) or None)

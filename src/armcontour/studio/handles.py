@@ -25,24 +25,23 @@ from armcontour.files.units import unit_of, write_like
 from armcontour.jobs import Job
 from armcontour.studio.view import Plane, in_space
 
-# A point of a job file: its role, its keys, its place in the frame of the path [m] unless it is
-# computed, and as it is written.
-Given: TypeAlias = tuple[str, Keys, FloatArray | None, Sequence[Any]]
+# Role, keys, position in the frame of the path [m] (None if computed) and written coordinates.
+PointRecord: TypeAlias = tuple[str, Keys, FloatArray | None, Sequence[Any]]
 LENGTH, ANGLE = Quantity("m", "1 mm"), Quantity("rad", "90 deg")
-# Points whose distances from a plane or from a line are below this lie in it [m].
+# Tolerance of a point on a plane or line [m].
 FLAT = 1e-9
-# Cosine of the angle within which a plane's normal points along an axis.
+# Cosine of the largest angle between a plane's normal and an axis along it.
 STEEP = 0.9
 AXES = frozen_array(np.eye(3))
 # Keys of lists of obstacles.
 BODIES = tuple(x.name for x in fields(BodiesModel))
-# Coordinates are written with the fewest digits that are this exact [m].
+# Accuracy of written coordinates [m].
 EXACT = 1e-13
 POINTS, SEGMENTS, SPLINE, FILE = "points", "segments", "spline", "file"
 POINT, VIA, CENTER, END = "point", "via", "center", "end"
-# A path on which nothing is drawn yet, and the box in which its picture is centred [m].
+# Kind of an empty path, and the size of its picture [m].
 BLANK, BLANK_SIDE = "blank", 0.2
-FROM_FILE = "The contours come from {file}, so that their points stay as drawn."
+FROM_FILE = "The contours come from {file}, so their points cannot be moved."
 COMPUTED = "This end follows from the centre and the angle of its arc: move the centre."
 
 
@@ -51,13 +50,14 @@ class Waypoint:
     """A point of a job file; ends of segments come first, then via and centre points."""
 
     index: int
+    # Keys in the file; () if the point is computed.
     keys: Keys
-    # Its place in the frame of the job's path [m], (3,).
+    # Position in the frame of the path [m], (3,)
     point: FloatArray
-    # The same in the picture [m], (2,).
+    # Position in the picture [m], (2,)
     uv: FloatArray
     written: tuple[Any, ...]
-    # "point", "via" and "center" of an arc, or the "end" of an arc around a centre.
+    # "point"; "via" or "center" of an arc; "end" of an arc around a centre.
     role: str = POINT
 
     @property
@@ -71,15 +71,15 @@ class Handles:
     """Editable elements of a job in the picture."""
 
     job: Job
-    # What the job file gives: "points", "segments", "spline", "file", or "blank".
+    # "points", "segments", "spline", "file" or "blank"
     kind: str
     file: str | None
     frame: Frame
     plane: Plane
-    # The middle of the path in the picture [m], (2,).
+    # Centre of the path in the picture [m], (2,)
     centre: FloatArray
     waypoints: tuple[Waypoint, ...]
-    # Why the points cannot be moved; None if they can.
+    # Reason why no point can be moved; None if they can.
     why_not: str | None
 
     @property
@@ -95,8 +95,10 @@ class Handles:
     @property
     def origin(self) -> Waypoint:
         """Origin of the file, as a template for the format of new points."""
-        at, written = self.frame.position, ("0 mm",) * self.job.arm.dimension
-        return Waypoint(index=0, keys=(), point=at, uv=self.plane.uv(at), written=written)
+        position, written = self.frame.position, ("0 mm",) * self.job.arm.dimension
+        return Waypoint(
+            index=0, keys=(), point=position, uv=self.plane.uv(position), written=written
+        )
 
     @property
     def axes(self) -> dict[str, Any]:
@@ -124,11 +126,11 @@ class Handles:
         """File coordinates of a point in the picture [m], formatted like a neighbour."""
         moved = like.point + self.plane.lift(uv) - self.plane.lift(like.uv)
         back = self.frame.inverse
-        given = (back.position + back.rotation @ moved)[: len(like.written)]
-        old = (back.position + back.rotation @ like.point)[: len(like.written)]
+        new_values = (back.position + back.rotation @ moved)[: len(like.written)]
+        old_values = (back.position + back.rotation @ like.point)[: len(like.written)]
         return tuple(
             text if abs(new - was) <= EXACT else write_like(float(new), text, LENGTH, within=within)
-            for new, was, text in zip(given, old, like.written, strict=True)
+            for new, was, text in zip(new_values, old_values, like.written, strict=True)
         )
 
 
@@ -138,14 +140,14 @@ def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
     si = in_si(path, PathModel)
     frame = frame_of("path.frame", FrameModel(**(si.get("frame") or {})))
     kind = next((x for x in (POINTS, SEGMENTS, SPLINE) if path.get(x) is not None), FILE)
-    given = [] if kind == FILE else list(_given(kind, path, si))
-    ends = _ends(job, given)
-    places = [
+    records = [] if kind == FILE else list(_read_points(kind, path, si))
+    ends = _ends(job, records)
+    points = [
         ends[k] if point is None else frame.position + frame.rotation @ in_space(point)
-        for k, (_, _, point, _) in enumerate(given)
+        for k, (_, _, point, _) in enumerate(records)
     ]
-    in_plane = kind == FILE or all(x[2] is None or len(x[2]) == 2 for x in given)
-    plane = _plane_of(job, frame if in_plane else None, places)
+    in_plane = kind == FILE or all(x[2] is None or len(x[2]) == 2 for x in records)
+    plane = _plane_of(job, frame if in_plane else None, points)
     file = path.get("file")
     return Handles(
         job=job,
@@ -156,7 +158,7 @@ def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
         centre=_centre(job, plane),
         waypoints=tuple(
             Waypoint(index=k, keys=x[1], point=at, uv=plane.uv(at), written=tuple(x[3]), role=x[0])
-            for k, (x, at) in enumerate(zip(given, places, strict=True))
+            for k, (x, at) in enumerate(zip(records, points, strict=True))
         ),
         why_not=FROM_FILE.format(file=file) if kind == FILE else None,
     )
@@ -170,7 +172,7 @@ def is_blank(data: Mapping[str, Any]) -> bool:
 
 def blank_handles(data: Mapping[str, Any], make_job: Callable[[Any], Job]) -> Handles:
     """Handles of a job with an empty path."""
-    # A line takes the place of what will be drawn; only points in space have an orientation.
+    # A placeholder line. Only points in space have an orientation.
     dimension = 3 if "orientation" in data["path"] else 2
     line = [[0.0] * dimension, [BLANK_SIDE, BLANK_SIDE, 0.0][:dimension]]
     drawn = change_data(data, [Change(("path", POINTS), line)])
@@ -193,60 +195,61 @@ def _unit(body: Mapping[str, Any]) -> tuple[str, float]:
     return unit_of((body.get("at") or body.get("size") or [body.get("radius")])[0], LENGTH)
 
 
-def _given(kind: str, path: Mapping[str, Any], si: Mapping[str, Any]) -> Iterator[Given]:
+def _read_points(
+    kind: str, path: Mapping[str, Any], si: Mapping[str, Any]
+) -> Iterator[PointRecord]:
     """Points of a job file without a drawing; ends of segments come first."""
     if kind != SEGMENTS:
         inner: Keys = (POINTS,) if kind == POINTS else (SPLINE, POINTS)
         points = path[POINTS] if kind == POINTS else path[SPLINE][POINTS]
-        places = si[POINTS] if kind == POINTS else si[SPLINE][POINTS]
-        for k, (written, at) in enumerate(zip(points, places, strict=True)):
-            yield POINT, ("path", *inner, k), np.array(at), written
+        si_points = si[POINTS] if kind == POINTS else si[SPLINE][POINTS]
+        for k, (written, point) in enumerate(zip(points, si_points, strict=True)):
+            yield POINT, ("path", *inner, k), np.array(point), written
         return
     yield POINT, ("path", "start"), np.array(si["start"]), path["start"]
     both = list(zip(path[SEGMENTS], si[SEGMENTS], strict=True))
-    for k, (written, at) in enumerate(both):
+    for k, (written, point) in enumerate(both):
         if written.get("to") is None:
             yield END, (), None, [0.0] * len(si["start"])
         else:
-            yield POINT, ("path", SEGMENTS, k, "to"), np.array(at["to"]), written["to"]
-    for k, (written, at) in enumerate(both):
+            yield POINT, ("path", SEGMENTS, k, "to"), np.array(point["to"]), written["to"]
+    for k, (written, point) in enumerate(both):
         for role in (VIA, CENTER):
             if written.get(role) is not None:
-                yield role, ("path", SEGMENTS, k, role), np.array(at[role]), written[role]
+                yield role, ("path", SEGMENTS, k, role), np.array(point[role]), written[role]
 
 
-def _ends(job: Job, given: Sequence[Given]) -> FloatArray:
+def _ends(job: Job, records: Sequence[PointRecord]) -> FloatArray:
     """Ends of segments [m], (n + 1, 3), if the file does not give all of them; else (0, 3)."""
-    if all(x[2] is not None for x in given):
+    if all(x[2] is not None for x in records):
         return np.empty((0, 3))
     return np.array([in_space(x) for x in job.program.contours[0].path.vertices])
 
 
-def _plane_of(job: Job, frame: Frame | None, places: Sequence[FloatArray]) -> Plane:
+def _plane_of(job: Job, frame: Frame | None, points: Sequence[FloatArray]) -> Plane:
     """Plane of the picture: x-y of `frame`, or the plane through the points [m] if it is None."""
     if job.arm.dimension == 2:
         return Plane(origin=np.zeros(3), x=AXES[0], y=AXES[1])
     if frame is not None:
-        off = (_vertices(job) - frame.position) @ frame.rotation[:, 2]
-        flat = bool(np.abs(off).max() <= FLAT)
+        offsets = (_vertices(job) - frame.position) @ frame.rotation[:, 2]
+        flat = bool(np.abs(offsets).max() <= FLAT)
         return _plane_across(frame.rotation[:, 2], frame.position, flat=flat)
-    middle = np.mean(places, axis=0)
-    off = np.array(places) - middle
-    along = np.linalg.svd(off)[2]
-    flat = bool(np.abs(off @ along[2]).max() <= FLAT)
+    middle = np.mean(points, axis=0)
+    offsets = np.array(points) - middle
+    along = np.linalg.svd(offsets)[2]
+    flat = bool(np.abs(offsets @ along[2]).max() <= FLAT)
     normal = along[2]
-    if np.abs(off @ along[1]).max() <= FLAT:
-        # Of all planes through a line, the one nearest to the horizontal, or upright for a
-        # line that goes up.
+    if np.abs(offsets @ along[1]).max() <= FLAT:
+        # Points on a line: the plane nearest to horizontal, or vertical for a vertical line.
         up = AXES[2] if abs(along[0][2]) < 1 - FLAT else AXES[1]
         normal = up - (up @ along[0]) * along[0]
     elif not flat:
-        # A plane that turned while a point is dragged would be of no use.
+        # The plane must not rotate while a point is dragged.
         normal = AXES[int(np.argmax(np.abs(normal)))]
     normal = normal / np.linalg.norm(normal)
-    found = _plane_across(normal, middle, flat=flat)
-    upwards = normal[2] if abs(normal[2]) > 0.5 else found.y[2]
-    return found if upwards > 0 else _plane_across(-normal, middle, flat=flat)
+    plane = _plane_across(normal, middle, flat=flat)
+    upwards = normal[2] if abs(normal[2]) > 0.5 else plane.y[2]
+    return plane if upwards > 0 else _plane_across(-normal, middle, flat=flat)
 
 
 def _plane_across(normal: FloatArray, point: FloatArray, *, flat: bool) -> Plane:
@@ -254,7 +257,7 @@ def _plane_across(normal: FloatArray, point: FloatArray, *, flat: bool) -> Plane
     nearest = int(np.argmax(np.abs(normal)))
     if abs(normal[nearest]) >= 1 - FLAT**2:
         normal = AXES[nearest] * np.sign(normal[nearest])
-    # The arm's y axis, where its x axis points out of the plane.
+    # The y axis if the x axis is normal to the plane.
     along = AXES[0] if nearest != 0 or abs(normal[0]) < STEEP else AXES[1]
     x = along - (along @ normal) * normal
     x = x / np.linalg.norm(x)
@@ -284,7 +287,7 @@ class EditState:
 
 def uv_of(name: str, value: Any) -> FloatArray:
     """Read two coordinates in the picture [m] from an edit, (2,)."""
-    found = checks.check_numbers(name, value, "m")
-    if found.shape != (2,):
+    coordinates = checks.check_numbers(name, value, "m")
+    if coordinates.shape != (2,):
         raise InvalidInput(f"{name} must be two coordinates in the picture, not {show(value)}.")
-    return found
+    return coordinates

@@ -41,7 +41,7 @@ _OPTIONS = re.compile(rf" \([a-z ]*{_OPTION}\)|(?:{_BEFORE}) {_OPTION}|, {_OPTIO
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Frame:
+class PageFrame:
     """A message to the page: a JSON header and numeric arrays."""
 
     # What it is, such as "picture".
@@ -50,46 +50,46 @@ class Frame:
     arrays: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
 
     @classmethod
-    def of_file(cls, name: str, content: bytes, header: Mapping[str, Any]) -> Frame:
+    def of_file(cls, name: str, content: bytes, header: Mapping[str, Any]) -> PageFrame:
         """A result with a file as array `content`."""
         kind = FILE_TYPES.get(PurePath(name).suffix, "application/octet-stream")
         facts = {**header, "name": name, "type": kind, "bytes": len(content)}
         return cls("result", facts, {"content": np.frombuffer(content, np.uint8)})
 
-    def stamped(self, **facts: Any) -> Frame:
+    def stamped(self, **facts: Any) -> PageFrame:
         """Copy with more facts in the header."""
         return replace(self, header={**self.header, **facts})
 
     def pack(self) -> bytes:
         """The frame as bytes."""
-        places: dict[str, Any] = {}
+        layouts: dict[str, Any] = {}
         parts: list[bytes] = []
         end = 0
         for name, values in self.arrays.items():
             kind = f"{values.dtype.kind}{values.dtype.itemsize}"
             if kind not in TYPES:
                 raise InvalidInput(f"The array {name} of a frame has the type {values.dtype}.")
-            places[name] = {"type": kind, "shape": list(values.shape), "at": end}
+            layouts[name] = {"type": kind, "shape": list(values.shape), "at": end}
             data = np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()
             parts += [data, bytes(-len(data) % ALIGNED)]
             end += len(data) + len(parts[-1])
-        told = {**self.header, "kind": self.kind, "arrays": places}
-        text = _to_json(told).encode(errors="replace")
+        header = {**self.header, "kind": self.kind, "arrays": layouts}
+        text = _to_json(header).encode(errors="replace")
         gap = bytes(-(LENGTH.size + len(text)) % ALIGNED)
         return b"".join([LENGTH.pack(len(text)), text, gap, *parts])
 
     @classmethod
-    def unpack(cls, data: bytes) -> Frame:
+    def unpack(cls, data: bytes) -> PageFrame:
         """Decode a frame; its arrays are read-only."""
         (count,) = LENGTH.unpack_from(data)
         header = json.loads(data[LENGTH.size : LENGTH.size + count])
         begin = LENGTH.size + count
         begin += -begin % ALIGNED
         arrays = {}
-        for name, x in header.pop("arrays").items():
-            size = math.prod(x["shape"])
-            values = np.frombuffer(data, f"<{x['type']}", size, begin + x["at"])
-            arrays[name] = values.reshape(x["shape"])
+        for name, layout in header.pop("arrays").items():
+            size = math.prod(layout["shape"])
+            values = np.frombuffer(data, f"<{layout['type']}", size, begin + layout["at"])
+            arrays[name] = values.reshape(layout["shape"])
         return cls(header.pop("kind"), header, arrays)
 
 

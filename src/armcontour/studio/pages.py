@@ -13,26 +13,26 @@ import numpy as np
 
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.files.job_edits import key_in
-from armcontour.studio.description import describe
-from armcontour.studio.editor import Editor, Made
+from armcontour.studio.description import document_frame
+from armcontour.studio.editor import Editor, Revision
 from armcontour.studio.handles import is_blank
-from armcontour.studio.page_frame import Frame, without_options
+from armcontour.studio.page_frame import PageFrame, without_options
 from armcontour.studio.picture import drawing_frame
-from armcontour.studio.scheduler import MakeLane, Planner, State
+from armcontour.studio.scheduler import DocumentState, Scheduler, TaskWorkerFactory
 from armcontour.studio.view import View
-from armcontour.studio.workers import FastLane
+from armcontour.studio.workers import PreviewWorker
 
 # A message of a page.
-Said: TypeAlias = Mapping[str, Any]
-# Files that are kept for the pages to save, and about how many bytes; the newest is always kept.
-MOST_FILES, MOST_BYTES = 20, 200_000_000
-# Frames of which a page needs only the newest.
+PageMessage: TypeAlias = Mapping[str, Any]
+# Largest number and total size [bytes] of files for download; the newest is always kept.
+MAX_FILES, MAX_BYTES = 20, 200_000_000
+# Frames that newer ones of the same kind replace.
 NEWEST_ONLY = {"arm", "changes", "detail", "document", "executed", "figures"} | {
     *("picture", "pose", "refusal")
 }
 
 
-class Tab(Protocol):
+class Page(Protocol):
     """A page that receives frames; `send` may be called from any thread."""
 
     def send(self, data: bytes, replaces: str | None = None) -> None:
@@ -48,20 +48,20 @@ class File:
     data: bytes = field(repr=False)
 
 
-class Tabs:
+class Pages:
     """Open pages and files for download; thread-safe."""
 
     def __init__(self) -> None:
         self.files: dict[str, File] = {}
         self._lock = RLock()
-        self._numbers: dict[Tab, int] = {}
+        self._numbers: dict[Page, int] = {}
         self._joined = 0
-        # The last message of each page, by the page's number.
+        # Number of the last message of each page, by page number.
         self._seqs: dict[int, int] = {}
-        # Frames for pages to come, by what newer ones replace.
-        self._last: dict[str, Frame] = {}
-        # What the newest figures answer.
-        self._figured: Mapping[int, int] = {}
+        # Current frames for new pages, by replacement key.
+        self._current_frames: dict[str, PageFrame] = {}
+        # Messages that the newest figures answer.
+        self._figures_answers: Mapping[int, int] = {}
 
     @property
     def answers(self) -> dict[int, int]:
@@ -69,35 +69,35 @@ class Tabs:
         with self._lock:
             return dict(self._seqs)
 
-    def join(self, tab: Tab) -> None:
+    def join(self, page: Page) -> None:
         """Add a page and send it the current frames."""
         with self._lock:
             self._joined += 1
-            self._numbers[tab] = self._joined
-            for key, frame in self._last.items():
-                tab.send(frame.stamped(seq=None).pack(), key)
+            self._numbers[page] = self._joined
+            for key, frame in self._current_frames.items():
+                page.send(frame.stamped(seq=None).pack(), key)
 
-    def leave(self, tab: Tab) -> None:
+    def leave(self, page: Page) -> None:
         """Remove a page."""
         with self._lock:
-            self._seqs.pop(self._numbers.pop(tab, 0), None)
+            self._seqs.pop(self._numbers.pop(page, 0), None)
 
-    def hear(self, tab: Tab, said: Said) -> bool:
+    def record(self, page: Page, message: PageMessage) -> bool:
         """Record the number of a message; False if the page is closed."""
-        seq = said.get("seq")
+        seq = message.get("seq")
         with self._lock:
-            is_open = tab in self._numbers
-            # To look closer is no change that anything answers.
-            counts = is_open and said.get("op") != "detail"
+            is_open = page in self._numbers
+            # A request of a detail changes nothing.
+            counts = is_open and message.get("op") != "detail"
             if counts and isinstance(seq, int) and not isinstance(seq, bool):
-                self._seqs[self._numbers[tab]] = seq
+                self._seqs[self._numbers[page]] = seq
         return is_open
 
-    def tell(
-        self, frame: Frame, *, to: Tab | None = None, answers: Mapping[int, int] | None = None
+    def send(
+        self, frame: PageFrame, *, to: Page | None = None, answers: Mapping[int, int] | None = None
     ) -> None:
         """Send a frame to one page or to all, with the number of the message it answers."""
-        key, sentence = _key(frame), frame.header.get("sentence")
+        key, sentence = _replacement_key(frame), frame.header.get("sentence")
         if isinstance(sentence, str):
             frame = frame.stamped(sentence=without_options(sentence))
         with self._lock:
@@ -105,42 +105,42 @@ class Tabs:
             if to is None and key is not None and not frame.header.get("dropped"):
                 self._remember(key, frame, answers)
             packed: dict[int | None, bytes] = {}
-            for tab, number in self._numbers.items():
-                if to is None or tab is to:
+            for page, number in self._numbers.items():
+                if to is None or page is to:
                     seq = answers.get(number)
                     if seq not in packed:
                         packed[seq] = frame.stamped(seq=seq).pack()
-                    tab.send(packed[seq], key)
+                    page.send(packed[seq], key)
 
     def keep_file(self, name: str, kind: str, data: bytes) -> str:
         """Keep a file for download; returns its number."""
         number = secrets.token_hex(8)
         with self._lock:
             self.files[number] = File(name, kind, data)
-            while len(self.files) > MOST_FILES or self._is_too_much():
+            while len(self.files) > MAX_FILES or self._exceeds_memory():
                 del self.files[next(iter(self.files))]
         return number
 
-    def _is_too_much(self) -> bool:
+    def _exceeds_memory(self) -> bool:
         """True if the kept files exceed the memory limit; the newest is always kept."""
         sizes = [len(x.data) for x in self.files.values()]
-        return len(sizes) > 1 and sum(sizes) > MOST_BYTES
+        return len(sizes) > 1 and sum(sizes) > MAX_BYTES
 
-    def _remember(self, key: str, frame: Frame, answers: Mapping[int, int]) -> None:
+    def _remember(self, key: str, frame: PageFrame, answers: Mapping[int, int]) -> None:
         """Keep a frame for future pages, and discard the frames that it makes obsolete."""
         if frame.kind == "figures":
-            self._figured = answers
+            self._figures_answers = answers
         if frame.kind == "picture":
             old = ["executed", "refusal"]
-            # At rest the exact picture may follow the figures of the same edit.
-            if any(seq > self._figured.get(number, -1) for number, seq in answers.items()):
+            # The exact picture may arrive after the figures of the same edit.
+            if any(seq > self._figures_answers.get(number, -1) for number, seq in answers.items()):
                 old += ["figures", "changes"]
             for kind in old:
-                self._last.pop(kind, None)
-        self._last[key] = frame
+                self._current_frames.pop(kind, None)
+        self._current_frames[key] = frame
 
 
-def _key(frame: Frame) -> str | None:
+def _replacement_key(frame: PageFrame) -> str | None:
     """Kind of a frame, with the task for progress; None if every frame of the kind is needed."""
     if frame.kind == "progress":
         return f"progress/{frame.header.get('id')}"
@@ -153,53 +153,53 @@ class Display:
     def __init__(
         self,
         editor: Editor,
-        fast: Callable[[Callable[[Frame], None]], FastLane],
-        slow: MakeLane,
-        rest: float,
+        fast: Callable[[Callable[[PageFrame], None]], PreviewWorker],
+        slow: TaskWorkerFactory,
+        rest_time: float,
     ) -> None:
         self.editor = editor
         self.lock = RLock()
-        self.tabs = Tabs()
-        # What is shown, with the edits of a gesture.
-        self._made = Made({})
+        self.pages = Pages()
+        # Shown revision, including the edits of a gesture.
+        self._revision = Revision({})
         self._on_disk = ""
-        self.planner = Planner(editor.previewer, self._tell_state, fast, slow, rest)
+        self.scheduler = Scheduler(editor.previewer, self._send_state_frame, fast, slow, rest_time)
 
     def show_all(self) -> None:
         """Show the document and its run."""
         self.show_document()
         self.show()
 
-    def show_document(self, to: Tab | None = None) -> None:
+    def show_document(self, to: Page | None = None) -> None:
         """Send the frame `document` to one page or to all."""
         editor = self.editor
         self._on_disk = editor.document.on_disk()
-        frame = describe(editor.document, editor.seen, editor.run, draft=editor.draft)
+        frame = document_frame(editor.document, editor.state, editor.run, draft=editor.draft)
         logs = list(editor.uploads.logs)
-        self.tell(frame.stamped(id=editor.id, logs=logs), to=to)
+        self.send(frame.stamped(id=editor.id, logs=logs), to=to)
 
-    def show(self, made: Made | None = None, *, moving: bool = False) -> None:
+    def show(self, revision: Revision | None = None, *, moving: bool = False) -> None:
         """Plan and show a state of the document; `moving` if a gesture continues."""
         editor = self.editor
-        self._made = made = Made(editor.seen.data) if made is None else made
-        handles = editor.seen.handles
+        self._revision = revision = Revision(editor.state.data) if revision is None else revision
+        handles = editor.state.handles
         if handles is None:
-            self.tell_refusal(editor.seen.error or InvalidInput("There is no job yet."))
+            self.send_refusal(editor.state.error or InvalidInput("There is no job yet."))
             return
         view = View(handles.plane, handles.centre)
-        if is_blank(made.data):
-            self.planner.forget()
-            self.tell(drawing_frame(None, view, run=editor.run))
+        if is_blank(revision.data):
+            self.scheduler.forget()
+            self.send(drawing_frame(None, view, run=editor.run))
             return
-        self.planner.show(
-            State(
-                data=made.data,
-                run=editor.run_of(made.data),
+        self.scheduler.show(
+            DocumentState(
+                data=revision.data,
+                run=editor.run_of(revision.data),
                 view=view,
                 document=editor.id,
                 rev=editor.rev,
-                answers=self.tabs.answers,
-                request=partial(editor.request, made, {}),
+                answers=self.pages.answers,
+                request=partial(editor.request, revision, {}),
                 waypoints=np.array([x.uv for x in handles.waypoints]).reshape(-1, 2),
                 moving=moving,
             )
@@ -207,7 +207,7 @@ class Display:
 
     def open(self) -> None:
         """Show the document that the editor has opened."""
-        self.planner.forget()
+        self.scheduler.forget()
         self.show_all()
 
     def look(self) -> None:
@@ -217,37 +217,37 @@ class Display:
 
     def request(self, options: Mapping[str, Any]) -> dict[str, Any]:
         """Request for the task process, with the edits of the active gesture."""
-        return self.editor.request(self._made, options)
+        return self.editor.request(self._revision, options)
 
-    def tell(self, frame: Frame, to: Tab | None = None) -> None:
+    def send(self, frame: PageFrame, to: Page | None = None) -> None:
         """Send a frame of the current document to one page or to all."""
-        self.tabs.tell(frame.stamped(rev=self.editor.rev, document=self.editor.id), to=to)
+        self.pages.send(frame.stamped(rev=self.editor.rev, document=self.editor.id), to=to)
 
-    def tell_refusal(self, error: ArmContourError, *, dropped: bool = False) -> None:
+    def send_refusal(self, error: ArmContourError, *, dropped: bool = False) -> None:
         """Report an impossible edit; `dropped`: the gesture is over, so show the document again."""
         if dropped:
             self.show_document()
-        told = {"tier": 1, "run": self.editor.run, "sentence": str(error), "at": {}}
+        facts = {"tier": 1, "run": self.editor.run, "sentence": str(error), "at": {}}
         about = {"error": type(error).__name__, "exit": error.exit_code, "dropped": dropped}
-        self.tell(Frame("refusal", {**told, **about, "key": key_in(str(error))}))
+        self.send(PageFrame("refusal", {**facts, **about, "key": key_in(str(error))}))
         if dropped:
             self.show()
 
-    def _tell_state(self, frame: Frame, state: State | None) -> bool:
+    def _send_state_frame(self, frame: PageFrame, state: DocumentState | None) -> bool:
         """Send a frame of the scheduler, unless the document has changed since."""
         if state is None:
-            self.tell(self._with_file(frame))
+            self.send(self._with_file(frame))
             return True
-        if state.rev != self.editor.rev or is_blank(self._made.data):
+        if state.rev != self.editor.rev or is_blank(self._revision.data):
             return False
         about = {"rev": state.rev, "document": state.document}
-        self.tabs.tell(frame.stamped(**about), answers=state.answers)
+        self.pages.send(frame.stamped(**about), answers=state.answers)
         return True
 
-    def _with_file(self, frame: Frame) -> Frame:
+    def _with_file(self, frame: PageFrame) -> PageFrame:
         """Replace a file in a frame by its number for download."""
         if frame.kind != "result" or "content" not in frame.arrays:
             return frame
         header, content = frame.header, frame.arrays["content"].tobytes()
-        number = self.tabs.keep_file(str(header["name"]), str(header["type"]), content)
-        return Frame("result", {**header, "file": number})
+        number = self.pages.keep_file(str(header["name"]), str(header["type"]), content)
+        return PageFrame("result", {**header, "file": number})

@@ -38,24 +38,23 @@ from armcontour.robot.scene import Scene
 from armcontour.verification import ErrorProfile
 from armcontour.verification.contour_execution import ContourExecution, pieces_of, settling_time
 
-# Most set-points of an exact preview.
-MOST_SET_POINTS = 200_000
-# Longest motion that is simulated for a preview, times the number of joints [s]; it takes seconds,
-# and 150 MB.
-LONGEST = 2400.0
-# A program of more segments is drawn without a plan first.
-LONG = 5_000
+# Largest number of set-points of an exact preview.
+MAX_SET_POINTS = 200_000
+# Longest simulated motion of a preview times the number of joints [s]: seconds, and 150 MB.
+MAX_SIMULATED = 2400.0
+# The outline of a program with more segments is shown before its plan.
+LONG_PROGRAM = 5_000
 # Smallest cycle of a preview [s].
 DEFAULT_CYCLE = 4e-3
-# Grid intervals of each contour while a handle moves; in a run they are 4000 or more. Durations
-# differ by less than a thousandth, and nothing needs half as long.
+# Grid intervals per contour while a handle moves (4000 or more in a run). The duration changes by
+# less than 0.1 %.
 MOVING_INTERVALS = 600
-# Samples of an execution while a handle moves, at least.
+# Smallest number of samples of an execution while a handle moves.
 MOVING_SAMPLES = 1500
-# Cycle of the drives of simulated bodies while a handle moves, at least [s].
+# Shortest drive cycle of simulated bodies while a handle moves [s].
 MOVING_STEP = 1e-3
 ARCS = (
-    "corners of the shape free are drawn with arcs of the same tolerance: their shape is searched "
+    "corners of the shape free are drawn with arcs of the same tolerance: their shape is computed "
     "at rest."
 )
 CONFIGURATION = (
@@ -67,10 +66,10 @@ class Tier(StrEnum):
     """Accuracy of a picture, fastest first."""
 
     OUTLINE = "outline"
-    # While a handle moves, the next plan is wanted soon.
+    # Coarse, while a handle moves.
     MOVING = "moving"
     PREVIEW = "preview"
-    # As a full run has it.
+    # Equal to a full run.
     EXACT = "exact"
 
 
@@ -83,12 +82,12 @@ class Preview(Planned):
     start: FloatArray
     tier: Tier = Tier.PREVIEW
     differs: tuple[str, ...] = ()
-    # A sentence on links that come below the base; None if none does.
+    # Warning about links below the base, or None.
     below_base: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Executed:
+class PreviewExecution:
     """Simulated execution of a plan."""
 
     planned: Preview
@@ -96,7 +95,7 @@ class Executed:
     execution: Execution
     pieces: tuple[ContourExecution, ...]
     errors: ErrorProfile
-    # Time after which the tool is at rest [s].
+    # Time at which the tool is at rest [s].
     settled: float
 
 
@@ -107,7 +106,7 @@ class CoarsePlanner:
         self.folder = folder or FilePath()
         self.trust_xacro = trust_xacro
         self._reuse = Reuse()
-        # The configuration of the last plan, and the arm it is of.
+        # Arm and start configuration of the last plan.
         self._arm: Arm | None = None
         self._start: FloatArray | None = None
 
@@ -119,14 +118,14 @@ class CoarsePlanner:
     def may_be_exact(self, planned: Preview) -> bool:
         """True if a full run differs and takes about a second, without a search."""
         job = planned.job
-        (own,) = job.runs
+        (run,) = job.runs
         searches = isinstance(job.arm, SerialArm) and job.seed is None
-        few = planned.trajectory.duration <= MOST_SET_POINTS * own.cycle
+        few = planned.trajectory.duration <= MAX_SET_POINTS * run.cycle
         return bool(planned.differs) and not searches and few and self.may_execute(planned)
 
     def may_execute(self, planned: Preview) -> bool:
         """True if the simulation of the motion takes seconds at most."""
-        return planned.trajectory.duration * planned.job.arm.dof <= LONGEST
+        return planned.trajectory.duration * planned.job.arm.dof <= MAX_SIMULATED
 
     def keep_start(self, job: Job, start: FloatArray) -> None:
         """Keep the configuration of a start [rad], (dof,), from now on."""
@@ -136,18 +135,18 @@ class CoarsePlanner:
         """The job with only one of its runs, by default the first."""
         return self._reuse.get("job", (data, run), lambda: self._make_job(data, run))
 
-    def drawn(self, data: Mapping[str, Any]) -> Program:
+    def path_program(self, data: Mapping[str, Any]) -> Program:
         """The path of a job as a program; reads only the keys of arm and path."""
         _, path = self._arm_and_path(self._model(data), data)
         return self._reuse.get("program", path, lambda: Program.from_path(path))
 
     def is_long(self, data: Mapping[str, Any]) -> bool:
         """True if the program is too long to be planned at every edit."""
-        program = self.drawn(data)
+        program = self.path_program(data)
         count = self._reuse.get(
             "segments", program, lambda: sum(len(x.path) for x in program.contours)
         )
-        return count > LONG
+        return count > LONG_PROGRAM
 
     def plan(
         self,
@@ -159,39 +158,41 @@ class CoarsePlanner:
     ) -> Preview:
         """Plan a run, by default the first; EXACT equals the plan of `run`."""
         job = self.job(data, run)
-        (own,) = job.runs
-        with error_context(f"Run {own.name}"):
-            this, differs = (own, ()) if tier == Tier.EXACT else coarser_run(job, own, tier)
-            found, kept = self._plan(job, this, tier, progress)
-            explanation = explain_plan(job, found.trajectory, self._reuse)
+        (job_run,) = job.runs
+        with error_context(f"Run {job_run.name}"):
+            preview_run, differs = (
+                (job_run, ()) if tier == Tier.EXACT else coarser_run(job, job_run, tier)
+            )
+            plan, notes = self._plan(job, preview_run, tier, progress)
+            explanation = explain_plan(job, plan.trajectory, self._reuse)
         return Preview.of(
-            found,
+            plan,
             job=job,
             explanation=explanation,
-            below_base=below_base(job, found.trajectory),
-            start=found.trajectory(0.0),
+            below_base=below_base(job, plan.trajectory),
+            start=plan.trajectory(0.0),
             tier=tier,
-            differs=(*differs, *kept),
+            differs=(*differs, *notes),
         )
 
-    def execute(self, planned: Preview) -> Executed:
+    def execute(self, planned: Preview) -> PreviewExecution:
         """Compensate and simulate a plan, and compute its contour errors."""
-        job, this, get = planned.job, planned.run, self._reuse.get
+        job, run, get = planned.job, planned.run, self._reuse.get
         moving = planned.tier == Tier.MOVING
         servos = [comparable(x) for x in (job.servo, job.plant_servo)]
-        with error_context(f"Run {this.name}"):
-            how = (comparable(this.compensation), this.cycle, servos[0])
+        with error_context(f"Run {run.name}"):
+            inputs = (comparable(run.compensation), run.cycle, servos[0])
             set_points = get(
                 "compensation",
-                (planned.trajectory, *how),
-                lambda: compute_set_points(job, this, planned.trajectory),
+                (planned.trajectory, *inputs),
+                lambda: compute_set_points(job, run, planned.trajectory),
                 samples=lambda x: len(x.q),
             )
-            bodies = _experiment_of(this, moving)
+            bodies = _experiment_of(run, moving)
             execution = get(
                 "execution",
-                (set_points, servos[1], comparable(this.limits), comparable(bodies)),
-                lambda: _execute_judged(job, this, set_points, bodies),
+                (set_points, servos[1], comparable(run.limits), comparable(bodies)),
+                lambda: _execute_judged(job, run, set_points, bodies),
                 maximum=LARGE_RESULTS,
                 samples=lambda x: len(x.t),
             )
@@ -199,12 +200,12 @@ class CoarsePlanner:
                 execution = _with_fewer_samples(execution)
             pieces, errors, settled = get(
                 "evaluation",
-                (execution, planned.path, this.end_time),
-                lambda: _contour_errors(execution, planned.path, this.end_time),
+                (execution, planned.path, run.end_time),
+                lambda: _contour_errors(execution, planned.path, run.end_time),
                 maximum=LARGE_RESULTS,
                 samples=lambda x: len(x[1].t),
             )
-        return Executed(
+        return PreviewExecution(
             planned=planned,
             set_points=set_points,
             execution=execution,
@@ -218,9 +219,11 @@ class CoarsePlanner:
         arm, path = self._arm_and_path(model, data)
         scene: Scene | None = None
         if model.scene is not None:
-            given, part = model.scene, part_of(model.path)
+            scene_model, part = model.scene, part_of(model.path)
             made_of = data["scene"], _part(data)
-            scene = self._reuse.get("scene", made_of, lambda: scene_of(given, self.folder, part))
+            scene = self._reuse.get(
+                "scene", made_of, lambda: scene_of(scene_model, self.folder, part)
+            )
         return assemble_job(model, arm, path, scene)
 
     def _model(self, data: Mapping[str, Any]) -> JobModel:
@@ -232,11 +235,11 @@ class CoarsePlanner:
             data["arm"],
             lambda: arm_of(model.arm, self.folder, trust_xacro=self.trust_xacro),
         )
-        # A drawing is not read again where its frame moves.
-        here = {key: x for key, x in data["path"].items() if key != "frame"}
+        # A moved frame does not require reading the drawing again.
+        unplaced = {key: x for key, x in data["path"].items() if key != "frame"}
         drawn = self._reuse.get(
             "drawing",
-            (here, arm.dimension),
+            (unplaced, arm.dimension),
             lambda: unplaced_path(model.path, self.folder, arm.dimension),
         )
         path = self._reuse.get(
@@ -252,25 +255,27 @@ class CoarsePlanner:
         return arm, path
 
     def _plan(
-        self, job: Job, this: Run, tier: Tier, progress: Progress | None
+        self, job: Job, run: Run, tier: Tier, progress: Progress | None
     ) -> tuple[Planned, tuple[str, ...]]:
         """Plan in the configuration of the last plan (then with a note), else in the fastest."""
         searches = tier != Tier.EXACT and job.seed is None
         if searches and isinstance(job.arm, SerialArm) and self._arm is job.arm:
-            here = dataclasses.replace(job, seed=self._start)
+            seeded_job = dataclasses.replace(job, seed=self._start)
             try:
-                found = plan_one(here, this, self._reuse, progress, clear=False, first_only=True)
-                return found, (CONFIGURATION,)
+                plan = plan_one(
+                    seeded_job, run, self._reuse, progress, clear=False, first_only=True
+                )
+                return plan, (CONFIGURATION,)
             except Unreachable:
-                # Another configuration may reach it; else its error is the one to tell.
+                # Another configuration may reach the path; otherwise its error is reported.
                 pass
-        # While a handle moves, the first place that is out of reach is enough.
-        found = plan_one(
-            job, this, self._reuse, progress, clear=False, first_only=tier == Tier.MOVING
+        # While a handle moves, the search ends at the first unreachable point.
+        plan = plan_one(
+            job, run, self._reuse, progress, clear=False, first_only=tier == Tier.MOVING
         )
         if searches:
-            self.keep_start(job, found.trajectory(0.0))
-        return found, ()
+            self.keep_start(job, plan.trajectory(0.0))
+        return plan, ()
 
 
 def _model_of(data: Mapping[str, Any]) -> JobModel:
@@ -298,7 +303,7 @@ def _with_one_run(model: JobModel, run: str | None) -> JobModel:
     name = next(iter(model.runs)) if run is None else run
     if name not in model.runs:
         raise InvalidInput(f"The job has no run {name}: it has {', '.join(model.runs)}.")
-    asked, experiment = model.placement, model.experiment
+    placement, experiment = model.placement, model.experiment
     # The set-points depend on the experiment of the run.
     if experiment is not None:
         judged = name in (experiment.runs or [name])
@@ -307,49 +312,50 @@ def _with_one_run(model: JobModel, run: str | None) -> JobModel:
         model,
         runs={name: model.runs[name]},
         certificate=None,
-        placement=None if asked is None else dataclasses.replace(asked, run=None),
+        placement=None if placement is None else dataclasses.replace(placement, run=None),
         experiment=experiment,
     )
 
 
-def coarser_run(job: Job, own: Run, tier: Tier) -> tuple[Run, tuple[str, ...]]:
+def coarser_run(job: Job, job_run: Run, tier: Tier) -> tuple[Run, tuple[str, ...]]:
     """Run of a preview, and sentences on its differences from the run of the job."""
-    this, differs, cycle = own, [], max(own.cycle, DEFAULT_CYCLE)
+    run, differs, cycle = job_run, [], max(job_run.cycle, DEFAULT_CYCLE)
     try:
-        for x in (job.servo, job.plant_servo):
-            x.check_gains(cycle)
+        for servo in (job.servo, job.plant_servo):
+            servo.check_gains(cycle)
     except InvalidInput:
-        # Gains as large as these need short intervals.
-        cycle = own.cycle
-    if cycle != own.cycle:
-        this = dataclasses.replace(this, cycle=cycle)
+        # Large gains require the short cycle.
+        cycle = job_run.cycle
+    if cycle != job_run.cycle:
+        run = dataclasses.replace(run, cycle=cycle)
         differs.append(
-            f"set-points come every {cycle * 1e3:g} ms, and in a run every {own.cycle * 1e3:g} ms."
+            f"set-points come every {cycle * 1e3:g} ms, "
+            f"and in a run every {job_run.cycle * 1e3:g} ms."
         )
-    if this.rounding is not None and this.rounding.free:
-        this = dataclasses.replace(this, rounding=this.rounding.with_arcs)
+    if run.rounding is not None and run.rounding.free:
+        run = dataclasses.replace(run, rounding=run.rounding.with_arcs)
         differs.append(ARCS)
-    if tier == Tier.MOVING and isinstance(this.timing, Optimal) and this.timing.intervals is None:
+    if tier == Tier.MOVING and isinstance(run.timing, Optimal) and run.timing.intervals is None:
         few = min(MOVING_INTERVALS, intervals_of(job.program) or MOVING_INTERVALS)
-        timing = dataclasses.replace(this.timing, intervals=few)
-        this = dataclasses.replace(this, timing=timing)
-        differs.append(f"while it moves, the timing is found on a grid of {few} intervals.")
-    return this, tuple(differs)
+        timing = dataclasses.replace(run.timing, intervals=few)
+        run = dataclasses.replace(run, timing=timing)
+        differs.append(f"during a drag, the timing uses a grid of {few} intervals.")
+    return run, tuple(differs)
 
 
-def _experiment_of(this: Run, moving: bool) -> Experiment | None:
+def _experiment_of(run: Run, moving: bool) -> Experiment | None:
     """Experiment that judges a run, if any; with a longer drive cycle while a handle moves."""
-    found = this.judge
-    if found is None or not moving:
-        return found
-    return dataclasses.replace(found, step=max(found.step, MOVING_STEP))
+    experiment = run.judge
+    if experiment is None or not moving:
+        return experiment
+    return dataclasses.replace(experiment, step=max(experiment.step, MOVING_STEP))
 
 
 def _execute_judged(
-    job: Job, this: Run, set_points: SetPoints, bodies: Experiment | None
+    job: Job, run: Run, set_points: SetPoints, bodies: Experiment | None
 ) -> Execution:
     """Execution on the rigid bodies of the experiment, or on the servo model."""
-    plant = None if bodies is None else build_plant(bodies, job.arm, job.plant_servo, this.limits)
+    plant = None if bodies is None else build_plant(bodies, job.arm, job.plant_servo, run.limits)
     return simulate_run(job, set_points, plant)
 
 
@@ -359,6 +365,6 @@ def _with_fewer_samples(execution: Execution) -> Execution:
     if step < 2:
         return execution
     names = ("t", "q", "dq", "ddq", "demand", "torque", "torque_demand", "motor_q")
-    known = {x: getattr(execution, x) for x in names}
-    fewer = {name: x[::step] for name, x in known.items() if x is not None}
+    columns = {x: getattr(execution, x) for x in names}
+    fewer = {name: x[::step] for name, x in columns.items() if x is not None}
     return dataclasses.replace(execution, **fewer, plant=None)

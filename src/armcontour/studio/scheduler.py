@@ -21,41 +21,41 @@ from armcontour.program import Program
 from armcontour.robot import Arm
 from armcontour.robot.scene import Scene
 from armcontour.studio.arm_picture import arm_frame
-from armcontour.studio.execution_picture import executed_frame
-from armcontour.studio.page_frame import Frame
+from armcontour.studio.execution_picture import execution_frame
+from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.picture import detail_frame, drawing_frame, picture_frame, refusal_header
-from armcontour.studio.preview import CONFIGURATION, CoarsePlanner, Executed, Preview, Tier
+from armcontour.studio.preview import CONFIGURATION, CoarsePlanner, Preview, PreviewExecution, Tier
 from armcontour.studio.tasks import dispatch
 from armcontour.studio.view import Detail, View
-from armcontour.studio.workers import FastLane, SlowLane, Stale
+from armcontour.studio.workers import PreviewWorker, StaleCheck, TaskWorker
 
-MakeLane: TypeAlias = Callable[[Callable[[Frame], None]], SlowLane]
-# A plan that took longer is executed only when nothing changes any more [s].
-QUICK = 0.03
-# A longer motion, too [s]: an execution cannot be given up for a newer one.
-SHORT = 60.0
-# While edits come faster than they are executed, their plans come first for so long [s].
-WITHOUT = 0.06
-# Where two plans took longer, an outline comes first, and plans when nothing changes [s].
-SLOW = 0.5
-# A plan that takes longer is given up for a newer state [s].
-LATE = 0.5
-# Exact figures that took longer are not waited for when they are out of date [s].
-PATIENCE = 2.0
-# Progress is reported after so long at the earliest, and then at such intervals at least [s].
-SOON, OFTEN = 0.7, 0.1
-# So many of the steps of a run, the first ones, are those of a plan.
-OF_PLAN = 3
-# What a person can ask for.
+TaskWorkerFactory: TypeAlias = Callable[[Callable[[PageFrame], None]], TaskWorker]
+# An execution waits for rest if its plan took longer [s],
+FAST_PLAN = 0.03
+# or if its motion is longer [s], because an execution cannot be cancelled.
+MAX_EXECUTED = 60.0
+# Executions of a drag are at least this far apart, so that plans come first [s].
+PLANS_ONLY = 0.06
+# If the last two plans took longer, only the outline is shown until rest [s].
+SLOW_PLAN = 0.5
+# A plan that takes longer is cancelled by a newer state [s].
+MAX_OBSOLETE_PLAN = 0.5
+# Exact figures that take longer are cancelled by a newer state [s].
+MAX_OBSOLETE_FIGURES = 2.0
+# Time of the first progress frame, and minimum interval of the next ones [s].
+PROGRESS_DELAY, PROGRESS_INTERVAL = 0.7, 0.1
+# Number of steps of a run that belong to its plan.
+PLAN_STEPS = 3
+# Tasks that a page can start.
 TASKS = tuple(x for x in dispatch.TASKS if x not in ("figures", "changes"))
-# Frames after which a task is over.
-LAST = ("figures", "changes", "result", "refusal", "failed", "cancelled")
-# Names of exact figures begin so; no task of a page has such a name. Progress of a state has it.
-OWN = "#"
-# How the work on a state goes on.
+# Frames that end a task.
+FINAL_KINDS = ("figures", "changes", "result", "refusal", "failed", "cancelled")
+# Prefix of the identities of exact figures, and identity of the progress of a state.
+STATE_ID = "#"
+# Values of `state` in progress frames.
 WORKING, STOPPED, DONE = "working", "stopped", "done"
-# Motions whose starts differ by more are in different configurations [rad].
-SAME = 0.01
+# Starts that differ by more are in different configurations [rad].
+SAME_CONFIGURATION = 0.01
 
 
 class Superseded(Exception):
@@ -63,21 +63,23 @@ class Superseded(Exception):
 
 
 @dataclass(slots=True, eq=False)
-class Seen:
+class ShownResults:
     """Results of one document, and the parts of them that pages have."""
 
     planned: Preview | None = None
-    executed: Executed | None = None
-    parts: tuple[Arm, Scene | None] | None = None
-    # How long the last two plans of each tier took [s].
-    took: dict[Tier, tuple[float, float]] = field(default_factory=dict)
+    executed: PreviewExecution | None = None
+    sent_parts: tuple[Arm, Scene | None] | None = None
+    # Computing times of the last two plans of each tier [s].
+    plan_times: dict[Tier, tuple[float, float]] = field(default_factory=dict)
+    # Plan or program on the pages, its view, and the number of its picture.
     drawn: tuple[Preview | Program, View, int] | None = None
+    # Revision whose preview follows the configuration of its full run.
     followed: int = 0
     has_exact: bool = False
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
-class State:
+class DocumentState:
     """A state of the document to be shown."""
 
     data: Mapping[str, Any]
@@ -90,84 +92,84 @@ class State:
     # Waypoints in the plane [m], (n, 2).
     waypoints: FloatArray | None = None
     moving: bool = False
-    # What is seen of its document.
-    seen: Seen = field(default_factory=Seen, init=False)
-    begin: float = field(default_factory=time.monotonic, init=False)
-    # Whether a person has stopped it, and whether its plan is shown or refused.
+    # Results of its document.
+    results: ShownResults = field(default_factory=ShownResults, init=False)
+    start_time: float = field(default_factory=time.monotonic, init=False)
+    # Stopped by the user; plan shown or refused.
     stopped: bool = field(default=False, init=False)
     answered: bool = field(default=False, init=False)
-    # When its progress was told last [s]; None if pages have none.
-    told: float | None = field(default=None, init=False)
+    # Time of the last progress frame [s]; None without one.
+    reported: float | None = field(default=None, init=False)
 
 
-# A state whose figures or changes are computed, what another process needs for that, and which.
-Asked: TypeAlias = tuple[State, Mapping[str, Any], str]
+# State, request to the process, and task: "figures" or "changes".
+FiguresRequest: TypeAlias = tuple[DocumentState, Mapping[str, Any], str]
 
 
-class Planner:
+class Scheduler:
     """Takes the newest state through its tiers, and starts tasks."""
 
     def __init__(
         self,
         previewer: CoarsePlanner,
-        deliver: Callable[[Frame, State | None], bool],
-        fast: Callable[[Callable[[Frame], None]], FastLane],
-        slow: MakeLane,
-        rest: float,
+        deliver: Callable[[PageFrame, DocumentState | None], bool],
+        fast: Callable[[Callable[[PageFrame], None]], PreviewWorker],
+        slow: TaskWorkerFactory,
+        rest_time: float,
     ) -> None:
-        self.previewer, self._rest = previewer, rest
+        self.previewer, self._rest = previewer, rest_time
         self._pictures = 0
-        self._deliver, self._make = deliver, slow
+        self._deliver, self._make_task_worker = deliver, slow
         self._lock = RLock()
-        self._seen = Seen()
-        self._newest: State | None = None
-        # When a plan was executed last [s].
+        self._results = ShownResults()
+        self._newest: DocumentState | None = None
+        # Time of the last execution [s].
         self._executed_at = 0.0
         self._done = Event()
-        self._lane = fast(self._fail)
-        # What is seen is drawn finer while a plan is made.
-        self._details = fast(self._fail)
-        self._looks: dict[object, tuple[Detail, Callable[[Frame], None]]] = {}
-        self._figures = slow(self._hear)
-        # The states whose figures are computed now and next, what was asked, and what is known.
-        self._asked: Asked | None = None
-        self._wanted: Asked | None = None
-        self._known: tuple[Mapping[str, Any], Frame] | None = None
-        # What to change, which follows the known figures step by step.
-        self._changes: Frame | None = None
+        self._preview_worker = fast(self._fail)
+        # Details are drawn while a plan is computed.
+        self._detail_worker = fast(self._fail)
+        self._detail_requests: dict[object, tuple[Detail, Callable[[PageFrame], None]]] = {}
+        self._figures_worker = slow(self._receive)
+        # Running and queued requests of figures, and the last request with its figures.
+        self._current: FiguresRequest | None = None
+        self._queued: FiguresRequest | None = None
+        self._known: tuple[Mapping[str, Any], PageFrame] | None = None
+        # Last step of the advice for the known figures.
+        self._changes: PageFrame | None = None
         self._count, self._since = 0, 0.0
-        self._tasks: SlowLane | None = None
+        self._task_worker: TaskWorker | None = None
         self._running: set[str] = set()
 
     @property
     def planned(self) -> Preview | None:
         """Newest plan of this document."""
-        return self._seen.planned
+        return self._results.planned
 
     def wait(self) -> None:
         """Wait until a picture or a refusal was sent."""
         self._done.wait()
 
-    def show(self, state: State) -> None:
+    def show(self, state: DocumentState) -> None:
         """Show a state instead of older ones."""
         with self._lock:
-            old, self._newest, state.seen = self._newest, state, self._seen
+            old, self._newest, state.results = self._newest, state, self._results
             if old is not None:
                 self._end_progress(old)
-            if self._asked is not None and self._since + PATIENCE < time.monotonic():
-                # It would take the processor from what is shown now.
-                self._figures.cancel(f"{OWN}{self._count}")
-            self._lane.submit(partial(self._work, state))
+            if self._current is not None and self._since + MAX_OBSOLETE_FIGURES < time.monotonic():
+                # Obsolete figures would slow the preview down.
+                self._figures_worker.cancel(f"{STATE_ID}{self._count}")
+            self._preview_worker.submit(partial(self._show_state, state))
 
     def stop(self) -> None:
         """Stop the work on the newest state; its results stay on the pages."""
         with self._lock:
             state = self._newest
             if state is not None:
-                state.stopped, self._wanted = True, None
-                if self._asked is not None:
-                    self._figures.cancel(f"{OWN}{self._count}")
-                self._tell_progress(state, (), None, STOPPED)
+                state.stopped, self._queued = True, None
+                if self._current is not None:
+                    self._figures_worker.cancel(f"{STATE_ID}{self._count}")
+                self._send_progress(state, (), None, STOPPED)
 
     def resume(self) -> None:
         """Continue a stopped state."""
@@ -175,62 +177,64 @@ class Planner:
             state = self._newest
             if state is not None and state.stopped:
                 state.stopped = False
-                self._tell_progress(state, (), None, WORKING)
-                self._lane.submit(partial(self._work, state))
+                self._send_progress(state, (), None, WORKING)
+                self._preview_worker.submit(partial(self._show_state, state))
 
-    def look(self, detail: Detail, deliver: Callable[[Frame], None], page: object) -> None:
+    def draw_detail(
+        self, detail: Detail, deliver: Callable[[PageFrame], None], page: object
+    ) -> None:
         """Draw the visible part of the newest picture for a page."""
-        self._looks[page] = detail, deliver
-        self._details.submit(self._draw_details)
+        self._detail_requests[page] = detail, deliver
+        self._detail_worker.submit(self._draw_details)
 
-    def _draw_details(self, stale: Stale) -> None:
+    def _draw_details(self, stale: StaleCheck) -> None:
         """Draw all requested details."""
-        while self._looks and (drawn := self._seen.drawn) is not None:
-            _, (detail, deliver) = self._looks.popitem()
-            (made, view, number), executed = drawn, self._seen.executed
+        while self._detail_requests and (drawn := self._results.drawn) is not None:
+            _, (detail, deliver) = self._detail_requests.popitem()
+            (made, view, number), executed = drawn, self._results.executed
             if not isinstance(made, Preview):
                 executed = None
             tier = None if executed is None else executed.planned.tier
             frame = detail_frame(made, executed, view, detail)
             deliver(frame.stamped(number=number, tier=tier))
 
-    def pose(self, t: float, of: str) -> FloatArray:
-        """Joint positions at a time [s], clipped to the motion; `of`: "planned" or "executed"."""
-        planned, executed = self._seen.planned, self._seen.executed
-        if of == "executed" and executed is not None:
+    def pose(self, t: float, motion: str) -> FloatArray:
+        """Joint positions at a time [s] of the motion "planned" or "executed"."""
+        planned, executed = self._results.planned, self._results.executed
+        if motion == "executed" and executed is not None:
             execution = executed.execution
             return np.array([np.interp(t, execution.t, q) for q in execution.q.T])
-        if of != "planned" or planned is None:
-            raise InvalidInput(f"There is no motion {of!r} yet.")
+        if motion != "planned" or planned is None:
+            raise InvalidInput(f"There is no motion {motion!r} yet.")
         return planned.trajectory(float(np.clip(t, 0.0, planned.trajectory.duration)))
 
-    def do(self, id: str, task: str, request: Mapping[str, Any]) -> None:
+    def start_task(self, id: str, task: str, request: Mapping[str, Any]) -> None:
         """Start a task; `id` identifies it for `cancel`."""
         with self._lock:
             if task not in TASKS:
                 raise InvalidInput(f"There is no task {task!r}: there are {', '.join(TASKS)}.")
-            if id.startswith(OWN) or id in self._running:
+            if id.startswith(STATE_ID) or id in self._running:
                 raise InvalidInput(f"The task {id} is running already.")
-            if self._tasks is None:
-                self._tasks = self._make(self._hear)
+            if self._task_worker is None:
+                self._task_worker = self._make_task_worker(self._receive)
             self._running.add(id)
-            self._tasks.submit(id, task, dict(request))
+            self._task_worker.submit(id, task, dict(request))
 
     def cancel(self, id: str) -> None:
         """Cancel a task, or stop the work on the newest state."""
         with self._lock:
-            if id == OWN:
+            if id == STATE_ID:
                 self.stop()
-            elif id in self._running and self._tasks is not None:
-                self._tasks.cancel(id)
+            elif id in self._running and self._task_worker is not None:
+                self._task_worker.cancel(id)
 
     def forget(self) -> None:
         """Discard all results, because another document is opened."""
         with self._lock:
             if self._newest is not None:
                 self._end_progress(self._newest)
-            # What is at work for the other document goes on with what was seen of that.
-            self._newest, self._seen = None, Seen()
+            # Running work on the previous document keeps its results.
+            self._newest, self._results = None, ShownResults()
 
     def forget_figures(self) -> None:
         """Discard exact figures, because files of the job may have changed."""
@@ -239,132 +243,136 @@ class Planner:
 
     def close(self) -> None:
         """End all work and both processes."""
-        lanes = [x for x in (self._figures, self._tasks) if x is not None]
-        closing = [Thread(target=x.close, daemon=True) for x in lanes]
-        for x in closing:
-            x.start()
-        for x in closing:
-            x.join()
+        workers = [x for x in (self._figures_worker, self._task_worker) if x is not None]
+        closing = [Thread(target=x.close, daemon=True) for x in workers]
+        for thread in closing:
+            thread.start()
+        for thread in closing:
+            thread.join()
         self._done.set()
-        self._lane.close()
-        self._details.close()
+        self._preview_worker.close()
+        self._detail_worker.close()
 
-    # In the thread of previews.
+    # Previews, in the thread of the worker.
 
-    def _fail(self, frame: Frame) -> None:
+    def _fail(self, frame: PageFrame) -> None:
         """Report that the preview of the newest state has failed."""
         self._deliver(frame, self._newest)
 
-    def _work(self, state: State, stale: Stale) -> None:
+    def _show_state(self, state: DocumentState, stale: StaleCheck) -> None:
         """Take a state through its tiers until it is superseded."""
 
         def is_over(within: float = 0.0) -> bool:
             return stale(within) or state.stopped
 
         with contextlib.suppress(Superseded):
-            self._tiers(state, is_over)
+            self._run_tiers(state, is_over)
         self._done.set()
 
-    def _tiers(self, state: State, stale: Stale) -> None:
+    def _run_tiers(self, state: DocumentState, stale: StaleCheck) -> None:
         """Show an outline or a moving plan; then, at rest, the preview and the exact results."""
         try:
             if self._is_slow(state):
                 self._draw_outline(state)
                 self._wait(state, stale)
-                # The other process does not wait for the preview.
-                self._ask(state)
-                self._tell_progress(state, ("planning",), None, WORKING)
+                # The figures do not wait for the preview.
+                self._request_figures(state)
+                self._send_progress(state, ("planning",), None, WORKING)
             elif state.moving:
-                self._show(state, Tier.MOVING, stale)
+                self._show_tier(state, Tier.MOVING, stale)
                 self._wait(state, stale)
-            planned = self._show(state, Tier.PREVIEW, stale)
+            planned = self._show_tier(state, Tier.PREVIEW, stale)
         except ArmContourError as error:
             planned = None
             self._refuse(state, error)
         self._wait(state, stale)
-        self._ask(state)
+        self._request_figures(state)
         if planned is not None and self.previewer.may_be_exact(planned):
             try:
-                self._show(state, Tier.EXACT, stale)
+                self._show_tier(state, Tier.EXACT, stale)
             except ArmContourError as error:
                 self._refuse(state, error)
 
-    def _show(self, state: State, tier: Tier, stale: Stale) -> Preview:
+    def _show_tier(self, state: DocumentState, tier: Tier, stale: StaleCheck) -> Preview:
         """Show plan and execution of a tier."""
-        # Time of the processor: on a busy machine plans that are given up would be worse than late.
-        seen, begin = state.seen, time.thread_time()
+        # CPU time, so that plans are not cancelled because the machine is busy.
+        results, begin = state.results, time.thread_time()
 
         def go_on(step: Step) -> None:
-            is_late = tier == Tier.EXACT or time.thread_time() > begin + LATE
+            is_late = tier == Tier.EXACT or time.thread_time() > begin + MAX_OBSOLETE_PLAN
             if state.stopped or (is_late and stale()):
                 raise Superseded
-            self._tell_progress(state, step.names, step.done)
+            self._send_progress(state, step.names, step.done)
 
         planned = self.previewer.plan(state.data, state.run, tier=tier, progress=go_on)
         took = time.thread_time() - begin
-        seen.took[tier] = seen.took.get(tier, (0.0, 0.0))[1], took
-        if took < SLOW:
-            seen.took.pop(Tier.MOVING, None)
+        results.plan_times[tier] = results.plan_times.get(tier, (0.0, 0.0))[1], took
+        if took < SLOW_PLAN:
+            results.plan_times.pop(Tier.MOVING, None)
         state.answered = True
-        seen.planned = planned
-        self._draw(picture_frame(planned, state.view), planned, state)
-        # The first plan is wanted before shapes of links, which may take long.
+        results.planned = planned
+        self._send_picture(picture_frame(planned, state.view), planned, state)
+        # The plan is shown before the shapes of links, whose triangles may take long.
         self._show_arm(state, planned.job)
         if not self.previewer.may_execute(planned):
-            # The exact run has its errors; nothing else could be shown meanwhile.
+            # Only the full run simulates so long a motion.
             return planned
-        if tier != Tier.EXACT and (took > QUICK or planned.trajectory.duration > SHORT):
+        if tier != Tier.EXACT and (took > FAST_PLAN or planned.trajectory.duration > MAX_EXECUTED):
             self._wait(state, stale)
-        if stale() and (tier == Tier.EXACT or time.monotonic() < self._executed_at + WITHOUT):
+        if stale() and (tier == Tier.EXACT or time.monotonic() < self._executed_at + PLANS_ONLY):
             raise Superseded
         try:
-            seen.executed = executed = self.previewer.execute(planned)
+            results.executed = executed = self.previewer.execute(planned)
         except ArmContourError as error:
             self._refuse(state, error, planned)
         else:
             self._executed_at = time.monotonic()
-            self._deliver(executed_frame(executed, state.view), state)
+            self._deliver(execution_frame(executed, state.view), state)
         return planned
 
-    def _wait(self, state: State, stale: Stale) -> None:
+    def _wait(self, state: DocumentState, stale: StaleCheck) -> None:
         """Wait until the document rests."""
         self._done.set()
-        if stale(state.begin + self._rest - time.monotonic()):
+        if stale(state.start_time + self._rest - time.monotonic()):
             raise Superseded
 
-    def _is_slow(self, state: State) -> bool:
+    def _is_slow(self, state: DocumentState) -> bool:
         """True if planning takes so long that the outline comes first."""
         tier = Tier.MOVING if state.moving else Tier.PREVIEW
-        return min(state.seen.took.get(tier, (0.0, 0.0))) > SLOW or self.previewer.is_long(
-            state.data
-        )
+        return min(
+            state.results.plan_times.get(tier, (0.0, 0.0))
+        ) > SLOW_PLAN or self.previewer.is_long(state.data)
 
-    def _draw_outline(self, state: State) -> None:
+    def _draw_outline(self, state: DocumentState) -> None:
         """Show the path of a state without a plan."""
-        program = self.previewer.drawn(state.data)
-        self._draw(drawing_frame(program, state.view, run=state.run), program, state)
+        program = self.previewer.path_program(state.data)
+        self._send_picture(drawing_frame(program, state.view, run=state.run), program, state)
 
-    def _draw(self, frame: Frame, made: Preview | Program, state: State) -> None:
+    def _send_picture(
+        self, frame: PageFrame, made: Preview | Program, state: DocumentState
+    ) -> None:
         """Send a picture."""
         self._pictures += 1
         if self._deliver(frame.stamped(number=self._pictures), state):
-            state.seen.drawn = made, state.view, self._pictures
+            state.results.drawn = made, state.view, self._pictures
 
-    def _show_arm(self, state: State, job: Job) -> None:
+    def _show_arm(self, state: DocumentState, job: Job) -> None:
         """Send arm and cell if the pages have others."""
-        parts = state.seen.parts
+        parts = state.results.sent_parts
         if parts is None or parts[0] is not job.arm or parts[1] != job.scene:
             if self._deliver(arm_frame(job), state):
-                state.seen.parts = job.arm, job.scene
+                state.results.sent_parts = job.arm, job.scene
 
-    def _refuse(self, state: State, error: ArmContourError, planned: Preview | None = None) -> None:
+    def _refuse(
+        self, state: DocumentState, error: ArmContourError, planned: Preview | None = None
+    ) -> None:
         """Report an error of planning or execution with its position."""
-        seen, state.answered = state.seen, True
-        if planned is None and seen.planned is None:
-            # What is out of reach can be moved only if it is seen where it is.
+        results, state.answered = state.results, True
+        if planned is None and results.planned is None:
+            # The user can move an unreachable path only if it is shown.
             with contextlib.suppress(ArmContourError):
-                program = self.previewer.drawn(state.data)
-                if seen.drawn is None or seen.drawn[0] is not program:
+                program = self.previewer.path_program(state.data)
+                if results.drawn is None or results.drawn[0] is not program:
                     self._draw_outline(state)
         header = refusal_header(
             error,
@@ -374,97 +382,102 @@ class Planner:
             planned=planned,
             waypoints=state.waypoints,
         )
-        self._deliver(Frame("refusal", header), state)
+        self._deliver(PageFrame("refusal", header), state)
 
     # Exact figures and tasks.
 
-    def _ask(self, state: State) -> None:
+    def _request_figures(self, state: DocumentState) -> None:
         """Request the exact figures of a state; known ones are sent at once."""
         with contextlib.suppress(ArmContourError):
             request = state.request()
             with self._lock:
-                asked = state, request, "figures"
+                new = state, request, "figures"
                 if self._known is not None and self._known[0] == request:
-                    self._wanted, asked = None, (state, request, "changes")
-                    self._tell_figures(state, self._known[1])
+                    self._queued, new = None, (state, request, "changes")
+                    self._send_figures(state, self._known[1])
                     if self._changes is not None:
-                        self._deliver(Frame("changes", self._changes.header), state)
-                    if self._is_told(self._changes):
+                        self._deliver(PageFrame("changes", self._changes.header), state)
+                    if self._is_complete(self._changes):
                         return
-                if self._asked is None:
-                    self._begin(*asked)
-                elif self._asked[1:] == asked[1:]:
-                    self._asked = asked
-                elif self._asked[0] is not state:
-                    self._wanted = asked
+                if self._current is None:
+                    self._submit_figures(*new)
+                elif self._current[1:] == new[1:]:
+                    self._current = new
+                elif self._current[0] is not state:
+                    self._queued = new
 
     @staticmethod
-    def _is_told(changes: Frame | None) -> bool:
+    def _is_complete(changes: PageFrame | None) -> bool:
         """True if the advice is complete."""
         return changes is not None and changes.header["share"] >= 1
 
-    def _begin(self, state: State, request: Mapping[str, Any], task: str) -> None:
+    def _submit_figures(self, state: DocumentState, request: Mapping[str, Any], task: str) -> None:
         """Submit figures, or the next step of the advice, to the process."""
-        self._asked, self._wanted = (state, request, task), None
+        self._current, self._queued = (state, request, task), None
         self._count += 1
         self._since = time.monotonic()
-        self._figures.submit(f"{OWN}{self._count}", task, dict(request))
+        self._figures_worker.submit(f"{STATE_ID}{self._count}", task, dict(request))
 
-    def _hear(self, frame: Frame) -> None:
+    def _receive(self, frame: PageFrame) -> None:
         """Process a frame of a task process."""
         with self._lock:
             id = str(frame.header.get("id", ""))
-            if not id.startswith(OWN):
-                if frame.kind in LAST:
+            if not id.startswith(STATE_ID):
+                if frame.kind in FINAL_KINDS:
                     self._running.discard(id)
                 self._deliver(frame, None)
                 return
-            if self._asked is None or id != f"{OWN}{self._count}":
+            if self._current is None or id != f"{STATE_ID}{self._count}":
                 return
-            state, request, task = self._asked
-            if frame.kind not in LAST:
+            state, request, task = self._current
+            if frame.kind not in FINAL_KINDS:
                 if state.answered and task == "figures":
-                    self._tell_progress(state, frame.header["steps"], frame.header["share"])
+                    self._send_progress(state, frame.header["steps"], frame.header["share"])
                 return
-            self._asked = None
+            self._current = None
             if frame.kind == "figures":
                 self._known, self._changes = (request, frame), None
-                self._tell_figures(state, frame)
+                self._send_figures(state, frame)
             elif frame.kind == "changes":
                 self._changes = frame
-                self._deliver(Frame("changes", frame.header), state)
+                self._deliver(PageFrame("changes", frame.header), state)
             elif task == "changes":
-                # Pages do without what to change.
+                # Advice is optional.
                 pass
             elif frame.kind == "refusal":
                 self._deliver(frame, state)
                 self._end_progress(state)
             elif frame.kind == "failed":
-                # Such as a process that was killed: another one may do it.
+                # For example after the process was killed. The user can resume.
                 state.stopped = True
-                self._tell_progress(state, (str(frame.header["sentence"]),), None, STOPPED)
-            if self._wanted is not None:
-                self._begin(*self._wanted)
-            elif frame.kind in ("figures", "changes") and not self._is_told(self._changes):
-                # Steps are short, so that the next figures need not wait for what to change.
-                self._begin(state, request, "changes")
+                self._send_progress(state, (str(frame.header["sentence"]),), None, STOPPED)
+            if self._queued is not None:
+                self._submit_figures(*self._queued)
+            elif frame.kind in ("figures", "changes") and not self._is_complete(self._changes):
+                # Steps are short, so the next figures do not wait for the advice.
+                self._submit_figures(state, request, "changes")
 
-    def _tell_figures(self, state: State, frame: Frame) -> None:
+    def _send_figures(self, state: DocumentState, frame: PageFrame) -> None:
         """Send exact figures; the preview then follows the configuration of the full run."""
-        taken = self._deliver(Frame("figures", frame.header), state)
+        taken = self._deliver(PageFrame("figures", frame.header), state)
         self._end_progress(state)
-        seen, start = state.seen, frame.header.get("start")
-        had_exact, seen.has_exact = seen.has_exact, seen.has_exact or taken
-        if not taken or start is None or state is not self._newest or seen.followed == state.rev:
+        results, start = state.results, frame.header.get("start")
+        had_exact, results.has_exact = results.has_exact, results.has_exact or taken
+        if not taken or start is None or state is not self._newest or results.followed == state.rev:
             return
-        if seen.planned is None or np.abs(seen.planned.start - np.asarray(start)).max() <= SAME:
+        if (
+            results.planned is None
+            or np.abs(results.planned.start - np.asarray(start)).max() <= SAME_CONFIGURATION
+        ):
             return
-        seen.followed = state.rev
-        self._lane.submit(partial(self._follow, state, np.asarray(start), had_exact))
+        results.followed = state.rev
+        self._preview_worker.submit(partial(self._follow, state, np.asarray(start), had_exact))
 
-    def _follow(self, state: State, start: FloatArray, had_exact: bool, stale: Stale) -> None:
+    def _follow(
+        self, state: DocumentState, start: FloatArray, had_exact: bool, stale: StaleCheck
+    ) -> None:
         """Show a state in the configuration of the full run, with a notice if that is a change."""
-        planned = state.seen.planned
+        planned = state.results.planned
         assert planned is not None
         if CONFIGURATION in planned.differs and had_exact:
             joint = int(np.argmax(np.abs(planned.start - start)))
@@ -474,29 +487,37 @@ class Planner:
                 f"{joint + 1} starts at {after:z.1f} deg, and started at {before:z.1f} deg before. "
                 "`seed` in the job file fixes one."
             )
-            self._deliver(Frame("notice", {"sentence": sentence}), state)
+            self._deliver(PageFrame("notice", {"sentence": sentence}), state)
         self.previewer.keep_start(planned.job, start)
-        self._work(state, stale)
+        self._show_state(state, stale)
 
-    def _tell_progress(
-        self, state: State, steps: Sequence[str], share: float | None, how: str = ""
+    def _send_progress(
+        self, state: DocumentState, steps: Sequence[str], share: float | None, how: str = ""
     ) -> None:
         """Send progress at intervals; a change of the state of the work (`how`) is sent at once."""
         with self._lock:
             now = time.monotonic()
-            due = state.begin + SOON if state.told is None else state.told + OFTEN
+            due = (
+                state.start_time + PROGRESS_DELAY
+                if state.reported is None
+                else state.reported + PROGRESS_INTERVAL
+            )
             if state is self._newest and (how or (now >= due and not state.stopped)):
-                state.told = now
+                state.reported = now
                 tier = Tier.EXACT if state.answered else Tier.PREVIEW
                 if steps and steps[-1] in STEPS:
                     number = STEPS.index(steps[-1]) + 1
-                    count = len(STEPS) if state.answered else OF_PLAN
+                    count = len(STEPS) if state.answered else PLAN_STEPS
                     steps = (*steps[:-1], f"{steps[-1]} (step {number} of {count})")
-                told = {"id": OWN, "task": OWN, "tier": tier, "state": how or WORKING}
-                self._deliver(Frame("progress", {**told, "steps": steps, "share": share}), state)
+                header = {"id": STATE_ID, "task": STATE_ID, "tier": tier, "state": how or WORKING}
+                self._deliver(
+                    PageFrame("progress", {**header, "steps": steps, "share": share}), state
+                )
 
-    def _end_progress(self, state: State) -> None:
+    def _end_progress(self, state: DocumentState) -> None:
         """Remove the progress from the pages."""
-        if state.told is not None:
-            state.told = None
-            self._deliver(Frame("progress", {"id": OWN, "task": OWN, "state": DONE}), None)
+        if state.reported is not None:
+            state.reported = None
+            self._deliver(
+                PageFrame("progress", {"id": STATE_ID, "task": STATE_ID, "state": DONE}), None
+            )

@@ -17,16 +17,16 @@ from armcontour.core.compilation import warm_for_run
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.progress import Progress
-from armcontour.studio.commands import Acts
+from armcontour.studio.commands import Commands
 from armcontour.studio.document import Document
 from armcontour.studio.editor import Editor
-from armcontour.studio.page_frame import Frame
-from armcontour.studio.pages import Display, Said, Tab
+from armcontour.studio.page_frame import PageFrame
+from armcontour.studio.pages import Display, Page, PageMessage
 from armcontour.studio.preview import CoarsePlanner
-from armcontour.studio.scheduler import MakeLane
-from armcontour.studio.workers import FastLane, SlowLane
+from armcontour.studio.scheduler import TaskWorkerFactory
+from armcontour.studio.workers import PreviewWorker, TaskWorker
 
-# How long nothing changes before the exact figures are computed [s].
+# Time without changes before exact figures are computed [s].
 REST = 0.15
 
 
@@ -39,15 +39,15 @@ class Session:
         previewer: CoarsePlanner,
         *,
         trusted: Iterable[FilePath] = (),
-        fast: Callable[[Callable[[Frame], None]], FastLane] = FastLane,
-        slow: MakeLane = SlowLane,
-        rest: float = REST,
-        told: Progress = lambda step: None,
+        fast: Callable[[Callable[[PageFrame], None]], PreviewWorker] = PreviewWorker,
+        slow: TaskWorkerFactory = TaskWorker,
+        rest_time: float = REST,
+        progress: Progress = lambda step: None,
     ) -> None:
         self.editor = Editor(document, previewer, trusted)
-        self.display = Display(self.editor, fast, slow, rest)
-        self._acts = Acts(self.display, self.confine)
-        self._told = told
+        self.display = Display(self.editor, fast, slow, rest_time)
+        self._commands = Commands(self.display, self.confine)
+        self._told = progress
         self._ending = contextlib.ExitStack()
 
     @property
@@ -63,41 +63,41 @@ class Session:
 
     def begin(self) -> None:
         """Show the document for the first time, and wait for its first picture."""
-        handles = self.editor.seen.handles
+        handles = self.editor.state.handles
         job = None if handles is None else handles.job
         with contextlib.ExitStack() as compiling:
             if job is not None:
                 compiling.enter_context(warm_for_run(job.arm.dimension, self._told))
             with self.display.lock:
                 self.display.show_all()
-            if self.editor.seen.job is not None:
-                self.display.planner.wait()
+            if self.editor.state.job is not None:
+                self.display.scheduler.wait()
 
-    def join(self, tab: Tab) -> None:
+    def join(self, page: Page) -> None:
         """Add a page."""
-        self.display.tabs.join(tab)
+        self.display.pages.join(page)
 
-    def leave(self, tab: Tab) -> None:
+    def leave(self, page: Page) -> None:
         """Remove a page and its gesture."""
-        self.display.tabs.leave(tab)
+        self.display.pages.leave(page)
         with self.display.lock:
-            self._acts.gestures.leave(tab)
+            self._commands.gestures.leave(page)
 
-    def receive(self, tab: Tab, said: Said) -> None:
+    def receive(self, page: Page, message: PageMessage) -> None:
         """Execute a message of a page and respond."""
         with self.display.lock:
-            if not self.display.tabs.hear(tab, said):
+            if not self.display.pages.record(page, message):
                 return
             try:
-                _refuse_surrogates(said)
-                self._acts.do(tab, said)
+                _refuse_surrogates(message)
+                self._commands.execute(page, message)
             except ArmContourError as error:
-                self._fail(tab, said, error)
+                self._fail(page, message, error)
             except Exception as error:
-                # The page goes on; the terminal shows what went wrong.
+                # The page continues; the terminal shows the traceback.
                 traceback.print_exc(file=sys.stderr)
                 sentence = f"This failed: {type(error).__name__}: {error}"
-                self._fail(tab, said, ArmContourError(sentence))
+                self._fail(page, message, ArmContourError(sentence))
 
     def look(self) -> None:
         """Inform the pages if the job file has changed on disk."""
@@ -119,29 +119,29 @@ class Session:
                 editor.open(opened)
                 self.display.open()
             else:
-                editor.commit(editor.with_changes(opened), f"open {name}")
+                editor.commit(editor.revise_keys(opened), f"open {name}")
                 self.display.show_all()
         return name
 
     def close(self) -> None:
         """End all work."""
-        self.display.planner.close()
+        self.display.scheduler.close()
         self._ending.close()
         self.editor.uploads.close()
 
-    def _fail(self, tab: Tab, said: Said, error: ArmContourError) -> None:
+    def _fail(self, page: Page, message: PageMessage, error: ArmContourError) -> None:
         """Report to a page why its message failed."""
-        if said.get("op") == "edit":
-            self.display.tell_refusal(error, dropped=bool(said.get("final")))
+        if message.get("op") == "edit":
+            self.display.send_refusal(error, dropped=bool(message.get("final")))
             return
-        header = {"id": said.get("id"), "op": said.get("op"), "sentence": str(error)}
-        self.display.tell(Frame("failed", header), to=tab)
+        header = {"id": message.get("id"), "op": message.get("op"), "sentence": str(error)}
+        self.display.send(PageFrame("failed", header), to=page)
 
 
-def _refuse_surrogates(said: Said) -> None:
+def _refuse_surrogates(message: PageMessage) -> None:
     """Refuse text that UTF-8 cannot encode, because neither files nor frames can contain it."""
     try:
-        json.dumps(said, ensure_ascii=False).encode()
+        json.dumps(message, ensure_ascii=False).encode()
     except UnicodeEncodeError:
         raise InvalidInput(
             "The message has half of a character (a lone surrogate): type the character again."

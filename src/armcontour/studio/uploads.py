@@ -21,13 +21,13 @@ from armcontour.files.job_edits import Change, change_text
 from armcontour.studio.document import Document
 from armcontour.studio.drafts import all_drafts, make_private, state_folder
 
-# Endings of robot descriptions; .xacro is none of them, as it is a program.
+# Endings of robot descriptions, without .xacro, which is a program.
 ROBOTS = (".urdf",)
-LONGEST = 100
-# Endings of logs of a robot, and how many are kept.
-LOGS, MOST_LOGS = (".csv", ".txt", ".log", ".mcap", ".db3"), 8
-# Age of folders of other sessions, whose servers may still run, before they are removed [s].
-OLD = 30 * 86400.0
+MAX_NAME = 100
+# Endings of logs of a robot, and largest number of kept logs.
+LOGS, MAX_LOGS = (".csv", ".txt", ".log", ".mcap", ".db3"), 8
+# Age at which folders of other sessions, whose servers may still run, are removed [s].
+MAX_AGE = 30 * 86400.0
 
 
 class Uploads:
@@ -47,16 +47,16 @@ class Uploads:
         key = f"upload {name} on {cell} {unknown} {hashlib.sha256(content).hexdigest()}"
         ending, folder = FilePath(name).suffix.lower(), document.folder or FilePath.cwd()
         if ending in YAML:
-            return Document.of_text(_text(name, content), folder, name, key, upload=True)
+            return Document.of_text(_decode(name, content), folder, name, key, upload=True)
         if ending in ROBOTS:
-            file = self._keep(name, content, folder)
+            file = self._store(name, content, folder)
             return [Change(("arm",), {"file": file})]
         if ending not in READERS:
             raise InvalidInput(
                 f"{name} is neither a job (.yaml), nor a drawing ({', '.join(READERS)}), nor a "
                 "robot (.urdf)."
             )
-        file = self._keep(name, content, folder)
+        file = self._store(name, content, folder)
         options = [Change(("path", "unknown"), unknown)] if unknown else []
         if cell is not None:
             if cell not in cell_names():
@@ -79,53 +79,55 @@ class Uploads:
             kinds = ", ".join(LOGS)
             raise InvalidInput(f"{name} is empty, or no log of joint positions ({kinds}).")
         make_private(self._logs)
-        place, number = self._logs / name, 1
-        while place.exists() and place.read_bytes() != content:
+        file, number = self._logs / name, 1
+        while file.exists() and file.read_bytes() != content:
             number += 1
-            place = self._logs / f"{number}-{name}"
-        place.write_bytes(content)
-        self.logs.pop(place.name, None)
-        self.logs[place.name] = place
-        if len(self.logs) > MOST_LOGS:
+            file = self._logs / f"{number}-{name}"
+        file.write_bytes(content)
+        self.logs.pop(file.name, None)
+        self.logs[file.name] = file
+        if len(self.logs) > MAX_LOGS:
             self.logs.pop(next(iter(self.logs))).unlink()
-        return place.name
+        return file.name
 
     def find_logs(self, names: Any) -> list[str]:
         """Paths of kept logs by their names."""
         if not isinstance(names, list) or not {str(x) for x in names} <= set(self.logs):
-            raise InvalidInput("A log is not kept any more: drop it on the page again.")
+            raise InvalidInput("A log is no longer available: drop it on the page again.")
         return [str(self.logs[str(x)]) for x in names]
 
     def close(self) -> None:
         """Remove uploads that no draft needs, of this session and of sessions older than OLD."""
         needed = "".join(x.text for x in all_drafts())
-        old = time.time() - OLD
+        old = time.time() - MAX_AGE
         for folder in self.root.glob("*"):
-            own = folder in (self.folder, self._logs)
-            if folder.name in needed or (not own and folder.stat().st_mtime > old):
+            is_own = folder in (self.folder, self._logs)
+            if folder.name in needed or (not is_own and folder.stat().st_mtime > old):
                 continue
             shutil.rmtree(folder, ignore_errors=True)
 
-    def _keep(self, name: str, content: bytes, beside: FilePath) -> str:
+    def _store(self, name: str, content: bytes, beside: FilePath) -> str:
         """Path of a file next to the job if it exists there, else in the folder of uploads."""
         there = beside / name
         if there.is_file() and not there.is_symlink() and there.read_bytes() == content:
             return name
         make_private(self.folder)
-        place = self.folder / name
-        place.write_bytes(content)
-        return str(place)
+        file = self.folder / name
+        file.write_bytes(content)
+        return str(file)
 
 
 def check_file_name(name: str) -> None:
     """Refuse names with folders, leading dots or unprintable characters."""
     plain = name == FilePath(name).name and "\\" not in name and not name.startswith(".")
-    if not plain or len(name) > LONGEST or make_printable(name) != name:
-        raise InvalidInput("The name of the file is no plain name.")
+    if not plain or len(name) > MAX_NAME or make_printable(name) != name:
+        raise InvalidInput(
+            "The file name has a folder, a leading dot or other characters than text."
+        )
 
 
-def _text(name: str, content: bytes) -> str:
+def _decode(name: str, content: bytes) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise InvalidInput(f"{name} is no UTF-8 text.") from None
+        raise InvalidInput(f"{name} is not UTF-8 text.") from None

@@ -12,27 +12,26 @@ import numpy.typing as npt
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.geometry import Path
 
-# The box of a path is computed from so many of its points, and from the ends of its segments.
-LOOKS = 41
+# Number of points for the box of a path, in addition to the ends of segments.
+BOX_SAMPLES = 41
 
-# Times of a motion that are drawn, whatever happens between them, are so close [s], and at most so
-# many: on straight lines between them an arm that accelerates by 20 rad/s² is off by 0.3 mrad.
-CLOSE, MOST_EVEN = 10e-3, 2_000
-# The error of a picture of all lines is its size divided by this; its size is at least this [m].
-FINENESS, SMALLEST = 5_000, 1e-4
-# Curves are drawn with points that are not farther apart than this [rad], and at most so many.
-TURN, MOST_PER_ARC = 0.06, 20_000
-# At such turns drawn lines keep a point [rad], unless these points are too many.
-KEPT_TURN, MOST_CORNERS = 0.4, 100_000
-# Charts of short motions have so many at least.
-FEWEST_EVEN = 200
+# Spacing [s] and largest number of evenly spaced times of a motion. At 20 rad/s² the error of
+# linear interpolation is 0.3 mrad.
+MAX_SPACING, MAX_SAMPLES = 10e-3, 2_000
+# Size of a picture divided by its line error, and smallest size [m].
+PICTURE_FINENESS, MIN_SIZE = 5_000, 1e-4
+# Largest angle between points of a curve [rad], and largest number of points of an arc.
+TURN, MAX_PER_ARC = 0.06, 20_000
+# Change of direction at which a line keeps a point [rad], and largest number of these points.
+CORNER_TURN, MAX_CORNERS = 0.4, 100_000
+# Smallest number of times of a short motion.
+MIN_SAMPLES = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plane:
     """Plane of the picture in the frame of the job's path: origin [m], unit vectors, (3,) each."""
 
-    # The point with the coordinates 0, 0 [m], (3,).
     origin: FloatArray
     x: FloatArray
     y: FloatArray
@@ -45,10 +44,10 @@ class Plane:
 
     def uv(self, points: npt.ArrayLike) -> FloatArray:
         """Coordinates in the picture [m], (..., 2)."""
-        given = np.asarray(points, dtype=np.float64)
-        off = given - self.origin[: given.shape[-1]]
-        axes = np.stack([self.x, self.y], axis=1)[: given.shape[-1]]
-        return np.asarray(off @ axes)
+        coordinates = np.asarray(points, dtype=np.float64)
+        offsets = coordinates - self.origin[: coordinates.shape[-1]]
+        axes = np.stack([self.x, self.y], axis=1)[: coordinates.shape[-1]]
+        return np.asarray(offsets @ axes)
 
     def lift(self, uv: npt.ArrayLike) -> FloatArray:
         """Points in the plane [m], (..., 3), from coordinates in the picture, (..., 2)."""
@@ -61,9 +60,9 @@ class View:
     """Projection of points onto the screen: plane, and its centre [m], (2,)."""
 
     plane: Plane
-    # The point of the plane that arrays of points are relative to [m], (2,).
+    # Origin of the arrays of points in the plane [m], (2,).
     centre: FloatArray
-    # Boxes of paths by their identity; the paths are kept so that no other one has it.
+    # Boxes by identity of the path; keeping the paths makes the identities unique.
     _boxes: dict[int, tuple[Path, FloatArray]] = field(default_factory=dict, init=False)
 
     def uv(self, points: FloatArray) -> FloatArray:
@@ -71,21 +70,21 @@ class View:
         axes = np.stack([self.plane.x, self.plane.y], axis=1)
         return np.asarray((in_space(points) - self.plane.origin) @ axes)
 
-    def drawn(self, points: FloatArray) -> FloatArray:
+    def screen_points(self, points: FloatArray) -> FloatArray:
         """Points relative to the centre, float32, (n, 2)."""
         return np.asarray(self.uv(points) - self.centre, dtype=np.float32)
 
     def box(self, path: Path) -> FloatArray:
         """Bounds (u_min, v_min, u_max, v_max) of a path from the centre [m], (4,)."""
         if id(path) not in self._boxes:
-            s = np.linspace(0.0, path.length, LOOKS)
+            s = np.linspace(0.0, path.length, BOX_SAMPLES)
             uv = self.uv(path(np.union1d(path.breaks, s))) - self.centre
-            # No point is farther from all of these than half a piece.
-            more = np.full(2, path.length / (LOOKS - 1) / 2)
-            self._boxes[id(path)] = path, np.append(uv.min(0) - more, uv.max(0) + more)
+            # Every point is within half a sampling interval of one of these points.
+            margin = np.full(2, path.length / (BOX_SAMPLES - 1) / 2)
+            self._boxes[id(path)] = path, np.append(uv.min(0) - margin, uv.max(0) + margin)
         return self._boxes[id(path)][1]
 
-    def offsets(self, vectors: FloatArray) -> FloatArray:
+    def screen_vectors(self, vectors: FloatArray) -> FloatArray:
         """Vectors in the plane, float32, (n, 2)."""
         axes = np.stack([self.plane.x, self.plane.y], axis=1)
         return np.asarray(in_space(vectors) @ axes, dtype=np.float32)
@@ -114,32 +113,32 @@ def in_space(points: FloatArray) -> FloatArray:
     return np.concatenate([points, np.zeros((*points.shape[:-1], 1))], axis=-1)
 
 
-def short(values: FloatArray) -> Any:
+def to_float32(values: FloatArray) -> Any:
     """Values as float32."""
     return np.ascontiguousarray(values, dtype=np.float32)
 
 
-def evenly(duration: float) -> FloatArray:
+def sample_times(duration: float) -> FloatArray:
     """Evenly spaced times of a motion [s]."""
-    count = min(MOST_EVEN, max(FEWEST_EVEN, 1 + int(np.ceil(duration / CLOSE))))
+    count = min(MAX_SAMPLES, max(MIN_SAMPLES, 1 + int(np.ceil(duration / MAX_SPACING))))
     return np.linspace(0.0, duration, count)
 
 
-def thin(weight: FloatArray, rows: Sequence[FloatArray], most: int) -> IntArray:
-    """Indices of about `most` points: infinite weights, the heaviest, and extremes of rows."""
+def select_points(weight: FloatArray, rows: Sequence[FloatArray], limit: int) -> IntArray:
+    """Indices of about `limit` points: infinite weights, the heaviest, and extremes of rows."""
     count = len(weight)
-    if count <= most:
+    if count <= limit:
         return np.arange(count)
-    kept = np.flatnonzero(weight > 0)
-    if len(kept) > most // 2:
-        heaviest = np.argpartition(weight[kept], -(most // 2))[-(most // 2) :]
-        kept = np.union1d(kept[heaviest], np.flatnonzero(np.isinf(weight)))
+    indices = np.flatnonzero(weight > 0)
+    if len(indices) > limit // 2:
+        heaviest = np.argpartition(weight[indices], -(limit // 2))[-(limit // 2) :]
+        indices = np.union1d(indices[heaviest], np.flatnonzero(np.isinf(weight)))
     stays = np.zeros(count, dtype=bool)
-    stays[kept] = stays[0] = stays[-1] = True
-    parts = max(1, (most - len(kept)) // (2 * len(rows)))
+    stays[indices] = stays[0] = stays[-1] = True
+    parts = max(1, (limit - len(indices)) // (2 * len(rows)))
     width = -(-count // parts)
     table = np.nan_to_num(np.stack(rows))
-    # The last part may be shorter than the others.
+    # The last interval may be shorter.
     whole = count - count % width
     for begin, end in ((0, whole), (whole, count)):
         if begin < end:
@@ -154,38 +153,38 @@ def thin(weight: FloatArray, rows: Sequence[FloatArray], most: int) -> IntArray:
 class Detail:
     """Resolution and visible part of a picture."""
 
-    # Largest distance of the path from the drawn line [m].
+    # Largest distance between path and drawn line [m].
     error: float
-    # Least and largest u and v of what is seen, from the centre [m], (4,); None for all.
+    # Visible part (u_min, v_min, u_max, v_max) from the centre [m], (4,); None for all.
     box: FloatArray | None = None
 
     @classmethod
-    def of_whole(cls, uv: FloatArray) -> Detail:
+    def for_points(cls, uv: FloatArray) -> Detail:
         """Resolution for all points of a path [m], (n, 2)."""
-        # The size is the same when the path is turned.
+        # The size does not change when the path is rotated.
         away = np.linalg.norm(uv - uv.mean(axis=0), axis=1)
         size = 2.0 * float(away.max(initial=0.0))
-        return cls(max(size, SMALLEST) / FINENESS)
+        return cls(max(size, MIN_SIZE) / PICTURE_FINENESS)
 
-    def has(self, box_of: Callable[[Path], FloatArray], path: Path) -> bool:
+    def may_show(self, box_of: Callable[[Path], FloatArray], path: Path) -> bool:
         """True if a path may be visible; its box is computed only if necessary."""
         if self.box is None:
             return True
         box = box_of(path)
         return bool((box[2:] >= self.box[:2]).all() and (box[:2] <= self.box[2:]).all())
 
-    def places(self, path: Path) -> FloatArray:
+    def arc_lengths(self, path: Path) -> FloatArray:
         """Arc lengths of segment ends and of points on curves [m]."""
         bend = np.abs(path.curvatures)
         coarse = np.maximum(bend * path.lengths / TURN, path.lengths * np.sqrt(bend / self.error))
-        parts = np.clip(np.ceil(coarse), 1, MOST_PER_ARC).astype(np.intp)
+        parts = np.clip(np.ceil(coarse), 1, MAX_PER_ARC).astype(np.intp)
         if len(path) == parts.sum():
             return path.breaks
         i = np.repeat(np.arange(len(path)), parts)
         k = np.arange(len(i)) - np.repeat(np.cumsum(parts) - parts, parts)
         return np.append(path.breaks[i] + path.lengths[i] * (k / parts[i]), path.length)
 
-    def seen(self, uv: FloatArray, ends: IntArray) -> tuple[IntArray, IntArray]:
+    def visible_ends(self, uv: FloatArray, ends: IntArray) -> tuple[IntArray, IntArray]:
         """Indices of the ends of visible segments, and among them the first of each line."""
         if self.box is None or len(uv) < 2:
             return np.arange(len(uv)), ends
@@ -195,32 +194,34 @@ class Detail:
         inside[ends[1:-1] - 1] = False
         begins = np.append(inside, False)
         ends_here = np.append(False, inside)
-        kept = np.flatnonzero(begins | ends_here)
-        first = np.flatnonzero((begins & ~ends_here)[kept])
-        return kept, np.append(first, len(kept))
+        indices = np.flatnonzero(begins | ends_here)
+        first = np.flatnonzero((begins & ~ends_here)[indices])
+        return indices, np.append(first, len(indices))
 
-    def needed(self, points: FloatArray, ends: IntArray) -> BoolArray:
+    def essential_points(self, points: FloatArray, ends: IntArray) -> BoolArray:
         """Mask of the points that keep lines within the error and keep their corners, (n,)."""
-        kept = np.zeros(len(points), dtype=bool)
-        kept[ends[:-1]] = kept[ends[1:] - 1] = True
-        turned = np.floor(_turns(points, ends) / KEPT_TURN)
+        mask = np.zeros(len(points), dtype=bool)
+        mask[ends[:-1]] = mask[ends[1:] - 1] = True
+        turned = np.floor(_turns(points, ends) / CORNER_TURN)
         corners = 1 + np.flatnonzero(np.diff(turned))
-        # Far more corners are a hatching, whose lines are nearer than what is seen.
-        if len(corners) <= MOST_CORNERS:
-            kept[corners] = True
-        left = np.flatnonzero(~kept)
-        while len(left):
-            places = np.flatnonzero(kept)
-            which = np.searchsorted(places, left) - 1
-            off = _from_piece(points[left], points[places[which]], points[places[which + 1]])
-            # Of places that are equally far, all are kept: a path that is moved has the same.
-            off = np.round(off / self.error, 6)
-            worst = np.zeros(len(places))
-            np.maximum.at(worst, which, off)
-            far = worst[which] > 1.0
-            kept[left[far & (off == worst[which])]] = True
-            left = left[far & (off < worst[which])]
-        return kept
+        # More corners are a hatching whose lines are closer than the screen can show.
+        if len(corners) <= MAX_CORNERS:
+            mask[corners] = True
+        remaining = np.flatnonzero(~mask)
+        while len(remaining):
+            essential = np.flatnonzero(mask)
+            lines = np.searchsorted(essential, remaining) - 1
+            distances = _from_piece(
+                points[remaining], points[essential[lines]], points[essential[lines + 1]]
+            )
+            # All points with the same distance stay, so that a moved path keeps the same points.
+            distances = np.round(distances / self.error, 6)
+            worst = np.zeros(len(essential))
+            np.maximum.at(worst, lines, distances)
+            far = worst[lines] > 1.0
+            mask[remaining[far & (distances == worst[lines])]] = True
+            remaining = remaining[far & (distances < worst[lines])]
+        return mask
 
 
 def _turns(points: FloatArray, ends: IntArray) -> FloatArray:
@@ -240,5 +241,5 @@ def _from_piece(points: FloatArray, begin: FloatArray, end: FloatArray) -> Float
     chord, away = end - begin, points - begin
     square = np.einsum("ij,ij->i", chord, chord)
     along = np.einsum("ij,ij->i", away, chord) / np.where(square > 0, square, 1.0)
-    off = away - np.clip(along, 0.0, 1.0)[:, None] * chord
-    return np.asarray(np.linalg.norm(off, axis=1))
+    offsets = away - np.clip(along, 0.0, 1.0)[:, None] * chord
+    return np.asarray(np.linalg.norm(offsets, axis=1))

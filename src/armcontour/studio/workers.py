@@ -14,31 +14,31 @@ from typing import Any, Protocol, TypeAlias
 from armcontour.core.errors import ArmContourError
 from armcontour.core.pool import ProcessPool
 from armcontour.core.process import ProcessEnded
-from armcontour.studio.page_frame import Frame
+from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks.dispatch import WARM, TaskInput, work
 
-# Niceness of the other process, so that previews come first.
+# Niceness of the task process, so that previews have priority.
 NICE = 10
 
 
-class Stale(Protocol):
+class StaleCheck(Protocol):
     """Tests if newer work waits, or arrives within a time [s]."""
 
     def __call__(self, within: float = 0.0) -> bool:
         """True if newer work waits."""
 
 
-Work: TypeAlias = Callable[[Stale], None]
+Work: TypeAlias = Callable[[StaleCheck], None]
 
 
-class FastLane:
+class PreviewWorker:
     """A thread for previews that does only the latest of the waiting works."""
 
-    def __init__(self, deliver: Callable[[Frame], None]) -> None:
+    def __init__(self, deliver: Callable[[PageFrame], None]) -> None:
         self._deliver = deliver
         self._news = Condition()
         self._waiting: Work | None = None
-        self._newest, self._open = 0, True
+        self._newest, self._is_open = 0, True
         Thread(target=self._run, name="studio previews", daemon=True).start()
 
     def submit(self, work: Work) -> None:
@@ -50,14 +50,14 @@ class FastLane:
     def close(self) -> None:
         """End after the present work."""
         with self._news:
-            self._waiting, self._open = None, False
+            self._waiting, self._is_open = None, False
             self._newest += 1
             self._news.notify()
 
     def _run(self) -> None:
         while True:
             with self._news:
-                self._news.wait_for(lambda: self._waiting is not None or not self._open)
+                self._news.wait_for(lambda: self._waiting is not None or not self._is_open)
                 work, number = self._waiting, self._newest
                 self._waiting = None
             if work is None:
@@ -65,31 +65,31 @@ class FastLane:
             try:
                 work(partial(self._is_stale, number))
             except ArmContourError as error:
-                self._deliver(Frame("notice", {"sentence": str(error)}))
+                self._deliver(PageFrame("notice", {"sentence": str(error)}))
             except Exception as error:
-                # The lane goes on: the next edit may do without what failed here.
-                told = f"The preview failed: {type(error).__name__}: {error}"
-                self._deliver(Frame("notice", {"sentence": told}))
+                # The worker continues, because the next edit may succeed.
+                sentence = f"The preview failed: {type(error).__name__}: {error}"
+                self._deliver(PageFrame("notice", {"sentence": sentence}))
 
     def _is_stale(self, number: int, within: float = 0.0) -> bool:
         with self._news:
             return self._news.wait_for(lambda: self._newest > number, max(0.0, within))
 
 
-class SlowLane:
+class TaskWorker:
     """A process for tasks, in order; it starts with the first task and after a cancellation."""
 
-    def __init__(self, deliver: Callable[[Frame], None]) -> None:
+    def __init__(self, deliver: Callable[[PageFrame], None]) -> None:
         self._deliver = deliver
         self._news = Condition()
         self._waiting: deque[TaskInput] = deque()
         self._running: TaskInput | None = None
-        self._doing: Future[bytes] | None = None
+        self._future: Future[bytes] | None = None
         self._pool: ProcessPool | None = None
-        self._open = True
-        # Frames on their way, in order; who delivers them holds no lock.
-        self._said: deque[Frame] = deque()
-        self._saying = False
+        self._is_open = True
+        # Frames to deliver, in order; the delivering thread holds no lock.
+        self._frames: deque[PageFrame] = deque()
+        self._is_delivering = False
         self._thread = Thread(target=self._run, name="studio tasks", daemon=True)
         self._thread.start()
 
@@ -109,78 +109,80 @@ class SlowLane:
             self._waiting = deque(x for x in self._waiting if x.id != id)
             if running:
                 self._running = None
-                assert self._pool is not None and self._doing is not None
-                if not self._doing.cancel():
+                assert self._pool is not None and self._future is not None
+                if not self._future.cancel():
                     self._pool.kill()
-            self._said.append(Frame("cancelled", {"id": id}))
+            self._frames.append(PageFrame("cancelled", {"id": id}))
         self._deliver_all()
 
     def close(self) -> None:
         """End the process, including a running task."""
         with self._news:
             self._waiting.clear()
-            self._running, self._open = None, False
+            self._running, self._is_open = None, False
             self._news.notify()
-        # Without the lock, for which the thread of the process may wait.
+        # Without the lock, because the thread of the process may wait for it.
         if self._pool is not None:
             self._pool.end()
         self._thread.join()
 
     def _run(self) -> None:
         """Run the tasks of the queue."""
-        while (doing := self._next()) is not None:
+        while (future := self._next()) is not None:
             assert self._pool is not None
             try:
-                self._end(Frame.unpack(doing.result()))
+                self._finish(PageFrame.unpack(future.result()))
             except (ProcessEnded, RuntimeError, CancelledError) as error:
-                self._end(Frame("failed", {"sentence": str(error)}))
-                # Another process gets ready for the next task.
+                self._finish(PageFrame("failed", {"sentence": str(error)}))
+                # A new process loads the modules for the next task.
                 with suppress(RuntimeError):
-                    _get_ready(self._pool)
+                    _warm_up(self._pool)
 
     def _next(self) -> Future[bytes] | None:
         """Wait for the next task and start it; None at the end."""
         with self._news:
-            self._news.wait_for(lambda: self._waiting or not self._open)
-            if not self._open:
+            self._news.wait_for(lambda: self._waiting or not self._is_open)
+            if not self._is_open:
                 return None
             if self._pool is None:
                 self._pool = ProcessPool(1)
-                _get_ready(self._pool)
-            self._running = given = self._waiting.popleft()
-            self._doing = self._pool.submit_reporting(self._hear, partial(work, given))
-            return self._doing
+                _warm_up(self._pool)
+            self._running = task_input = self._waiting.popleft()
+            self._future = self._pool.submit_reporting(
+                self._deliver_progress, partial(work, task_input)
+            )
+            return self._future
 
-    def _hear(self, data: bytes) -> None:
+    def _deliver_progress(self, data: bytes) -> None:
         """Deliver progress, unless the task was cancelled."""
         with self._news:
             if self._running is not None:
-                self._said.append(Frame.unpack(data))
+                self._frames.append(PageFrame.unpack(data))
         self._deliver_all()
 
-    def _end(self, frame: Frame) -> None:
+    def _finish(self, frame: PageFrame) -> None:
         """Deliver the final frame of the running task, unless it was cancelled."""
         with self._news:
-            given, self._running = self._running, None
-            if given is not None:
-                self._said.append(frame.stamped(id=given.id))
+            task_input, self._running = self._running, None
+            if task_input is not None:
+                self._frames.append(frame.stamped(id=task_input.id))
         self._deliver_all()
 
     def _deliver_all(self) -> None:
         """Deliver queued frames; one thread at once, without holding the lock."""
         while True:
             with self._news:
-                if self._saying or not self._said:
+                if self._is_delivering or not self._frames:
                     return
-                self._saying, frame = True, self._said.popleft()
+                self._is_delivering, frame = True, self._frames.popleft()
             try:
                 self._deliver(frame)
             finally:
                 with self._news:
-                    self._saying = False
+                    self._is_delivering = False
 
 
-def _get_ready(pool: ProcessPool) -> None:
+def _warm_up(pool: ProcessPool) -> None:
     """Load the modules of tasks in the process, with low priority."""
     if hasattr(os, "nice"):
         pool.submit(os.nice, NICE)

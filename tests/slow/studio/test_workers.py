@@ -9,11 +9,11 @@ import pytest
 from tests.studio.talking import figure
 from tests.studio.test_workers import Heard
 
-from armcontour.studio.tasks.dispatch import SMALL
-from armcontour.studio.workers import SlowLane
+from armcontour.studio.tasks.dispatch import WARMUP_JOB
+from armcontour.studio.workers import TaskWorker
 
 # Takes far longer than any of these tests.
-LONG = {"text": SMALL, "options": {"key": "limits.speed", "values": [0.1] * 100_000}}
+LONG = {"text": WARMUP_JOB, "options": {"key": "limits.speed", "values": [0.1] * 100_000}}
 
 
 @pytest.fixture(scope="module")
@@ -23,14 +23,14 @@ def heard():
 
 @pytest.fixture(scope="module")
 def slow(heard):
-    lane = SlowLane(heard)
+    lane = TaskWorker(heard)
     yield lane
     lane.close()
 
 
 def test_a_cancelled_task_ends_at_once_and_the_next_is_done(slow, heard):
     slow.submit("d", "sweep", LONG)
-    slow.submit("f", "figures", {"text": SMALL})
+    slow.submit("f", "figures", {"text": WARMUP_JOB})
     progress = heard.wait("d", "progress").header
     assert progress["task"] == "sweep" and 0 <= progress["share"] < 1
     process = next(iter(slow._pool._children))
@@ -46,7 +46,7 @@ def test_a_process_that_dies_is_said_and_replaced(slow, heard):
     heard.wait("g", "progress")
     next(iter(slow._pool._children)).kill()
     assert "ended before it returned a result" in heard.wait("g", "failed").header["sentence"]
-    slow.submit("h", "figures", {"text": SMALL})
+    slow.submit("h", "figures", {"text": WARMUP_JOB})
     assert figure(heard.wait("h", "figures").header, "duration") > 0
 
 

@@ -21,7 +21,7 @@ from armcontour.studio.edits.waypoints import (
 )
 from armcontour.studio.handles import EditState
 
-# What an edit says in words.
+# Keys of edits with text values.
 TEXTS = ("name", "action", "kind")
 
 
@@ -44,8 +44,8 @@ def _to_waypoints(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     return waypoint_changes(state.handles, state.data)
 
 
-Made: TypeAlias = Callable[[Mapping[str, Any], EditState], Sequence[Change]]
-EDITS: dict[Any, Made] = {
+EditFunction: TypeAlias = Callable[[Mapping[str, Any], EditState], Sequence[Change]]
+EDITS: dict[Any, EditFunction] = {
     "set": set_value,
     "unset": unset_value,
     "tilt": tilt,

@@ -22,12 +22,12 @@ from armcontour.geometry import Path
 from armcontour.studio.handles import ANGLE, FILE, LENGTH, Handles
 
 SPEED = Quantity("m/s", "100 mm/s")
-# Arcs up to this angle go through a point to an end, which can be moved. Others, whose ends may lie
-# near each other, are written with their centre [rad].
+# Arcs up to this angle are written with a via point [rad]; larger ones, whose ends may be close to
+# each other, with their centre.
 THROUGH = 1.5 * math.pi
-# Coordinates that differ by less than this are one: rounding errors of the frame [m].
+# Rounding error of coordinates by the frame [m].
 NOISE = 1e-15
-# How far points [m] and axes of the tool may be off afterwards.
+# Largest deviation of points [m] and tool axes after the conversion.
 SAME = 1e-9
 
 Write = Callable[[FloatArray], list[Any]]
@@ -36,15 +36,15 @@ Write = Callable[[FloatArray], list[Any]]
 def waypoint_changes(handles: Handles, data: Mapping[str, Any]) -> list[Change]:
     """Changes that convert the contour of a drawing to points or segments of the job."""
     path = _only_path(handles)
-    given = data["path"]
-    here = path.placed(handles.frame.inverse)
-    old = ((given.get("frame") or {}).get("position") or [None])[0]
+    path_data = data["path"]
+    local_path = path.placed(handles.frame.inverse)
+    old = ((path_data.get("frame") or {}).get("position") or [None])[0]
     write = partial(_coordinates, like=old)
-    demands = [_demand(here, i) for i in range(len(here))]
-    straight = not any(demands) and not here.curvatures.any()
-    new = _points(here, write) if straight else _segments(here, write, demands)
+    assigned = [_demand(local_path, i) for i in range(len(local_path))]
+    straight = not any(assigned) and not local_path.curvatures.any()
+    new = _points(local_path, write) if straight else _segments(local_path, write, assigned)
     changes = [Change(("path", key), x) for key, x in new.items()]
-    changes += [Change(("path", key)) for key in ("file", *READING) if key in given]
+    changes += [Change(("path", key)) for key in ("file", *READING) if key in path_data]
     _verify(path, change_data(data, changes)["path"], handles)
     return changes
 
@@ -82,13 +82,13 @@ def _only_path(handles: Handles) -> Path:
         )
     if path.segments.bent.any():
         raise InvalidInput(f"{handles.file} has transitions, which are neither lines nor arcs.")
-    own = job.process.layers.get(layer or "")
-    if own is None:
+    layer_values = job.process.layers.get(layer or "")
+    if layer_values is None:
         return path
     table = path.segments
     columns: dict[str, Any] = {
         name: np.where(np.isnan(getattr(table, name)), value, getattr(table, name))
-        for name, value in (("speeds", own.speed), ("tolerances", own.tolerance))
+        for name, value in (("speeds", layer_values.speed), ("tolerances", layer_values.tolerance))
         if value is not None
     }
     return Path(segments=table.replace(**columns), orientation=path.orientation)
@@ -98,14 +98,14 @@ def _points(path: Path, write: Write) -> dict[str, Any]:
     return {"points": _closed([write(x) for x in path.vertices], path)}
 
 
-def _segments(path: Path, write: Write, demands: list[dict[str, Any]]) -> dict[str, Any]:
+def _segments(path: Path, write: Write, assigned: list[dict[str, Any]]) -> dict[str, Any]:
     """Keys of a path of lines and arcs."""
     ends = _closed([write(x) for x in path.vertices], path)
     listed: list[dict[str, Any]] = []
-    for i, (to, demand) in enumerate(zip(ends[1:], demands, strict=True)):
+    for i, (to, assigned_keys) in enumerate(zip(ends[1:], assigned, strict=True)):
         angle = float(path.curvatures[i] * path.lengths[i])
         if angle == 0:
-            listed.append({"to": to, **demand})
+            listed.append({"to": to, **assigned_keys})
         elif angle <= THROUGH:
             listed.append(
                 {
@@ -113,11 +113,11 @@ def _segments(path: Path, write: Write, demands: list[dict[str, Any]]) -> dict[s
                         path.segments.evaluate(slice(i, i + 1), path.lengths[i : i + 1] / 2)[0]
                     ),
                     "to": to,
-                    **demand,
+                    **assigned_keys,
                 }
             )
         else:
-            listed.append({**_around(path, i, angle, write), **demand})
+            listed.append({**_around(path, i, angle, write), **assigned_keys})
     return {"start": ends[0], "segments": listed}
 
 
@@ -145,33 +145,36 @@ def _coordinates(point: FloatArray, like: Any) -> list[Any]:
 
 def _demand(path: Path, i: int) -> dict[str, Any]:
     """Speed and tolerance of a segment, if assigned."""
-    found = {}
+    assigned = {}
     if not math.isnan(path.speeds[i]):
-        found["speed"] = write_like(float(path.speeds[i]), None, SPEED)
+        assigned["speed"] = write_like(float(path.speeds[i]), None, SPEED)
     if not math.isnan(path.tolerances[i]):
-        found["tolerance"] = write_like(float(path.tolerances[i]), None, LENGTH)
-    return found
+        assigned["tolerance"] = write_like(float(path.tolerances[i]), None, LENGTH)
+    return assigned
 
 
 def _verify(path: Path, written: Mapping[str, Any], handles: Handles) -> None:
     """Refuse waypoints that make another path, such as those of a file with tool orientations."""
     model = read_keys(MappingKeys(PathModel), written, "the waypoints")
-    again = path_of(model, FilePath(), handles.job.arm.dimension)
-    assert isinstance(again, Path)
-    alike = len(again) == len(path) and abs(again.vertices - path.vertices).max() <= SAME
+    written_path = path_of(model, FilePath(), handles.job.arm.dimension)
+    assert isinstance(written_path, Path)
+    alike = (
+        len(written_path) == len(path) and abs(written_path.vertices - path.vertices).max() <= SAME
+    )
     if not alike:
         raise InvalidInput(
             f"The contour of {handles.file} has segments that are too short to be written as "
             "waypoints of the job."
         )
-    ours, theirs = again.orientation, path.orientation
-    if ours is None and theirs is None:
+    written_orientation, orientation = written_path.orientation, path.orientation
+    if written_orientation is None and orientation is None:
         return
     s = np.linspace(0, 1, 9)
     if (
-        ours is None
-        or theirs is None
-        or abs(ours(s * again.length) - theirs(s * path.length)).max() > SAME
+        written_orientation is None
+        or orientation is None
+        or abs(written_orientation(s * written_path.length) - orientation(s * path.length)).max()
+        > SAME
     ):
         raise InvalidInput(
             f"{handles.file} gives the orientation of the tool, which would be lost: write it as "

@@ -23,12 +23,12 @@ from armcontour.jobs import Job, Run
 from armcontour.studio.handles import EditState
 
 SHARP = "sharp"
-# The tolerance of corners that were sharp before.
+# Tolerance of corners that were sharp before.
 FIRST_TOLERANCE = "1 mm"
-# Mappings by numbers, of waypoints and of tools.
+# Mappings with numbers of waypoints or tools as keys.
 NUMBERED = ("at", "tools")
-# Mappings that a job has, be they empty.
-NEEDED: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs",))
+# Required mappings, which may be empty.
+REQUIRED_LIBRARIES: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs",))
 
 
 def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
@@ -45,15 +45,15 @@ def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     if edit.get("insert") is True:
         return [Change(keys, value, insert=True)]
     if isinstance(value, dict) and isinstance(now, dict):
-        # One by one, so that the comments of each stay.
-        own = {k: written(x, now.get(k), (*keys, k)) for k, x in value.items()}
-        return [Change((*keys, k), own.get(k, REMOVE)) for k in {**now, **own}]
+        # Key by key, so that comments stay.
+        formatted = {k: format_value(x, now.get(k), (*keys, k)) for k, x in value.items()}
+        return [Change((*keys, k), formatted.get(k, REMOVE)) for k in {**now, **formatted}]
     if keys == ("arm",) and isinstance(value, str) and isinstance(now, Mapping):
         # The equipment of the arm stays.
         new = {"name": REMOVE, "file": REMOVE, **arm_keys(value)}
         return [Change(("arm", key), x) for key, x in new.items()]
     if keys[-2:] == ("corners", "shape"):
-        # Sharp corners are no shape in the file, and have no tolerance.
+        # In the file sharp corners have no shape and no tolerance.
         if value == SHARP or not isinstance(values, Mapping):
             arcs = {"shape": value, "tolerance": FIRST_TOLERANCE}
             keys, value = tuple(outer), SHARP if value == SHARP else arcs
@@ -62,16 +62,16 @@ def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     ):
         keys, value = tuple(outer), _for_joints(keys, value, values, state)
     else:
-        value = written(value, now, keys)
+        value = format_value(value, now, keys)
     return resolve_patch(state.data, {keys: value}, state.run)
 
 
 def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Remove a key, and mappings that become empty."""
     keys = _plain(_place(edit, state))
-    while len(keys) > 1 and isinstance(keys[-1], str) and keys[:-1] not in NEEDED:
+    while len(keys) > 1 and isinstance(keys[-1], str) and keys[:-1] not in REQUIRED_LIBRARIES:
         outer = value_at(state.data, keys[:-1])
-        # A run and a layer that is read may be empty.
+        # A run or a layer may be empty.
         empty = keys[0] == "runs" and len(keys) == 3 or keys[:2] == ("path", "layers")
         if empty or not isinstance(outer, Mapping) or set(outer) != {keys[-1]}:
             break
@@ -81,10 +81,10 @@ def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 def _place(edit: Mapping[str, Any], state: EditState) -> Keys:
     """Keys that an edit changes; texts in a list of keys are names."""
-    given = key_of(edit["key"])
+    keys = key_of(edit["key"])
     if not isinstance(edit["key"], str):
-        given = tuple(Name(x) if isinstance(x, str) else x for x in given)
-    return locate_key(given, state.data, state.run)
+        keys = tuple(Name(x) if isinstance(x, str) else x for x in keys)
+    return locate_key(keys, state.data, state.run)
 
 
 def _plain(keys: Keys) -> Keys:
@@ -93,15 +93,15 @@ def _plain(keys: Keys) -> Keys:
 
 def _in_run(keys: Keys, value: Any, state: EditState) -> list[Change]:
     """Set a key of the job for the shown run only."""
-    changes, here = list[Change](), ("runs", state.run, str(keys[0]))
+    changes, run_keys = list[Change](), ("runs", state.run, str(keys[0]))
     shared = value_at(state.data, keys[:1])
     if len(keys) > 1 and keys[0] not in MERGED and isinstance(shared, Mapping):
-        # The run's mapping takes the place of the job's.
-        changes = [Change(here, deepcopy(shared))]
-    own = replace(state, data=change_data(state.data, changes))
-    # A number has the unit that is shown.
-    value = written(value, value_at(state.data, _plain(keys)), keys)
-    return changes + _set({"key": [*here, *_plain(keys[1:])], "value": value}, own)
+        # The mapping of the run replaces that of the job.
+        changes = [Change(run_keys, deepcopy(shared))]
+    run_state = replace(state, data=change_data(state.data, changes))
+    # A number has the displayed unit.
+    value = format_value(value, value_at(state.data, _plain(keys)), keys)
+    return changes + _set({"key": [*run_keys, *_plain(keys[1:])], "value": value}, run_state)
 
 
 def _for_joints(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]:
@@ -112,13 +112,13 @@ def _for_joints(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]
         raise InvalidInput(f"{'.'.join(map(str, outer))} has no values of single joints.")
     checks.check_int("number of the joint", joint, 0, len(now) - 1)
     si = [value if k == joint else float(x) for k, x in enumerate(now)]
-    return [written(x, old, (*outer, k)) for k, x in enumerate(si)]
+    return [format_value(x, old, (*outer, k)) for k, x in enumerate(si)]
 
 
 def joint_values(keys: Keys, job: Job, run: str) -> FloatArray | None:
     """Limits or gains of all joints in a run in SI units, (dof,); None for other keys."""
-    found = value_of(keys[-2:], job, run_of(job, run))
-    return found if isinstance(found, np.ndarray) and found.shape == (job.arm.dof,) else None
+    values = value_of(keys[-2:], job, run_of(job, run))
+    return values if isinstance(values, np.ndarray) and values.shape == (job.arm.dof,) else None
 
 
 def value_of(keys: Keys, job: Job, run: Run) -> Any:
@@ -131,18 +131,18 @@ def value_of(keys: Keys, job: Job, run: Run) -> Any:
 
 def run_of(job: Job, name: str) -> Run:
     """The run of a job with a name."""
-    for x in job.runs:
-        if x.name == name:
-            return x
+    for candidate in job.runs:
+        if candidate.name == name:
+            return candidate
     raise InvalidInput(f"The job has no run {show(name)}.")
 
 
-def written(value: Any, old: Any, keys: Keys) -> Any:
+def format_value(value: Any, old: Any, keys: Keys) -> Any:
     """Format a value like the old one, whose unit a number typed without a unit has."""
     if isinstance(value, list):
         olds = old if isinstance(old, list) and len(old) == len(value) else [old] * len(value)
         pairs = enumerate(zip(value, olds, strict=True))
-        return [written(x, was, (*keys, k)) for k, (x, was) in pairs]
+        return [format_value(x, was, (*keys, k)) for k, (x, was) in pairs]
     kind = quantity_of(JobModel, keys)
     if kind is None or isinstance(value, bool):
         return value

@@ -7,12 +7,12 @@ import { mm } from "./format.js";
 import { Pointer } from "./pointer.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./connection.js").Link} Link */
 /** @typedef {import("./view2d.js").View2d} View2d */
 /** @typedef {[number, number]} Point */
 /** @typedef {import("./pointer.js").Movable} Movable */
 /**
- * Something to grab: `at` says where it is (metres in the plane, null: not there).
+ * Something to drag: `at` says where it is (metres in the plane, null: not there).
  * @typedef {Movable & {element: SVGGElement, at: () => Point | null, describe: () => void, corner?: () => any}} Handle
  *   `describe` sets what is read aloud; `corner` is the one whose apex it is
  */
@@ -39,7 +39,7 @@ class Handles {
     view.followers.add(() => this.place());
   }
 
-  /** What can be grabbed may be another now, or elsewhere. @param {import("./state.js").Frame | null} frame */
+  /** What can be dragged may be another now, or elsewhere. @param {import("./state.js").Frame | null} frame */
   answered(frame) {
     this.build();
     this.place();
@@ -242,7 +242,7 @@ class Handles {
 }
 
 /**
- * Whether a waypoint can be inserted before that with a number, be it a new last one.
+ * True if a waypoint can be inserted before that with a number, be it a new last one.
  * @param {any} document @param {number} index @returns {boolean}
  */
 export function insertable({ waypoints }, index) {
@@ -250,7 +250,7 @@ export function insertable({ waypoints }, index) {
   return index > 0 && index <= ends.length && (ends[index]?.divisible ?? true);
 }
 
-/** Whether the path goes through a point; others shape an arc. @param {string} role */
+/** True if the path goes through a point; others shape an arc. @param {string} role */
 export const isOnPath = (role) => role === "point" || role === "end";
 
 /** @param {Store} store @param {Link} link @param {View2d} view @returns {Handles} */

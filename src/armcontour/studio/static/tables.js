@@ -1,14 +1,14 @@
-// Tables of waypoints and corners: every drag has a way without dragging.
+// Tables of waypoints and corners, as an alternative to dragging.
 
 import { toleranceEdits } from "./corner.js";
 import { find, whileSeen } from "./dom.js";
 import { mm, withUnit } from "./format.js";
 import { insertable } from "./handles.js";
-import { Entry, Heads } from "./parts.js";
+import { Entry, Heads } from "./components.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./connection.js").Link} Link */
 
 const MOST_ROWS = 500;
 const AXES = ["x", "y", "z"];

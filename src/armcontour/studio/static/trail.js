@@ -1,8 +1,8 @@
-// The tool's path in space, in short pieces coloured by the limit that binds there.
+// Tool path in space, in pieces coloured by the active limit.
 
 import { styleOf } from "./colours.js";
 import { indexAt } from "./state.js";
-import { kindAt } from "./strokes.js";
+import { kindAt } from "./polylines.js";
 
 /** @typedef {import("./motion.js").Motion} Motion */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -22,7 +22,7 @@ const LONGEST = 1 / 400;
 /**
  * The trail of a motion.
  * @param {Motion} motion
- * @param {Frame} picture says what binds when
+ * @param {Frame} picture says what is active when
  * @param {"light" | "dark"} theme
  * @returns {Trail}
  */

@@ -71,20 +71,20 @@ class Request:
         """Plan and set-points of the run."""
         from armcontour.jobs import run
 
-        (found,) = run(self.job, simulate=False, progress=self.progress).runs.values()
-        return found
+        (plan,) = run(self.job, simulate=False, progress=self.progress).runs.values()
+        return plan
 
     @cached_property
     def result(self) -> RunResult:
         """Result of the run, judged as in the preview."""
         from armcontour.jobs import run
 
-        (this,) = self.job.runs
-        this = replace(this, experiment=this.judge)
-        (found,) = run(replace(self.job, runs=(this,)), progress=self.progress).runs.values()
-        if found.failure is not None:
-            raise found.failure
-        return found
+        (single,) = self.job.runs
+        single = replace(single, experiment=single.judge)
+        (result,) = run(replace(self.job, runs=(single,)), progress=self.progress).runs.values()
+        if result.failure is not None:
+            raise result.failure
+        return result
 
     @cached_property
     def view(self) -> View:
@@ -97,9 +97,9 @@ class Request:
 
     def option(self, name: str, default: Any) -> Any:
         """An option of the task, or a default."""
-        found = self.options.get(name)
-        return default if found is None else found
+        value = self.options.get(name)
+        return default if value is None else value
 
 
-# One, of the last folder.
+# The planner of the last folder.
 _previewers: dict[tuple[str, bool], CoarsePlanner] = {}

@@ -13,110 +13,116 @@ from armcontour.core.progress import Step
 from armcontour.jobs import PlaceSearch
 from armcontour.jobs.place_search import LENGTHS
 from armcontour.robot.scene import BASE
-from armcontour.studio.page_frame import Frame
+from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks.request import Request
 
 if TYPE_CHECKING:
     from armcontour.studio.view import View
 
 
-# A sweep has so many points by default.
-SWEPT = 15
+# Default number of points of a sweep.
+SWEEP_POINTS = 15
 
 
-def sweep(x: Request) -> Frame:
+def sweep(request: Request) -> PageFrame:
     """Duration and error in previews over `values`, or `min`, `max`, `count`, `log`, of `key`."""
     from armcontour.files.job_edits import change_data
     from armcontour.studio.edits.keys import set_value
     from armcontour.studio.handles import EditState, handles_of
 
-    key, values = str(x.option("key", "")), _values(x)
-    state = EditState(data=x.data, run=x.job.runs[0].name, handles=handles_of(x.job, x.data))
-    duration, rms, most = (np.full(len(values), np.nan) for _ in range(3))
+    key, values = str(request.option("key", "")), _values(request)
+    state = EditState(
+        data=request.data,
+        run=request.job.runs[0].name,
+        handles=handles_of(request.job, request.data),
+    )
+    duration, rms, maximum = (np.full(len(values), np.nan) for _ in range(3))
     refusals: list[str | None] = []
     for k, value in enumerate(values.tolist()):
-        x.progress(Step((f"{k + 1} of {len(values)}",), k / len(values)))
+        request.progress(Step((f"{k + 1} of {len(values)}",), k / len(values)))
         try:
             changes = set_value({"key": key, "value": value}, state)
-            planned = x.previewer.plan(change_data(x.data, changes), x.run)
+            planned = request.previewer.plan(change_data(request.data, changes), request.run)
             duration[k] = planned.trajectory.duration
-            errors = x.previewer.execute(planned).errors
-            rms[k], most[k] = errors.rms, errors.max
+            errors = request.previewer.execute(planned).errors
+            rms[k], maximum[k] = errors.rms, errors.max
             refusals.append(None)
         except ArmContourError as error:
             refusals.append(str(error))
-    return Frame(
+    return PageFrame(
         "result",
         {"run": state.run, "key": key, "refusals": refusals},
-        {"values": values, "duration": duration, "rms": rms, "max": most},
+        {"values": values, "duration": duration, "rms": rms, "max": maximum},
     )
 
 
-def _values(x: Request) -> Any:
-    given = x.options.get("values")
-    if given is not None:
-        return np.array(given, dtype=np.float64)
-    low, high = x.options.get("min"), x.options.get("max")
+def _values(request: Request) -> Any:
+    values = request.options.get("values")
+    if values is not None:
+        return np.array(values, dtype=np.float64)
+    low, high = request.options.get("min"), request.options.get("max")
     if low is None or high is None:
         raise InvalidInput("A sweep needs values, or min and max.")
-    space = np.geomspace if x.option("log", False) else np.linspace
-    return space(float(low), float(high), int(x.option("count", SWEPT)))
+    space = np.geomspace if request.option("log", False) else np.linspace
+    return space(float(low), float(high), int(request.option("count", SWEEP_POINTS)))
 
 
-def place(x: Request) -> Frame:
+def place(request: Request) -> PageFrame:
     """Map of part placements; options are `processes`, `as_job` and fields of `PlaceSearch`."""
     from armcontour.core.render import frame, verdict
     from armcontour.studies.placement import place
 
-    given = dict(x.options)
-    processes, as_job = given.pop("processes", 1), given.pop("as_job", True)
-    base = (x.job.placement if as_job else None) or PlaceSearch()
-    search = replace(base, **given)
+    options = dict(request.options)
+    processes, as_job = options.pop("processes", 1), options.pop("as_job", True)
+    base = (request.job.placement if as_job else None) or PlaceSearch()
+    search = replace(base, **options)
     search = replace(search, over={**base.over, **search.over})
     _refuse_unseen(search)
-    found = place(x.job, search, run=x.run, processes=processes, progress=x.progress)
-    verdicts, objective = found.verdicts, found.objective
-    places = [found.place(k) for k in range(len(verdicts))]
-    kinds = list(found.refusals)
-    best = found.refined
-    sentence = verdict(found.to_data())
-    anchor = found.moves.anchor
-    # Shifts are from where the part is.
-    own = dict(zip(LENGTHS, anchor.tolist(), strict=True))
-    zero = {name: own[name] for name in found.moves.absolute}
+    result = place(
+        request.job, search, run=request.run, processes=processes, progress=request.progress
+    )
+    verdicts, objective = result.verdicts, result.objective
+    placements = [result.place(k) for k in range(len(verdicts))]
+    kinds = list(result.refusals)
+    best = result.refined
+    sentence = verdict(result.to_data())
+    anchor = result.moves.anchor
+    # Shifts are relative to the current position of the part.
+    part = dict(zip(LENGTHS, anchor.tolist(), strict=True))
+    zero = {name: part[name] for name in result.moves.absolute}
     header = {
-        **{"run": found.run.name, "sentence": sentence, "objective": objective},
-        "axes": [{"name": y.name, "values": y.values} for y in found.axes],
-        "anchor": x.view.uv(anchor),
+        **{"run": result.run.name, "sentence": sentence, "objective": objective},
+        "axes": [{"name": y.name, "values": y.values} for y in result.axes],
+        "anchor": request.view.uv(anchor),
         "refusals": kinds,
         "best": {
-            **{"values": best.values, "by": _shift(x.view, best.values, zero)},
+            **{"values": best.values, "by": _shift(request.view, best.values, zero)},
             "turn": best.values.get("yaw", 0.0),
             "rows": frame(best.verdict.to_data()),
         },
-        "own": frame(found.own.to_data()),
-        "notes": found.notes,
+        "own": frame(result.own.to_data()),
+        "notes": result.notes,
     }
     refused = [kinds.index(y.refusal) if y.refusal else 255 for y in verdicts]
     scores = np.array([y.score(objective) for y in verdicts])
-    # The part moves by these, which are written into the file: they have all digits.
+    # Shifts are written into the file, so they keep float64.
     arrays: dict[str, Any] = {
-        "by": np.array([_shift(x.view, y, zero) for y in places]),
-        "turn": np.array([y.get("yaw", 0.0) for y in places]),
-        "duration": found.values("duration").ravel().astype(np.float32),
+        "by": np.array([_shift(request.view, y, zero) for y in placements]),
+        "turn": np.array([y.get("yaw", 0.0) for y in placements]),
+        "duration": result.values("duration").ravel().astype(np.float32),
         "score": scores.astype(np.float32),
         "refusal": np.array(refused, dtype=np.uint8),
     }
-    return Frame("result", header, arrays)
+    return PageFrame("result", header, arrays)
 
 
 def _refuse_unseen(search: PlaceSearch) -> None:
     """Refuse placements outside of the plane of the picture."""
     axes = [name for name in ("z", "tilt") if name in search.over]
     if axes or search.what == BASE:
-        what = f"along {' and '.join(axes)}" if axes else "the base"
+        moved = f"along {' and '.join(axes)}" if axes else "the base"
         raise InvalidInput(
-            f"The map of places is in the plane of the drawing, so it cannot place {what}: "
+            f"The map of places is in the plane of the drawing, so it cannot place {moved}: "
             "use `armcontour place`, or untick *as in the job* and give ranges of x, y and turn."
         )
 

@@ -12,7 +12,7 @@ import { along, indexAt } from "./state.js";
 
 const NEAR = 14; // px
 const MOST_MARKS = 60;
-// A slow place is told of so near to it.
+// Distance at which a slow point shows its text.
 const BESIDE = 0.002; // m
 /** Corners of the mark of a slow place, and lines of the cross at the place of a refusal [px]. */
 export const SLOW = [[0, -5], [5, 4], [-5, 4]];
@@ -136,7 +136,7 @@ class Marks {
     return best;
   }
 
-  /** A box beside a place, within the region. @param {HTMLElement} box @param {number} x @param {number} y */
+  /** A box next to a place, within the region. @param {HTMLElement} box @param {number} x @param {number} y */
   put(box, x, y) {
     const { width, height } = this.view.view;
     const left = x + 16 + box.offsetWidth > width ? x - 16 - box.offsetWidth : x + 16;
@@ -176,7 +176,7 @@ export function pointOf(picture, t, s) {
 }
 
 /**
- * What happens at a point of the path: where, when, how fast, and why not faster.
+ * Values at a point of the path: position, time, speed, active limit.
  * @param {Frame} picture @param {number} i @returns {string}
  */
 function sentenceAt(picture, i) {
