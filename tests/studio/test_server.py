@@ -7,8 +7,8 @@ from itertools import count
 from types import SimpleNamespace
 
 import pytest
-from tests.studio.serving import running
-from tests.studio.talking import MOVE
+from tests.studio.running_studio import running
+from tests.studio.session_pages import MOVE
 
 from armcontour.core.errors import InvalidInput
 from armcontour.studio import server

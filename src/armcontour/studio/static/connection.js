@@ -16,7 +16,7 @@ const KEPT_AS = "armcontour-token";
 const FIRST_WAIT = 250; // ms
 const LONGEST_WAIT = 4000;
 // Edits without an answer at once; the screen may be faster than the server.
-const MOST_IN_FLIGHT = 3;
+const MAX_IN_FLIGHT = 3;
 // An edit without an answer for this long no longer holds back the next one.
 const ANSWER_WITHIN = 2000;
 const REFUSED = "Open the address that `armcontour studio` printed last; it may be pasted into this tab.";
@@ -104,7 +104,7 @@ export class Link {
     const last = this.pending.at(-1);
     if (last && last.gesture === gesture) this.pending.pop();
     this.pending.push(message);
-    if (this.inFlight.length < MOST_IN_FLIGHT || final) this.flush();
+    if (this.inFlight.length < MAX_IN_FLIGHT || final) this.flush();
   }
 
   /** Revert the gesture. */

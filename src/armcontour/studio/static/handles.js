@@ -18,7 +18,7 @@ import { Pointer } from "./pointer.js";
  */
 
 // Beyond this number only handles in view are made.
-const MOST_HANDLES = 300;
+const MAX_HANDLES = 300;
 /** No waypoint that is to have the focus. */
 const NOTHING = { index: -1, seq: Infinity, count: 0 };
 
@@ -88,13 +88,13 @@ class Handles {
     // The view is fitted to the first picture: until then a handle would be elsewhere.
     if (!this.store.latest("picture") && !this.store.refusal) return [];
     const movable = found.waypoints.filter((/** @type {any} */ x) => !x.why_not);
-    return movable.length <= MOST_HANDLES ? movable : movable.filter((/** @type {any} */ x) => this.inView(x.uv)).slice(0, MOST_HANDLES);
+    return movable.length <= MAX_HANDLES ? movable : movable.filter((/** @type {any} */ x) => this.inView(x.uv)).slice(0, MAX_HANDLES);
   }
 
   /** Rounded corners. @returns {any[]} */
   corners() {
     const seen = handledOf(this.store.latest("picture"));
-    return seen.length <= MOST_HANDLES ? seen : seen.filter((/** @type {any} */ x) => this.inView(x.apex)).slice(0, MOST_HANDLES);
+    return seen.length <= MAX_HANDLES ? seen : seen.filter((/** @type {any} */ x) => this.inView(x.apex)).slice(0, MAX_HANDLES);
   }
 
   /** @param {Point} uv @returns {boolean} */
@@ -222,7 +222,7 @@ class Handles {
 
   /** Every handle at its place on the screen. */
   place() {
-    if ((this.store.document?.waypoints?.length ?? 0) > MOST_HANDLES) this.build();
+    if ((this.store.document?.waypoints?.length ?? 0) > MAX_HANDLES) this.build();
     const points = this.waypoints().map(({ role, index }) => isOnPath(role) && this.waypointAt(index));
     const corners = points.flatMap((p) => (p ? [this.pointer.screen(p).map((x) => x.toFixed(1)).join()] : []));
     mark(this.polygon, "points", corners.join(" "));

@@ -11,7 +11,7 @@ import { along, indexAt } from "./state.js";
 /** @typedef {import("./view2d.js").View2d} View2d */
 
 const NEAR = 14; // px
-const MOST_MARKS = 60;
+const MAX_MARKS = 60;
 // Distance at which a slow point shows its text.
 const BESIDE = 0.002; // m
 /** Corners of the mark of a slow place, and lines of the cross at the place of a refusal [px]. */
@@ -149,7 +149,7 @@ class Marks {
 const slowest = (picture) => (picture?.head.shortfalls ?? []).filter((/** @type {any} */ x) => x.kind === "slowest");
 
 /** Places that are slower than they were to be, as many as are marked. @param {Frame | null} picture */
-export const slowPlaces = (picture) => slowest(picture).slice(0, MOST_MARKS);
+export const slowPlaces = (picture) => slowest(picture).slice(0, MAX_MARKS);
 
 /** Squared distance to a piece of a polyline. @param {number} u @param {number} v @param {Numbers} points @param {number} k */
 function squaredDistance(u, v, points, k) {

@@ -10,7 +10,7 @@ import { BETWEEN, heat, styleOf } from "./colours.js";
 
 const SHADES = 16;
 // Dashes cost more than the line itself: long paths are drawn without.
-const MOST_DASHED = 6000;
+const MAX_DASHED = 6000;
 const SIGNS = /** @type {Record<string, string>} */ ({
   velocity: "v",
   acceleration: "a",
@@ -84,7 +84,7 @@ export function strokesByLimit(picture, theme) {
   );
   return [...found].map(([k, way]) => {
     const { colour, dash } = styleOf(kinds[k], theme);
-    return { path: way, colour, dash: path.length > 2 * MOST_DASHED ? [] : dash };
+    return { path: way, colour, dash: path.length > 2 * MAX_DASHED ? [] : dash };
   });
 }
 

@@ -26,7 +26,7 @@ import { html, render, signal, useComputed, useEffect, useMemo, useRef, useSigna
 /** A file of the server, which is kept for a while; `open` is an address at which a browser shows it. @typedef {{file: string, name: string, bytes: number, open?: string, label?: string}} Kept */
 
 /** Numbers of kept results, of shown table rows, and of sweep points. */
-const [MOST_RESULTS, MOST_ROWS, SWEPT] = [12, 200, 15];
+const [MAX_RESULTS, MAX_ROWS, SWEPT] = [12, 200, 15];
 /** Places to both sides of the part's own; without an entry they are those of the job's key `placement`. @type {Choice[]} */
 const PLACE = [
   { name: "as_job", label: "as in the job (placement)", type: "checkbox", value: true },
@@ -135,8 +135,8 @@ function Outcome({ result: { id, task, title, time, state, told, frame, sentence
       ${frame?.head.file && html`<${Download} file=${frame.head} link=${link} />`}
       ${graphs.filter((x) => x.content.x.length).map((x) => html`<${Graph} key=${x.name} graph=${x} store=${store} />`)}
       ${tables.filter((x) => x.rows.length).map(({ title: of, columns, rows: all, times }) => html`<div class="task-table" tabindex="0" role="group" aria-label=${of ?? "Table"}>
-        <table>${of && html`<caption>${of}</caption>`}<${Tabular} columns=${columns} rows=${all.slice(0, MOST_ROWS).map((row, k) => (times ? [html`<button type="button" title="Show the time of its largest error" onClick=${() => store.setTime(times[k])}>${row[0]}</button>`, ...row.slice(1)] : row))} /></table>
-        ${all.length > MOST_ROWS && html`<p class="quiet">And ${all.length - MOST_ROWS} more rows.</p>`}</div>`)}
+        <table>${of && html`<caption>${of}</caption>`}<${Tabular} columns=${columns} rows=${all.slice(0, MAX_ROWS).map((row, k) => (times ? [html`<button type="button" title="Show the time of its largest error" onClick=${() => store.setTime(times[k])}>${row[0]}</button>`, ...row.slice(1)] : row))} /></table>
+        ${all.length > MAX_ROWS && html`<p class="quiet">And ${all.length - MAX_ROWS} more rows.</p>`}</div>`)}
       ${task === "place" && frame && map.from && results.value.find((x) => x.task === task && x.frame)?.id === id && html`<${Host} element=${map.element} />`}
     </div>
   </article>`;
@@ -196,7 +196,7 @@ export function init(store, link) {
     const time = new Date().toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" });
     const isSent = link.send({ op: "task", id, task, options }) >= 0;
     const how = /** @type {Partial<Result>} */ (isSent ? { state: "running" } : { state: "failed", sentence: "There is no connection to the server." });
-    results.value = /** @type {Result[]} */ ([{ id, task, title, time, rev: store.latest("document")?.rev, ...how }, ...results.value].slice(0, MOST_RESULTS));
+    results.value = /** @type {Result[]} */ ([{ id, task, title, time, rev: store.latest("document")?.rev, ...how }, ...results.value].slice(0, MAX_RESULTS));
     tell();
     // In a narrow page the results are below the forms.
     requestAnimationFrame(() => region.querySelector(".task-result")?.scrollIntoView({ block: "nearest" }));

@@ -15,7 +15,7 @@ import { kindAt } from "./polylines.js";
  */
 
 /** More pieces than this are not visible. */
-const MOST_PIECES = 4000;
+const MAX_PIECES = 4000;
 /** The tool needs at most this share of the duration for a piece: the trail follows it closely. */
 const LONGEST = 1 / 400;
 
@@ -29,7 +29,7 @@ const LONGEST = 1 / 400;
 export function trailOf(motion, picture, theme) {
   const all = [...runsOf(motion, picture)].sort((a, b) => motionTime(a) - motionTime(b));
   const count = all.reduce((sum, x) => sum + x.times.length - 1, 0);
-  const step = Math.max(1, Math.ceil(count / MOST_PIECES));
+  const step = Math.max(1, Math.ceil(count / MAX_PIECES));
   const found = new Pieces(motion.duration * LONGEST);
   const known = new Map();
   for (const { points, times, rapid } of all) {

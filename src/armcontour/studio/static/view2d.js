@@ -16,7 +16,7 @@ const MANY = 12_000;
 const REST = 130; // ms
 // A pointer that moves less has clicked.
 const CLICK = 4; // px
-const MOST_MEASURES = 3000;
+const MAX_MEASURES = 3000;
 
 export class View2d {
   /** @param {Store} store */
@@ -263,7 +263,7 @@ export class View2d {
       if (!frame.asked) continue;
       performance.measure(`drawn ${frame.kind}`, { start: frame.asked, detail: frame.seq });
       this.measures += 1;
-      if (this.measures % MOST_MEASURES === 0) performance.clearMeasures();
+      if (this.measures % MAX_MEASURES === 0) performance.clearMeasures();
     }
   }
 
