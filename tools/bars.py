@@ -77,18 +77,18 @@ QUANTITIES = {
     # Other figures are those of a fit, a recorded run, drawn robots; and a search compares them.
     "RMS of the contour error": (
         r"\.(contour_)?rms\b",
-        "control/(identification|learning)|simulation/robustness|studies/certification/_",
+        "control/(identification|learning)|simulation/robustness|studies/certification/(?!certificat)",
     ),
     # Programs for controllers have it as data; logs have one; a refusal's message names it.
     "duration": (
         r"\.duration\b",
-        "planning|jobs/job|program/moves|files/exports|studies/certification/_|control",
+        "planning|jobs/job|program/moves|files/exports|studies/certification/(?!certificat)|control",
     ),
     # Shares of the assigned speed, of jerk and of a contour error are other figures; a search
     # computes uses.
     "limit use": (
         r"\.(limit_ratios|certain|used?|limits_used)\b",
-        "planning|studies/certification/_",
+        "planning|studies/certification/(?!certificat)",
     ),
     # `least` is a pair of bodies; estimates and ranges of limits have ends, too.
     "clearance": (

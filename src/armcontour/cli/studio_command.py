@@ -15,15 +15,7 @@ if TYPE_CHECKING:
 
 
 def open_studio(file: FilePath | None, options: StudioOptions) -> None:
-    """Serve the Studio until it is interrupted, or its last page is closed.
-
-    Args:
-        file: A job file or a drawing; None opens the start page.
-        options: The options.
-
-    Raises:
-        InvalidInput: No such file, a drawing without a cell, or a library that is missing.
-    """
+    """Serve the Studio until it is interrupted, or its last page is closed."""
     from armcontour.cli.interrupts import before_interrupt
     from armcontour.studio.server import require_server, serve
 

@@ -46,7 +46,7 @@ def certify(request: Request) -> PageFrame:
     from armcontour.core.render import plain, verdict
     from armcontour.report import render_report
     from armcontour.studies.certification import certify
-    from armcontour.studies.certification.certifying import goal_of
+    from armcontour.studies.certification.certification import goal_of
 
     if request.whole_job.certificate is None and "tolerance" not in request.options:
         raise InvalidInput(

@@ -1,4 +1,4 @@
-"""The section on the path of the tool: the executed path, its corners, and the moving arm."""
+"""The section on the tool path: executed path, enlarged corners, and animated arm."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from armcontour.report.sections.bodies import (
     line_in_space,
     seen_from_base,
 )
-from armcontour.report.sections.corners import Tool, corners, tools_of
+from armcontour.report.sections.corner_figures import Tool, corners, tools_of
 from armcontour.report.sections.motion import marked_run
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, run_colours
 
-# Largest number of points of an executed path, and of those that are evenly spaced.
-MOST_POINTS, EVEN = 6000, 800
+# Largest number of points of an executed path, and number of evenly spaced ones.
+MAX_POINTS, EVEN = 6000, 800
 # Number of drawn tool axes, and their length as a share of the size of the path.
 STICKS = 32
 STICK_LENGTH = 0.09
 # Height of the figures [px], and number of frames of the animation.
 HEIGHT, FRAMES = 350, 50
 # Largest number of visible arms; the others can be shown in the legend.
-MOST_ARMS = 2
+MAX_ARMS = 2
 SHOWN = {"size": 13, "color": "#222222"}
 
 
 def paths(study: JobResult) -> Section:
-    """The objective path and the executed paths, enlarged corners, and in space the moving arm."""
+    """Objective and executed paths, enlarged corners, and in space the animated arm."""
     figures = [draw_path(study), *corners(study)]
     text = "The executed path of the tool" if study.simulated else "The planned path of the tool"
     if study.job.program.dimension == 3:
@@ -45,8 +45,8 @@ def paths(study: JobResult) -> Section:
             ". Sticks are the tool in the first run: its axis, and shorter its x axis where that "
             "is given. The arm moves in the coordinates of its base"
         )
-    for x in figures:
-        x.span = 6 // len(figures)
+    for figure in figures:
+        figure.span = 6 // len(figures)
     return Section(
         key="paths",
         title="Path of the tool",
@@ -77,36 +77,36 @@ def draw_path(study: JobResult) -> Any:
 
 
 def executed_points(tool: Tool) -> FloatArray:
-    """Executed points of a tool along its contours, with the largest error, (n, dimension) [m].
+    """Executed points along contours, with that of the largest error, (n, dimension) [m].
 
-    Between contours there is a gap (NaN): rapids have no path.
+    Rapids have no path, so NaN separates contours.
     """
-    x, points = tool.done, tool.done.tool
+    execution, points = tool.execution, tool.execution.tool
     peak = -1.0 if tool.evaluation is None else tool.evaluation.contour_error.t_max
-    worst = int(np.searchsorted(x.t, peak))
-    spans = executed_contours(x)
-    parts = simplify([points[a:b] for a, b in spans], MOST_POINTS, even=EVEN)
-    gap, found = np.full((1, points.shape[1]), np.nan), []
-    for (a, b), few in zip(spans, parts, strict=True):
-        which = np.union1d(a + few, [worst]) if a <= worst < b else a + few
-        found += [points[which], gap]
-    return np.concatenate(found[:-1])
+    worst = int(np.searchsorted(execution.t, peak))
+    spans = executed_contours(execution)
+    parts = simplify([points[a:b] for a, b in spans], MAX_POINTS, even=EVEN)
+    gap, drawn = np.full((1, points.shape[1]), np.nan), []
+    for (a, b), chosen in zip(spans, parts, strict=True):
+        rows = np.union1d(a + chosen, [worst]) if a <= worst < b else a + chosen
+        drawn += [points[rows], gap]
+    return np.concatenate(drawn[:-1])
 
 
 def executed_contours(execution: Execution) -> list[tuple[int, int]]:
-    """Indices of the first and after the last executed sample of every contour.
+    """Indices of the first and after the last executed sample of each contour.
 
-    Samples before and after the motion belong to the first and the last contour.
+    Samples before and after the motion belong to the first and last contour.
     """
     trajectory, last = execution.set_points.trajectory, len(execution.t)
-    found = []
+    indices = []
     for span in trajectory.contour_spans:
         start, end = np.searchsorted(execution.t, span.t).tolist()
-        # At least two samples, also of a very short contour.
+        # At least two samples.
         start = 0 if span.t[0] <= 0 else min(start, last - 2)
         end = last if span.t[1] >= trajectory.duration else max(end + 1, start + 2)
-        found.append((start, end))
-    return found
+        indices.append((start, end))
+    return indices
 
 
 def _switching_points(result: RunResult, colour: str) -> Any:
@@ -136,16 +136,16 @@ def _sticks(study: JobResult) -> list[tuple[FloatArray, str, str]]:
     outline = outline_points(result.path)
     length = STICK_LENGTH * float((np.nanmax(outline, axis=0) - np.nanmin(outline, axis=0)).max())
     # The tool axis points from the arm to the work, so that the tool is on its negative side.
-    found = [(_separate(points, points - length * axes[:, :, 2]), "tool axis", RUN_COLOURS[5])]
+    sticks = [(_separate(points, points - length * axes[:, :, 2]), "tool axis", RUN_COLOURS[5])]
     path = result.path.contours[0].path
     if path.orientation is not None and not path.orientation.axis_only:
         ends = points + length / 2 * axes[:, :, 0]
-        found.append((_separate(points, ends), "tool x axis", RUN_COLOURS[4]))
-    return found
+        sticks.append((_separate(points, ends), "tool x axis", RUN_COLOURS[4]))
+    return sticks
 
 
 def _along(result: RunResult) -> FloatArray:
-    """Joint positions along every contour, or along some of many contours, (n, dof)."""
+    """Joint positions along each contour, or along some of many, (n, dof)."""
     spans = result.trajectory.contour_spans
     every = -(-len(spans) // STICKS)
     each = max(2, STICKS * every // len(spans))
@@ -172,10 +172,10 @@ def _arm(study: JobResult) -> Any:
     for i, (name, links) in enumerate(arms.items()):
         trace = line_in_space(links[0], name, colours[name], width=9)
         trace.update(mode="lines+markers", marker={"size": 4, "color": "#222222"})
-        if i >= MOST_ARMS:
+        if i >= MAX_ARMS:
             trace.update(visible="legendonly")
         figure.add_trace(trace)
-    which = list(range(1, len(figure.data)))
+    traces = list(range(1, len(figure.data)))
     everywhere = np.concatenate([path, *(x.reshape(-1, 3) for x in arms.values())])
     drawn = [everywhere]
     for trace, points in draw_surroundings(study.job, everywhere):
@@ -185,7 +185,7 @@ def _arm(study: JobResult) -> Any:
         Node(
             {
                 "name": str(k),
-                "traces": which,
+                "traces": traces,
                 "data": [
                     {"type": "scatter3d", **dict(zip("xyz", links[k].T, strict=True))}
                     for links in arms.values()

@@ -1,4 +1,4 @@
-"""Use of limits, budget and box by a plan and its executions, over time."""
+"""Shares of limits, error budget and box that a plan and its executions use, over time."""
 
 from __future__ import annotations
 
@@ -11,64 +11,67 @@ from typing import Literal
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.geometry import Path
-from armcontour.motion import Execution, PathLaw, SetPoints, Span, Trajectory
+from armcontour.geometry import Path, ShapedPath
+from armcontour.motion import (
+    Execution,
+    JointPath,
+    PathLaw,
+    SetPoints,
+    Span,
+    Trajectory,
+    largest_shares,
+)
 from armcontour.motion.laws import join_path
+from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import ServoSimulation
 from armcontour.simulation import ServoPlant, simulate
 from armcontour.simulation.plant import count_intervals
 from armcontour.simulation.robustness.uncertainty import Uncertainty
-from armcontour.studies.certification._case import Case
-from armcontour.verification import Check
+from armcontour.studies.certification.certification_case import Case
+from armcontour.verification import Check, check
 from armcontour.verification.contour_execution import ContourExecution, pieces_of
 
-# Trials are executed with this many results per cycle, but not finer than this [s].
+# Results per cycle of a trial, but not finer than this [s]; and of a trial in corners of a box.
 PER_INTERVAL = 16
 FINEST = 1.25e-4
-# The same for executions in the corners of a box.
 BOX_PER_INTERVAL = 4
-# The tool speed of an execution may exceed the velocity assigned at its place by this share of it.
+# Share by which the executed tool speed may exceed the assigned velocity.
 SPEED_SLACK = 1e-3
-# Directions across the path in which errors over a box are added up, in space.
+# Directions across a path in space in which errors over a box are added up.
 DIRECTIONS = 16
 # Penalty ratio for a command outside the joint range: slowing down cannot correct it completely,
 # but each trial reduces the speed there.
 OUTSIDE = 1.1
-# Shares of limits, and phases of a cycle, that differ by less than this are the same.
+# Phases of a cycle that differ by less than this are equal.
 SAME = 1e-9
 Side = Literal["left", "right"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LimitMargins:
-    """Shares of what is allowed on one contour, over time; 1 is all of it.
+    """Ratios of values to their limits on one contour, over time."""
 
-    Args:
-        t: Times from the start of the contour [s], (n,).
-        s: Place of the plan then [m], (n,).
-        joints: Of the joints' acceleration limits, the larger one of plan and demand, (n, dof).
-        pace: Of what bounds the speed of the plan and of its command, as a ratio of ds², (n,).
-        tool: Of the executed tool's speed, as a ratio of squared speeds, (n,).
-        error: Of the budget, (n,).
-        box: Of the budget, by the worst robots of the box, (n,); 0 without a box.
-        peak: Largest demands over their limits at any time, (dof,); 0 where saturation is allowed.
-        rms: RMS contour error over its largest; 0 without one.
-    """
-
+    # Times from the start of the contour [s], and arc lengths of the plan [m], (n,)
     t: FloatArray
     s: FloatArray
+    # Joint acceleration, the larger of planned and commanded, (n, dof)
     joints: FloatArray
+    # Speed of plan and command, as a ratio of ds², (n,)
     pace: FloatArray
+    # Squared speed of the executed tool, (n,)
     tool: FloatArray
+    # Contour error, on the robot and on the worst robots of the box, (n,); 0 without a box
     error: FloatArray
     box: FloatArray
+    # Largest commanded acceleration between samples, too, (dof,); 0 if saturation is allowed
     peak: FloatArray
+    # RMS contour error; 0 without a limit
     rms: float
 
     def worst(self) -> dict[str, float]:
-        """The largest of each."""
+        """Largest ratio by kind."""
         return {
             "acceleration": max(float(self.joints.max()), float(self.peak.max())),
             "speed": float(self.pace.max()),
@@ -78,13 +81,12 @@ class LimitMargins:
         }
 
 
-# Executions of the whole program in corners of the box, and the error of the dead time that they
-# share [s].
+# Error of the dead time that all joints share [s], and executions in corners of the box with it.
 Group = tuple[float, list[Execution]]
 
 
-def run(case: Case, set_points: SetPoints, resolution: float | None = None) -> Execution:
-    """Execute a trial on the robot; on one that never saturates where saturation is refused."""
+def execute_trial(case: Case, set_points: SetPoints, resolution: float | None = None) -> Execution:
+    """Execute a trial; the robot does not saturate if saturation is refused."""
     if case.bodies:
         return simulate(set_points, case.plant(), resolution=resolution or case.resolution)
     every = min(set_points.cycle, max(set_points.cycle / PER_INTERVAL, FINEST))
@@ -93,23 +95,22 @@ def run(case: Case, set_points: SetPoints, resolution: float | None = None) -> E
     )
 
 
-def run_on_box(case: Case, set_points: SetPoints) -> list[Group]:
-    """Execute in corners of the box, all joints in the same one.
+def execute_on_box(case: Case, set_points: SetPoints) -> list[Group]:
+    """Execute in corners of the box that all joints share: a group per end of a shared dead time.
 
-    One group for either end of a shared dead time. Where saturation is refused the robots do not
-    saturate: what they demand is a use like others.
+    If saturation is refused, the robots do not saturate; their commanded acceleration is rated.
     """
     box, servo, dof = case.box, case.servo, case.arm.dof
     if box is None or case.bodies:
         return []
-    late = np.broadcast_to(box.dead_time, (dof,))
-    shared = box.dead_time_shared and bool(late.any())
-    apart = np.zeros(dof) if box.dead_time_shared else late
+    errors = np.broadcast_to(box.dead_time, (dof,))
+    shared = box.dead_time_shared and bool(errors.any())
+    apart = np.zeros(dof) if box.dead_time_shared else errors
     resolution = max(set_points.cycle / BOX_PER_INTERVAL, FINEST)
     groups = []
     for common in (-1.0, 1.0) if shared else (0.0,):
-        moved = np.maximum(servo.dead_time + common * late, 0.0)
-        servos = _variants(servo, moved, box, apart)
+        moved = np.maximum(servo.dead_time + common * errors, 0.0)
+        servos = _corner_servos(servo, moved, box, apart)
         plants = [case.plant(x, ideal=not case.saturated) for x in servos]
         runs = [simulate(set_points, x, resolution=resolution) for x in plants]
         groups.append((float((moved - servo.dead_time)[0]) if shared else 0.0, runs))
@@ -117,87 +118,77 @@ def run_on_box(case: Case, set_points: SetPoints) -> list[Group]:
 
 
 def distances(piece: ContourExecution) -> FloatArray:
-    """Contour error of both directions at every time of a piece [m], (n,)."""
+    """Contour error in both directions over time [m], (n,)."""
     error = piece.contour_error
     over_time = np.maximum(piece.followed.distance, piece.followed.coverage_error)
-    # A peak between two times counts for the nearer one.
+    # A peak between two times belongs to the nearer one.
     peak = int(np.argmin(np.abs(piece.t - error.t_max)))
     over_time[peak] = max(over_time[peak], error.max)
     return over_time
 
 
 def speed_ratios(case: Case, piece: ContourExecution) -> FloatArray:
-    """Tool speed of a piece over the velocity assigned at its place, (n,)."""
-    # Rigid bodies have a result in every cycle of their drives.
+    """Ratio of tool speed to assigned velocity, (n,)."""
+    # Rigid bodies have a result in every drive cycle.
     return piece.speed_ratios(case.limits.speed, between=not case.bodies)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial:
-    """A plan of the whole program, executed once on the robot and on corners of the box.
+    """A plan of the whole program with its executions on the robot and in corners of the box."""
 
-    Args:
-        case: The case.
-        trajectory: The plan.
-        set_points: Its set-points.
-        executed: Their execution on the robot.
-        pieces: The execution contour by contour.
-        groups: Executions on corners of the box.
-        box: Times and largest errors of bodies of the box [s, m], (2, n).
-        check: Check of the plan against all limits; None before its proof.
-    """
-
+    # The case
     case: Case
+    # The plan
     trajectory: Trajectory
+    # Its set-points
     set_points: SetPoints
+    # Their execution on the robot
     executed: Execution
+    # The execution contour by contour
     pieces: Sequence[ContourExecution]
+    # Executions on corners of the box
     groups: Sequence[Group] = ()
+    # Times and largest errors of bodies of the box [s, m], (2, n)
     box: FloatArray | None = None
+    # Check of the plan against all limits; None before its proof
     check: Check | None = None
 
     @property
     def all_runs(self) -> list[Execution]:
-        """The execution on the robot, and those on corners of the box."""
+        """The executions on the robot and in corners of the box."""
         return [self.executed, *(x for _, runs in self.groups for x in runs)]
 
     @cached_property
     def corner_pieces(self) -> list[tuple[float, list[Sequence[ContourExecution]]]]:
-        """The groups, each execution contour by contour."""
+        """The groups with their executions divided into contours."""
         program = self.case.program
         return [
             (late, [pieces_of(x, program, None, None) for x in runs]) for late, runs in self.groups
         ]
 
 
-def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> LimitMargins:
-    """The uses of one contour by its plan, its command and its execution.
-
-    Args:
-        case: The case.
-        trial: The executed program.
-        number: Index of the contour.
-        plan: Its plan; times from 0 [s].
-    """
+def margins_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> LimitMargins:
+    """Margins of a contour by its plan, its command and its executions."""
     piece, span = trial.pieces[number], trial.trajectory.contour_spans[number]
     path, executed = piece.path, trial.executed
     now, since = slice(0, len(executed.t)), None
     if case.program.single_path is None:
-        # The cycle in which a move ends has a part of the next one.
+        # The cycle in which a move ends contains a part of the next move.
         start, cycle = trial.set_points.start_time, trial.set_points.cycle
         last = start + np.ceil((span.t[1] - start) / cycle - SAME) * cycle
         ends = span.t[0], float(last)
         now, since = slice(*np.searchsorted(executed.t, ends)), ends
     t = executed.t[now] - span.t[0]
-    s, joints, pace = _planned_uses(case, path, plan, t)
-    pace = np.maximum(pace, _command_use(case, trial.set_points, executed.t[now]))
+    s, joints, pace = _planned_ratios(case, path, plan, t)
+    pace = np.maximum(pace, _command_ratio(case, trial.set_points, executed.t[now]))
     peak = np.zeros(case.arm.dof)
     if not case.saturated and not case.bodies:
-        for x in trial.all_runs:
-            part = slice(*np.searchsorted(x.t, since)) if since else slice(None)
-            share = case.demand_ratio(x.demand[part])
-            joints = np.maximum(joints, _at(t + span.t[0], x.t[part], share))
-            peak = np.maximum(peak, peak_demand(case, x, since))
+        for execution in trial.all_runs:
+            part = slice(*np.searchsorted(execution.t, since)) if since else slice(None)
+            share = case.demand_ratio(execution.demand[part])
+            joints = np.maximum(joints, _larger_around(t + span.t[0], execution.t[part], share))
+            peak = np.maximum(peak, peak_demand(case, execution, since))
     tool, speed = np.zeros(len(t)), case.limits.speed
     if speed is not None:
         moved = case.arm.tool_velocity(executed.q[now], executed.dq[now])
@@ -207,7 +198,7 @@ def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> LimitMar
     error, box = np.zeros(len(t)), np.zeros(len(t))
     error[counts] = distances(piece) / case.budget
     if trial.groups:
-        box[counts] = _worst(case, trial, number)[piece.which] / case.budget
+        box[counts] = _worst_error(case, trial, number)[piece.which] / case.budget
     if trial.box is not None:
         box[counts] = np.interp(executed.t[piece.which], *trial.box) / case.budget
     rms = case.goal.rms
@@ -225,7 +216,7 @@ def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> LimitMar
 
 
 def response_time(case: Case) -> float:
-    """Time for which a command is felt in a joint's demand [s]."""
+    """Time for which a command affects the commanded acceleration of a joint [s]."""
     servo = case.servo
     return 2.0 / float((servo.kp if servo.kv is None else servo.kv).min())
 
@@ -233,13 +224,9 @@ def response_time(case: Case) -> float:
 def peak_demand(
     case: Case, executed: Execution, span: tuple[float, float] | None = None
 ) -> FloatArray:
-    """Largest demand of every joint over its limit, also between results, (dof,).
+    """Largest ratio of commanded acceleration to its limit, between samples too, (dof,).
 
-    Args:
-        case: The case.
-        executed: An execution on a plant that never saturates.
-        span: The demand counts from the first set-point in this time on, until its end [s]; by
-            default always.
+    The execution must not saturate; `span` selects set-points by time [s].
     """
     assert isinstance(executed.plant, ServoPlant)
     servo = executed.plant.servo
@@ -263,64 +250,61 @@ def peak_demand(
 
 
 def _motion(plan: Trajectory, t: FloatArray, side: Side) -> tuple[FloatArray, FloatArray]:
-    """Where a plan along a joint path is at some times [m], (n,), and q, dq, ddq, (3, n, dof).
-
-    All at once: its way is what takes long to find.
-    """
+    """Arc lengths of a plan along a joint path [m], (n,), and q, dq, ddq, (3, n, dof)."""
     s, states = np.empty(len(t)), np.empty((3, len(t), plan.dof))
-    for k, here, i, local in plan.locate(t, side):
+    for k, mask, i, local in plan.locate(t, side):
         law = plan.laws[k]
         assert isinstance(law, PathLaw)
         along = law.path_motion(i, local)
-        s[here] = along[0]
-        states[:, here] = join_path(law.joint_path, law.s[i + 1], along, (0, 1, 2))
+        s[mask] = along[0]
+        states[:, mask] = join_path(law.joint_path, law.s[i + 1], along, (0, 1, 2))
     return s, states
 
 
-def _planned_uses(
+def _planned_ratios(
     case: Case, path: Path, plan: Trajectory, t: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where the plan is, (n,), shares of acceleration limits, (n, dof), and of ds², (n,).
+    """Arc lengths of the plan, (n,), ratios of joint acceleration, (n, dof), and of ds², (n,).
 
-    What a plan has on either side of a joint between segments counts for the time next to it.
+    Values on both sides of a vertex of the path belong to the nearest time.
     """
-    s, joints, pace = _states(case, path, plan, np.clip(t, 0.0, plan.duration), "right")
-    at = _passing(plan, path.breaks)
-    near = np.clip(np.searchsorted(t, at), 0, len(t) - 1)
+    s, joints, pace = _state_ratios(case, path, plan, np.clip(t, 0.0, plan.duration), "right")
+    times = _break_times(plan, path.breaks)
+    near = np.clip(np.searchsorted(t, times), 0, len(t) - 1)
     sides: tuple[Side, ...] = ("left", "right")
     for side in sides:
-        _, more, faster = _states(case, path, plan, at, side)
-        np.maximum.at(joints, near, more)
+        _, ratios, faster = _state_ratios(case, path, plan, times, side)
+        np.maximum.at(joints, near, ratios)
         np.maximum.at(pace, near, faster)
     return s, joints, pace
 
 
-def _states(
+def _state_ratios(
     case: Case, path: Path, plan: Trajectory, t: FloatArray, side: Side
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     limits = case.limits
     s, joints = _motion(plan, t, side)
     states = States(case.arm, tuple(joints))
-    # Of ds² a velocity takes the square of its share, an acceleration its share.
+    # ds² is proportional to squared velocities and to accelerations.
     pace = (states.use("joint_velocity", limits).ratio ** 2).max(axis=1)
-    here = _assigned_speeds(case, path, s, side)
-    if np.isfinite(here).any():
-        pace = np.maximum(pace, (states.bound("speed")[0] / here) ** 2)
+    assigned = _assigned_speeds(case, path, s, side)
+    if np.isfinite(assigned).any():
+        pace = np.maximum(pace, (states.bound("speed")[0] / assigned) ** 2)
     if limits.centripetal_acceleration is not None:
         pace = np.maximum(pace, states.use("centripetal_acceleration", limits).ratio)
     return s, states.use("joint_acceleration", limits).ratio, pace
 
 
 def _assigned_speeds(case: Case, path: Path, s: FloatArray, side: Side) -> FloatArray:
-    """Velocities that are assigned at places of the path [m/s], infinite where none is, (n,)."""
-    most = case.limits.speed
-    own = np.fmin(path.speeds, np.inf if most is None else most)
-    here = own[path.locate(np.clip(s, 0.0, path.length), side=side)]
-    return np.where(np.isnan(here), np.inf, here)
+    """Assigned velocities at arc lengths [m/s], (n,); infinite where none is assigned."""
+    limit = case.limits.speed
+    speeds = np.fmin(path.speeds, np.inf if limit is None else limit)
+    assigned = speeds[path.locate(np.clip(s, 0.0, path.length), side=side)]
+    return np.where(np.isnan(assigned), np.inf, assigned)
 
 
-def _passing(plan: Trajectory, places: FloatArray) -> FloatArray:
-    """When a plan passes the joints between segments that are breaks of it [s]."""
+def _break_times(plan: Trajectory, places: FloatArray) -> FloatArray:
+    """Times at which a plan passes those vertices of the path that are breaks of its laws [s]."""
     times = [np.zeros(0)]
     for law, start in zip(plan.laws, plan.starts, strict=False):
         assert isinstance(law, PathLaw)
@@ -329,8 +313,8 @@ def _passing(plan: Trajectory, places: FloatArray) -> FloatArray:
     return np.clip(np.unique(np.concatenate(times)), 0.0, plan.duration)
 
 
-def _command_use(case: Case, set_points: SetPoints, t: FloatArray) -> FloatArray:
-    """The share of what bounds ds² that set-points take, at the times `t`, (n,)."""
+def _command_ratio(case: Case, set_points: SetPoints, t: FloatArray) -> FloatArray:
+    """Ratio of ds² that set-points use at the times `t`, (n,)."""
     dof = case.arm.dof
     rate = np.append(np.diff(set_points.q, axis=0), np.zeros((1, dof)), axis=0) / set_points.cycle
     states = States(case.arm, (set_points.q, rate))
@@ -342,35 +326,35 @@ def _command_use(case: Case, set_points: SetPoints, t: FloatArray) -> FloatArray
     return np.asarray(pace[k])
 
 
-def _at(t: FloatArray, given: FloatArray, values: FloatArray) -> FloatArray:
-    """Values at other times: the larger of the two given ones around each, 0 outside, (n, dof)."""
-    k = np.clip(np.searchsorted(given, t, side="right"), 1, len(given) - 1)
-    found = np.maximum(values[k - 1], values[k])
-    found[(t < given[0]) | (t > given[-1])] = 0.0
-    return np.asarray(found)
+def _larger_around(t: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
+    """Larger of the two values around each time `t`; 0 outside, (n, dof)."""
+    k = np.clip(np.searchsorted(times, t, side="right"), 1, len(times) - 1)
+    larger = np.maximum(values[k - 1], values[k])
+    larger[(t < times[0]) | (t > times[-1])] = 0.0
+    return np.asarray(larger)
 
 
-def _worst(case: Case, trial: Trial, number: int) -> FloatArray:
-    """Contour error of the worst robot of the box, about, at all times of a trial [m], (n,).
+def _worst_error(case: Case, trial: Trial, number: int) -> FloatArray:
+    """Approximate contour error of the worst robot of the box at all times of a trial [m], (n,).
 
-    Joints are independent of each other: what each does across the path in its own corner of the
-    box is added up for the worst, joint by joint. Payload and jitter are not in it.
+    Joints are independent, so the worst deviations across the path are added joint by joint.
+    Payload and jitter are not included.
     """
     t, span = trial.executed.t, trial.trajectory.contour_spans[number]
     largest = np.zeros(len(t))
-    for late, runs in trial.corner_pieces:
+    for delay, runs in trial.corner_pieces:
         pieces = [x[number] for x in runs]
-        largest = np.maximum(largest, np.interp(t, *_across(case, late, pieces, span)))
-        for x in pieces:
-            rows = np.clip(np.searchsorted(t, x.t), 0, len(t) - 1)
-            np.maximum.at(largest, rows, x.followed.coverage_error)
+        largest = np.maximum(largest, np.interp(t, *_sum_across(case, delay, pieces, span)))
+        for piece in pieces:
+            rows = np.clip(np.searchsorted(t, piece.t), 0, len(t) - 1)
+            np.maximum.at(largest, rows, piece.followed.coverage_error)
     return largest
 
 
-def _variants(
+def _corner_servos(
     servo: ServoModel, dead_time: FloatArray, box: Uncertainty, apart: FloatArray
 ) -> list[ServoModel]:
-    """Servos in the corners of the box, all joints in the same."""
+    """Servos in corners of the box that all joints share."""
     gains = np.broadcast_to(np.asarray(box.gains), (2, len(dead_time)))
     signs = [
         (1.0, -1.0) if (x > 0).any() else (0.0,)
@@ -386,41 +370,93 @@ def _variants(
     ]
 
 
-def _across(
-    case: Case, late: float, pieces: Sequence[ContourExecution], span: Span
+def _sum_across(
+    case: Case, delay: float, pieces: Sequence[ContourExecution], span: Span
 ) -> tuple[FloatArray, FloatArray]:
-    """Times, and the largest sum over the joints of what any of the runs moves them across."""
+    """Times, and the largest sum over joints of their deviations across the path in any run."""
     arm, path, plan = case.arm, pieces[0].path, span.trajectory
     assert plan is not None
     n = min(len(x.t) for x in pieces)
     t = pieces[0].t[:n]
-    # All joints late by the same leave the path as it is.
-    base = plan(np.clip(t - span.t[0] - late, 0.0, plan.duration))
+    # An equal delay of all joints does not change the path.
+    base = plan(np.clip(t - span.t[0] - delay, 0.0, plan.duration))
     if len(pieces) > 1:
         base = np.mean([x.q[:n] for x in pieces], axis=0)
     jacobian, point = arm.tool_jacobian(base), arm.tool_position(base)
-    off = np.array([x.q[:n] - base for x in pieces])
-    # (runs, n, dimension, dof): what each joint's error does to the tool.
-    moved = jacobian[None] * off[:, :, None, :]
+    deviations = np.array([x.q[:n] - base for x in pieces])
+    # Deviation of the tool by each joint, (runs, n, dimension, dof).
+    moved = jacobian[None] * deviations[:, :, None, :]
     s = path.project(point).s
     total = np.zeros(n)
     for direction in normals(path(s, 1)):
-        # The centre's own distance adds to what the joints do.
-        own = np.abs(np.einsum("nd,nd->n", point - path(s), direction))
+        # The distance of the mean motion adds to the deviations of the joints.
+        distance = np.abs(np.einsum("nd,nd->n", point - path(s), direction))
         side = np.einsum("rndj,nd->rnj", moved, direction)
-        total = np.maximum(total, own + side.max(axis=0).sum(axis=1))
+        total = np.maximum(total, distance + side.max(axis=0).sum(axis=1))
     return t, total
 
 
 def normals(tangent: FloatArray) -> list[FloatArray]:
-    """Directions across the path at every place, (n, dimension) each."""
+    """Directions across the path at each tangent, (n, dimension) each."""
     unit = tangent / np.linalg.norm(tangent, axis=1)[:, None]
     if unit.shape[1] == 2:
-        left = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
-        return [left, -left]
+        normal = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
+        return [normal, -normal]
     flat = np.abs(unit).argmin(axis=1)
     first = np.cross(unit, np.eye(3)[flat])
     first /= np.linalg.norm(first, axis=1)[:, None]
     second = np.cross(unit, first)
     angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     return [np.cos(x) * first + np.sin(x) * second for x in angles]
+
+
+# Rounding: a limit is exceeded by a ratio above 1 + KEPT.
+KEPT = 1e-9
+# Points per interval at which a plan is checked against its limits.
+POINTS = 5
+
+
+def largest_ratios(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
+    """Largest ratio of each limit: the larger of that of a check and of a bound for all times."""
+    ratios = bound_ratios(plan, arm, limits)
+    for use in check(plan, arm, limits, points=POINTS).uses:
+        ratios[use.name] = max(ratios.get(use.name, 0.0), use.ratio)
+    return ratios
+
+
+def bound_ratios(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
+    """Upper bounds of a plan's ratios of limits at all times; tool limits are those of the path."""
+    joints = np.stack([*limits.acceleration_bounds(arm.dof), *limits.velocity_bounds(arm.dof)])
+    shares = np.zeros(6)
+    for law in plan.laws:
+        assert isinstance(law, PathLaw)
+        speeds = _highest_speeds(law.joint_path, limits)
+        shares = np.maximum(shares, largest_shares(law, joints, speeds, 1 + KEPT))
+    acceleration, velocity = shares[:4].reshape(2, 2).max(axis=1).tolist()
+    speed, bent = shares[4:].tolist()
+    return {
+        "joint_acceleration": acceleration,
+        "joint_velocity": velocity,
+        "speed": speed,
+        "centripetal_acceleration": bent**2,
+    }
+
+
+def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
+    """Path speeds that limits of speed and of centripetal acceleration allow, (pieces, 2).
+
+    Segments with varying curvature have no bound for the latter; a check samples them.
+    """
+    breaks, path = joint_path.breaks, joint_path.tool_path
+    bounds = np.full((len(breaks) - 1, 2), np.inf)
+    if path is None:
+        return bounds
+    # Breaks of the tool path are breaks of the joint path.
+    segment = path.locate(np.clip((breaks[:-1] + breaks[1:]) / 2, 0.0, path.length))
+    bounds[:, 0] = np.fmin(path.speeds[segment], np.inf if limits.speed is None else limits.speed)
+    varies = path.segments.bent[segment] | (isinstance(path, ShapedPath) and path.curve is not None)
+    if limits.centripetal_acceleration is not None:
+        bent = np.where(varies, 0.0, np.abs(path.curvatures[segment]))
+        with np.errstate(divide="ignore"):
+            bounds[:, 1] = np.sqrt(limits.centripetal_acceleration / bent)
+    return bounds

@@ -1,4 +1,4 @@
-"""Figures of enlarged corners: in the plane, or in space in the plane of a corner's two lines."""
+"""Figures of enlarged corners, in space in the plane of the corner's two lines."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from armcontour.verification import Evaluation
 # Half width of an enlarged corner, in corner errors.
 ZOOM = 4.0
 # Largest number of enlarged corners.
-MOST_CORNERS = 4
+MAX_CORNERS = 4
 # Pictures in a row, the height of a figure with one row, and of every other row [px].
 COLUMNS = 2
 HEIGHT, MORE_HEIGHT = 350, 250
 # Number of drawn points per executed sample.
 FINER = 6
-MOST_POINTS = 800
+MAX_POINTS = 800
 # Number of points of a drawn path.
 PLACES = 200
 IN_PLANE = np.eye(2)
@@ -46,17 +46,13 @@ DASHES = ("dash", "dot", "dashdot", "longdash")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Corner:
-    """An enlarged corner.
+    """An enlarged corner."""
 
-    Args:
-        vertex: Index of the corner among the vertices of the objective path, from 0.
-        point: The corner point [m], (dimension,).
-        half: Half width of what is shown around it [m].
-        title: Title of its picture.
-    """
-
+    # Index among the vertices of the objective path, from 0
     vertex: int
+    # [m], (dimension,)
     point: FloatArray
+    # Half width of the picture [m]
     half: float
     title: str
 
@@ -67,10 +63,10 @@ def corners(study: JobResult) -> list[Any]:
     if not paths:
         return []
     first = next(iter(paths.values()))
-    known = find_corners(first)
-    if not known:
+    all_corners = find_corners(first)
+    if not all_corners:
         return []
-    shown, tools = known[:MOST_CORNERS], tools_of(study)
+    shown, tools = all_corners[:MAX_CORNERS], tools_of(study)
     rows = -(-len(shown) // COLUMNS)
     figure = make_subplots(
         rows=rows,
@@ -80,16 +76,16 @@ def corners(study: JobResult) -> list[Any]:
     )
     for k, corner in enumerate(shown):
         _corner(figure, tools, paths, corner, k)
-    title = _title(study, len(shown), len(known))
+    title = _title(study, len(shown), len(all_corners))
     finish(figure, title=title, height=HEIGHT + (rows - 1) * MORE_HEIGHT)
     figure.update_layout(margin={"t": 70})
     return [figure]
 
 
 def find_corners(path: Replaced) -> list[Corner]:
-    """The corners that a rounded path replaces, or that a shaped path is near to, in path order."""
+    """The corners of a rounded or shaped path in path order."""
     if isinstance(path, ShapedPath):
-        # In front of the first vertex there is no turn.
+        # The first vertex has no turn.
         turns = np.append(0.0, path.objective.turns)
         turned = np.flatnonzero((turns > TANGENT_TOLERANCE) & (turns < np.pi - TANGENT_TOLERANCE))
         return [
@@ -115,70 +111,65 @@ def find_corners(path: Replaced) -> list[Corner]:
     ]
 
 
-def _title(study: JobResult, shown: int, known: int) -> str:
-    """Title of the figure: which corners it shows."""
+def _title(study: JobResult, shown: int, count: int) -> str:
+    """Title of the figure with the numbers of its corners."""
     has_contours = len(study.job.program.contours) > 1
     title = "Corners enlarged" + (f", contour {_shown(study) + 1}" if has_contours else "")
-    return title + (f": the first {shown} of {known}" if known > shown else "")
+    return title + (f": the first {shown} of {count}" if count > shown else "")
 
 
 class Tool(NamedTuple):
-    """The executed tool path of a run or an experiment, and its line in figures.
+    """The executed tool path of a run or an experiment, and its line in figures."""
 
-    Args:
-        name: Name in the legend.
-        done: The execution.
-        evaluation: Its errors; None without.
-        look: Colour and other options of the line.
-    """
-
+    # Name in the legend
     name: str
-    done: Execution
+    execution: Execution
     evaluation: Evaluation | None
+    # Colour and other options of the line
     look: dict[str, Any]
 
 
 def tools_of(study: JobResult) -> list[Tool]:
     """Executed tool paths of all runs and experiments."""
     colours, widths = run_colours(study.runs), run_widths(study.runs)
-    found = []
+    tools = []
     for name, result in study.runs.items():
         look: dict[str, Any] = {"colour": colours[name], "width": widths[name]}
-        found.append(Tool(name, result.motion, result.evaluation, look))
-        if (x := result.experiment) is not None:
+        tools.append(Tool(name, result.motion, result.evaluation, look))
+        if (experiment := result.experiment) is not None:
             look = {"colour": colours[name], "dash": EXPERIMENT_DASH, "width": 1.5}
             label = f"{name}, experiment"
-            found.append(Tool(label, x.execution, x.evaluation, look))
-    return found
+            tools.append(Tool(label, experiment.execution, experiment.evaluation, look))
+    return tools
 
 
 def _replaced_paths(study: JobResult) -> dict[str, Replaced]:
-    """The different rounded or shaped paths of the contour in the figure, by their names."""
-    which, found = _shown(study), dict[str, Replaced]()
+    """The different rounded or shaped paths of the drawn contour, by name."""
+    index, paths = _shown(study), dict[str, Replaced]()
     for name, result in study.runs.items():
-        path = result.path.contours[which].path
-        if isinstance(path, Replaced) and not any(alike(path, x) for x in found.values()):
-            found[name] = path
-    of = " of {}" if len(found) > 1 else ""
-    return {f"{_kind(x)} path" + of.format(name): x for name, x in found.items()}
+        path = result.path.contours[index].path
+        if isinstance(path, Replaced) and not any(alike(path, x) for x in paths.values()):
+            paths[name] = path
+    suffix = " of {}" if len(paths) > 1 else ""
+    return {f"{_kind(x)} path" + suffix.format(name): x for name, x in paths.items()}
 
 
 def _kind(path: Path) -> str:
-    """A word for what became of the corners of a path."""
+    """Kind of a path in titles."""
     return "shaped" if isinstance(path, ShapedPath) else "rounded"
 
 
 def _shown(study: JobResult) -> int:
-    """Index of the contour in the figure: the first with rounded or shaped corners."""
+    """Index of the drawn contour: the first with rounded or shaped corners."""
     program = next(iter(study.runs.values())).path
-    for i, x in enumerate(program.contours):
-        if isinstance(x.path, Replaced) and find_corners(x.path):
+    for i, contour in enumerate(program.contours):
+        if isinstance(contour.path, Replaced) and find_corners(contour.path):
             return i
     return 0
 
 
 def alike(first: Path, second: Path) -> bool:
-    """Whether two paths have the same vertices."""
+    """True if two paths have the same vertices."""
     return np.array_equal(first.breaks, second.breaks) and np.array_equal(
         first.vertices, second.vertices
     )
@@ -191,31 +182,39 @@ def _corner(
     corner: Corner,
     k: int,
 ) -> None:
-    """Draw a corner of all paths and executions in the k-th picture of the figure, from 0."""
+    """Draw a corner of all paths and executions in picture k of the figure, from 0."""
     row, column = divmod(k, COLUMNS)
     path, place = next(iter(paths.values())), {"row": row + 1, "col": column + 1}
     point, half = corner.point, corner.half
     view = _view(path.objective, corner.vertex)
-    # In the plane the coordinates are those of the path, in space they are relative to the corner.
+    # In space, coordinates are relative to the corner.
     origin = np.zeros_like(point) if path.dimension == 2 else point
 
-    def seen(points: FloatArray) -> FloatArray:
+    def project(points: FloatArray) -> FloatArray:
         return (points - origin) @ view.T * 1e3
 
     def draw(points: FloatArray, name: str, colour: str, **look: Any) -> None:
-        at = seen(points)
-        curve = line(at[:, 0], at[:, 1], name, colour, showlegend=k == 0, legendgroup=name, **look)
+        drawn = project(points)
+        curve = line(
+            drawn[:, 0],
+            drawn[:, 1],
+            name,
+            colour,
+            showlegend=k == 0,
+            legendgroup=name,
+            **look,
+        )
         figure.add_trace(curve, **place)
 
-    at = float(path.objective.breaks[corner.vertex])
-    around = at - 3 * half, at + 3 * half
+    s = float(path.objective.breaks[corner.vertex])
+    around = s - 3 * half, s + 3 * half
     draw(_between(path.objective, *around), "objective path", PATH_COLOUR, width=6, opacity=0.5)
     for (name, other), dash in zip(paths.items(), cycle(DASHES), strict=False):
         stretch = _between(other, *other.place(np.clip(around, 0, path.objective.length)))
         draw(stretch, name, "#000000", dash=dash, width=1.5)
-    for x in tools:
-        draw(_near(x.done, point, 3 * half), x.name, **x.look)
-    middle = seen(point)
+    for tool in tools:
+        draw(_near(tool.execution, point, 3 * half), tool.name, **tool.look)
+    middle = project(point)
     names = ("x [mm]", "y [mm]") if path.dimension == 2 else ("along [mm]", "across [mm]")
     ends = [middle - half * 1e3, middle + half * 1e3]
     figure.update_xaxes(title=names[0], range=[float(x[0]) for x in ends], **place)
@@ -228,10 +227,7 @@ def _corner(
 
 
 def _view(path: Path, vertex: int) -> FloatArray:
-    """Directions of the two axes of an enlarged corner, (2, dimension).
-
-    In space these are the tangent before the corner, and the normal towards the tangent after it.
-    """
+    """Axes of an enlarged corner, (2, dimension): in space the tangent before, and the normal."""
     if path.dimension == 2:
         return IN_PLANE
     before, after = path(path.breaks[vertex], 1, side="left"), path.tangents[vertex]
@@ -252,12 +248,12 @@ def _near(done: Execution, corner: FloatArray, distance: float) -> FloatArray:
 
     near = np.flatnonzero(np.all(np.abs(done.tool - corner) < distance, axis=1)[:-1])
     gap = np.full((1, len(corner)), np.nan)
-    found = [gap]
+    parts = [gap]
     for visit in np.split(near, np.flatnonzero(np.diff(near) > 1) + 1):
         if len(visit):
-            places = len(visit) * min(FINER, MOST_POINTS / len(near))
-            of = slice(visit[0], visit[-1] + 2)
-            t = np.linspace(done.t[of][0], done.t[of][-1], int(places) + 2)
-            q = CubicHermiteSpline(done.t[of], done.q[of], done.dq[of])(t)
-            found += [done.arm.tool_position(q), gap]
-    return np.concatenate(found)
+            places = len(visit) * min(FINER, MAX_POINTS / len(near))
+            samples = slice(visit[0], visit[-1] + 2)
+            t = np.linspace(done.t[samples][0], done.t[samples][-1], int(places) + 2)
+            q = CubicHermiteSpline(done.t[samples], done.q[samples], done.dq[samples])(t)
+            parts += [done.arm.tool_position(q), gap]
+    return np.concatenate(parts)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.control.compensation import PolePlacement
-from armcontour.control.compensation.compensator import teach
+from armcontour.control.compensation.compensator import unchecked_set_points
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.progress import Progress
@@ -19,7 +19,7 @@ from armcontour.jobs.job import Job, Run
 from armcontour.jobs.planned_run import Planned
 from armcontour.motion import SetPoints, Trajectory
 from armcontour.planning.program_tracing import Tracing
-from armcontour.program import Contour, Program
+from armcontour.program import Program
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import Plant, RigidBodyPlant, ServoPlant
@@ -31,31 +31,25 @@ from armcontour.verification.contour_execution import unexplained_errors
 RESOLUTION = 1e-4
 # Keys of an experiment that describe the drives of the robot.
 DRIVE_OPTIONS = ("step", "gravity_feedforward", "noise", "seed")
-# After this many of the servo's slowest time constants, 2e-9 of its response is left: of errors of
-# millimetres, picometres.
+# After this many of the servo's slowest time constants its response has decayed to 2e-9.
 FORGOTTEN = 20.0
-# Places at which errors that the servo model does not explain are bounded, in addition to breaks.
-MOST_PLACES = 1000
+# Points, in addition to breaks, at which errors that the servo model does not explain are bounded.
+MAX_POINTS = 1000
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A run to certify: its robot, its fastest plan, and the goal of all contours.
-
-    Args:
-        job: The job.
-        planned: The plan of the run with nothing derated.
-        goal: The goal.
-        servo_allowed: Largest contour error of the execution, over the box if there is one [m].
-        progress: Called with a step before each trial.
-        executor: Executor of robots of a box as rigid bodies; None is processes of this machine.
-    """
+    """A run to certify: its robot, its fastest plan, and the goal of all contours."""
 
     job: Job
+    # The plan of the run without derating
     planned: Planned
     goal: CertificateGoal
+    # Largest contour error of the execution, over the box if there is one [m]
     servo_allowed: float
+    # Called with a step before each trial
     progress: Progress
+    # Executes robots of the box as rigid bodies; by default processes of this machine do
     executor: Executor | None = None
 
     @property
@@ -101,12 +95,12 @@ class Case:
 
     @property
     def saturated(self) -> bool:
-        """Whether joints may saturate."""
+        """True if joints may saturate."""
         return self.goal.saturation == "report"
 
     @property
     def bodies(self) -> bool:
-        """Whether rigid bodies execute, and not servos of single joints."""
+        """True if rigid bodies execute; False if servos of single joints do."""
         return self.goal.plant == "rigid_body"
 
     @property
@@ -124,7 +118,7 @@ class Case:
         for step in self.traced.steps:
             path = step.joint_path
             if path is not None and path.tool_path is not None and self.traced.is_contour(step):
-                s = np.union1d(path.breaks, np.linspace(0.0, path.tool_path.length, MOST_PLACES))
+                s = np.union1d(path.breaks, np.linspace(0.0, path.tool_path.length, MAX_POINTS))
                 tangent = path.tool_path(s, 1)
                 _, across = unexplained_errors(self.arm, path(s), tangent, model_error)
                 largest = max(largest, float(across.max()))
@@ -152,30 +146,25 @@ class Case:
 
     @cached_property
     def demand_bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Accelerations at which drives saturate [rad/s²], (dof,) each; infinite without."""
+        """Acceleration bounds of saturation [rad/s²], (dof,) each; infinite without saturation."""
         return self.servo.saturate(*self.limits.acceleration_bounds(self.arm.dof))
 
-    def demand_ratio(self, demand: FloatArray) -> FloatArray:
-        """Demands over the accelerations at which drives saturate in their direction."""
+    def demand_ratio(self, commanded_acceleration: FloatArray) -> FloatArray:
+        """Commanded accelerations over those at which drives saturate in their direction."""
         low, high = self.demand_bounds
-        return np.asarray(np.maximum(demand / low, demand / high))
+        return np.asarray(np.maximum(commanded_acceleration / low, commanded_acceleration / high))
 
-    def work_of(self, contour: Contour) -> tuple[float, float] | None:
-        """Places of a contour between which errors count [m]; None is at all times."""
-        return contour.at_work if self.program.single_path is None else None
-
-    def teach(self, plan: Trajectory, cycle: float | None = None) -> SetPoints:
-        """Set-points of a plan, every `cycle` or cycle of the run [s]."""
+    def compute_set_points(self, plan: Trajectory, cycle: float | None = None) -> SetPoints:
+        """Set-points of a plan, by default with the cycle of the run [s]."""
         cycle = self.run.cycle if cycle is None else cycle
-        return teach(plan, self.model, self.run.compensation, cycle=cycle, arm=self.arm)
+        return unchecked_set_points(
+            plan, self.model, self.run.compensation, cycle=cycle, arm=self.arm
+        )
 
     def stretch(self, set_points: SetPoints, t: tuple[float, float], plan: Trajectory) -> SetPoints:
-        """Set-points of one move, after those before it that still affect the servo.
+        """Set-points of a move at program times `t` [s]; times of the result start with the move.
 
-        Args:
-            set_points: The set-points of the whole program.
-            t: Start and end time of the move in the program [s].
-            plan: The plan of the move; times of the result count from its start.
+        They begin with the previous set-points that still affect the servo.
         """
         begin, cycle, first = t[0] - self.memory, set_points.cycle, 0
         if begin > 0:
@@ -194,7 +183,7 @@ class Case:
 
     @cached_property
     def memory(self) -> float:
-        """Time after which a motion has no effect on servo or compensator any more [s]."""
+        """Time after which a motion no longer affects servo or compensator [s]."""
         box, servo, dof = self.box, self.servo, self.arm.dof
         gains = np.zeros((2, dof)) if box is None else np.broadcast_to(box.gains, (2, dof))
         dead_time = servo.dead_time
@@ -204,7 +193,7 @@ class Case:
         )
         rates = [slow.slowest]
         if servo.has_feedforward:
-            # The compensator undoes feed-forward with a transient of its own.
+            # The compensator inverts feed-forward with another transient.
             rates.append(1 / float(servo.lead[0].max()))
         options = self.run.compensation
         if isinstance(options, PolePlacement) and options.poles is not None:

@@ -1,4 +1,4 @@
-"""The section on clearance: least distances over time, and the posture that comes nearest."""
+"""The section on clearance: smallest distances over time, and the posture of the smallest one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from armcontour.core.text import list_some
 from armcontour.jobs import Job, JobResult, RunResult
 from armcontour.report.figure import Figure
 from armcontour.report.outline import outline_points
-from armcontour.report.section import Section, table_of
+from armcontour.report.section import Section, text_table
 from armcontour.report.sections.bodies import (
     LINK_COLOUR,
     TOOL_COLOUR,
@@ -31,28 +31,28 @@ from armcontour.robot.chain import link_poses
 from armcontour.robot.scene import Scene
 from armcontour.verification.clearance import Clearance, PairClearance
 
-# What kinds of pairs are called.
+# Names of the kinds of pairs.
 KINDS = {
     "environment": "links and cell",
     "own": "links among each other",
     "tool": "tool and others",
 }
 # Times of the curves, and rows of the table.
-TIMES, MOST_ROWS = 200, 7
+TIMES, MAX_ROWS = 200, 7
 # Height of the figures [px].
 HEIGHT = 320
 
 
 def clearance(study: JobResult) -> Section | None:
-    """Distances of all runs whose arm has shapes; None if there is none."""
+    """Distances of all runs whose arm has shapes; None without any."""
     runs = {name: x for name, x in study.runs.items() if x.clearance is not None}
     if not runs:
         return None
     first = next(iter(runs.values()))
-    found = first.clearance
-    assert found is not None
-    reasons = Counter(x.reason for x in found.left_out)
-    left = list_some([f"{reason} ({n})" for reason, n in reasons.items()], 6)
+    result = first.clearance
+    assert result is not None
+    reasons = Counter(x.reason for x in result.left_out)
+    skipped = list_some([f"{reason} ({n})" for reason, n in reasons.items()], 6)
     return Section(
         key="clearance",
         title="Clearance",
@@ -60,7 +60,7 @@ def clearance(study: JobResult) -> Section | None:
         text="The clearance is proven: at no time bodies are nearer. Distances at single times are "
         "computed; dashed lines are margins.",
         choices=tuple((name, tuple(_parts(study.job, x))) for name, x in runs.items()),
-        notes=(f"Pairs that are not looked at: {left}.",) if reasons else (),
+        notes=(f"Pairs that are not looked at: {skipped}.",) if reasons else (),
     )
 
 
@@ -71,21 +71,24 @@ def _parts(job: Job, result: RunResult) -> Iterator[Any]:
     yield _over_time(job, result)
     if job.program.dimension == 3 and nearest is not None:
         yield _posture(job, result, nearest)
-    for found, how in ((result.clearance, "planned"), (result.executed_clearance, "executed")):
-        if found is not None:
-            pairs = next(x for x in found.to_data().tables if x.name == "pairs")
-            yield table_of(replace(pairs, rows=pairs.rows[:MOST_ROWS]), f"Nearest pairs, {how}")
+    for clearance, source in (
+        (result.clearance, "planned"),
+        (result.executed_clearance, "executed"),
+    ):
+        if clearance is not None:
+            pairs = next(x for x in clearance.to_data().tables if x.name == "pairs")
+            yield text_table(replace(pairs, rows=pairs.rows[:MAX_ROWS]), f"Nearest pairs, {source}")
 
 
-def _nearest(job: Job, found: Clearance) -> PairClearance | None:
-    """The pair whose posture is drawn: of those with an obstacle, if there are any."""
+def _nearest(job: Job, clearance: Clearance) -> PairClearance | None:
+    """The nearest pair, of those with an obstacle if there are any."""
     names = {x.name for x in (job.scene or Scene()).obstacles}
-    pairs = [x for x in found.pairs if {x.first, x.second} & names]
-    return min(pairs or found.pairs, key=lambda x: x.high, default=None)
+    pairs = [x for x in clearance.pairs if {x.first, x.second} & names]
+    return min(pairs or clearance.pairs, key=lambda x: x.high, default=None)
 
 
 def _over_time(job: Job, result: RunResult) -> Any:
-    """Figure of the least distances of every kind over time, planned and executed."""
+    """Figure of the smallest distances of each kind over time, planned and executed."""
     figure = Figure()
     cell = job.cell
     t = np.linspace(0.0, result.trajectory.duration, TIMES)
@@ -106,7 +109,7 @@ def _over_time(job: Job, result: RunResult) -> Any:
 
 
 def _posture(job: Job, result: RunResult, nearest: PairClearance) -> Any:
-    """Figure of the arm, its tool and its cell where it comes nearest to something."""
+    """Figure of the arm, its tool and its cell in the posture of the smallest distance."""
     figure = Figure()
     chain, shapes = job.arm.chain, job.arm.shapes
     assert chain is not None
@@ -116,12 +119,16 @@ def _posture(job: Job, result: RunResult, nearest: PairClearance) -> Any:
     figure.add_trace(line_in_space(path, "path", PATH_COLOUR, width=6))
     drawn = [path]
     # The base is one of the surroundings.
-    for x in () if shapes is None else shapes.shapes:
-        if x.link == 0 and not x.tool:
+    for shape in () if shapes is None else shapes.shapes:
+        if shape.link == 0 and not shape.tool:
             continue
-        place = Frame(position=poses[x.link][:, 3], rotation=poses[x.link][:, :3]) @ x.place
-        points = points_of(x.shape, place)
-        figure.add_trace(draw_body(points, x.name, TOOL_COLOUR if x.tool else LINK_COLOUR, 0.6))
+        place = (
+            Frame(position=poses[shape.link][:, 3], rotation=poses[shape.link][:, :3]) @ shape.place
+        )
+        points = points_of(shape.shape, place)
+        figure.add_trace(
+            draw_body(points, shape.name, TOOL_COLOUR if shape.tool else LINK_COLOUR, 0.6)
+        )
         drawn.append(points)
     for trace, points in draw_surroundings(job, np.concatenate(drawn)):
         figure.add_trace(trace)

@@ -1,4 +1,4 @@
-"""Figures and reports of single results: a plan, an execution, an evaluation, a run."""
+"""Figures and reports of single results: plans, executions, evaluations, runs."""
 
 from __future__ import annotations
 
@@ -19,22 +19,18 @@ from armcontour.program import Contour, Dwell, Move, Program, Rapid
 from armcontour.report.figure import Figure
 from armcontour.report.sections.joints import draw_joints
 from armcontour.report.sections.motion import draw_over_time, error, speed
-from armcontour.report.sections.path import draw_path
+from armcontour.report.sections.path_section import draw_path
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
 from armcontour.verification import Evaluation, evaluate
 
 Result = JobResult | RunResult | Evaluation | Execution | Trajectory
-# Points of the path that the tool follows by a plan that was given in joints.
+# Points of the tool path of a plan in joint space.
 PLACES = 2000
 
 
 def study_of(result: Result) -> JobResult:
-    """A result as the only run of a study, for the sections of a report.
-
-    Raises:
-        InvalidInput: The result does not know its arm, its path or its execution.
-    """
+    """Study with a result as its only run; InvalidInput if it lacks its arm or execution."""
     if isinstance(result, JobResult):
         return result
     if isinstance(result, RunResult):
@@ -48,24 +44,24 @@ def study_of(result: Result) -> JobResult:
         result = evaluate(result, _planned(result.set_points.trajectory, result.arm).path)
     if result.judged is None:
         raise InvalidInput("This evaluation does not know its execution: evaluate it anew.")
-    done = result.judged
-    limits, set_points = done.limits, done.executed.set_points
-    plan = _planned(set_points.trajectory, done.executed.arm, done.path, limits)
-    servo = getattr(done.executed.plant, "servo", None)
-    found = RunResult.of(
+    evaluated = result.judged
+    limits, set_points = evaluated.limits, evaluated.executed.set_points
+    plan = _planned(set_points.trajectory, evaluated.executed.arm, evaluated.path, limits)
+    servo = getattr(evaluated.executed.plant, "servo", None)
+    run_result = RunResult.of(
         plan,
         run=_run("run", plan.trajectory, set_points.method, limits, set_points.cycle),
-        objective=plan.objective if done.objective is None else done.objective,
+        objective=plan.objective if evaluated.objective is None else evaluated.objective,
         set_points=set_points,
         servo=servo if isinstance(servo, ServoModel) else None,
-        execution=done.executed,
+        execution=evaluated.executed,
         evaluation=result,
     )
-    return _study(found)
+    return _study(run_result)
 
 
 def draw_result(result: Result, kind: str) -> Any:
-    """As `armcontour.core.text.draw`."""
+    """Draw a result, see `armcontour.core.text.draw`."""
     checks.check_choice("kind", kind, tuple(KINDS))
     drawn = KINDS[kind](study_of(result))
     try:
@@ -120,9 +116,9 @@ def _planned(
     arm = plan.require_arm() if arm is None else arm
     program = _program_of(plan, arm) if program is None else program
     limits = resolve_limits("write_report", arm, limits, plan.limits)
-    # Without the limits of the plan, nothing would seem to bind.
-    known = plan.limits is not None and plan.method == Method.OPTIMAL
-    explanation = explain(plan, arm) if known else None
+    # Without the limits of the plan, no constraint would be active.
+    explained = plan.limits is not None and plan.method == Method.OPTIMAL
+    explanation = explain(plan, arm) if explained else None
     sharp = getattr(program.single_path, "objective", None)
     return Planned(
         run=_run("plan", plan, "none", limits, DEFAULT_CYCLE),
@@ -144,7 +140,7 @@ def _run(name: str, plan: Trajectory, method: str, limits: Limits, cycle: float)
 
 
 def _program_of(plan: Trajectory, arm: Arm) -> Program:
-    """The program that a plan follows; for a plan of joints, the path of the tool."""
+    """The program of a plan; for a plan in joint space, its tool path."""
     if plan.spans:
         return Program(tuple(_move_of(x) for x in plan.spans if x.move is not None))
     if plan.path is not None:
@@ -154,7 +150,7 @@ def _program_of(plan: Trajectory, arm: Arm) -> Program:
 
 
 def _move_of(span: Span) -> Move:
-    """The move of a program that a part of a plan follows."""
+    """The move of a part of a plan."""
     if span.kind == "dwell":
         return Dwell(span.t[1] - span.t[0])
     motion = span.trajectory

@@ -1,4 +1,4 @@
-"""The section on a certificate: what holds, for which model, and what it costs."""
+"""The section on a certificate: its bounds, model and cost."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armcontour.core import result as core
 from armcontour.core.render import figure, number
+from armcontour.core.result import Table
 from armcontour.core.text import capitalise
 from armcontour.jobs.advice import IF_DRIVE, IF_PROCESS
 from armcontour.planning.explanation import BETWEEN, DWELLS, RAPIDS
-from armcontour.report.drawing import draw_plan
 from armcontour.report.figure import Figure, make_trace
-from armcontour.report.section import Front, Section, side_by_side, table_of, tiles
-from armcontour.report.sections.contours import MOST_ROWS
+from armcontour.report.plan_drawing import draw_plan
+from armcontour.report.section import Front, Section, side_by_side, text_table, tiles
+from armcontour.report.sections.contours import MAX_ROWS
 from armcontour.report.sections.front import time_sentences
 from armcontour.report.style import RUN_COLOURS, finish, line, thin
 
@@ -23,32 +23,32 @@ if TYPE_CHECKING:
     from armcontour.studies.certification import Certificate
 
 
-def certified(study: JobResult, found: Certificate) -> Front:
+def certified(study: JobResult, certificate: Certificate) -> Front:
     """The first screen of a certificate."""
-    data = found.to_data()
+    data, model = certificate.to_data(), capitalise(certificate.model)
     rows = {x.name: x for x in data.shown()}
-    off, kept = rows["off_drawing"], data["kept"]
+    deviation, verdict = rows["off_drawing"], data["kept"]
     sentences = [
-        *time_sentences(found.result),
-        *(("What to change", x) for x in [_change(found)] if x),
-        ("Valid for", f"{capitalise(found.model)}. It does not cover collisions and flexibility."),
+        *time_sentences(certificate.result),
+        *(("What to change", x) for x in [_change(certificate)] if x),
+        ("Valid for", f"{model}. It does not cover collisions and flexibility."),
         ("What the certificate costs", f"{figure(rows['cost'])}, {rows['cost'].note}."),
         ("Weakest point", (*data.warnings, *data.notes, "None known.")[0]),
     ]  # fmt: skip
-    words = "Certified" if kept.value else "Not certified"
+    words = "Certified" if verdict.value else "Not certified"
     return Front(
-        verdict=f"{words}: {figure(off)} {off.label}; {kept.note}.",
-        good=kept.value,
+        verdict=f"{words}: {figure(deviation)} {deviation.label}; {verdict.note}.",
+        good=verdict.value,
         tiles=tiles(rows[x] for x in ("duration", "off_drawing", "time_limit")),
         drawing=draw_plan(next(iter(study.runs.values())), study.job),
         sentences=tuple(sentences),
     )
 
 
-def _change(found: Certificate) -> str:
-    """The limit to raise: that of the largest share of the time; empty if it is not known."""
-    why = found.result.explanation
-    shares = () if why is None else why.shares
+def _change(certificate: Certificate) -> str:
+    """Advice to raise the limit with the largest share of the time; empty if unknown."""
+    explanation = certificate.result.explanation
+    shares = () if explanation is None else explanation.shares
     share = next((x for x in shares if x.kind != BETWEEN), None)
     if share is None:
         return ""
@@ -61,30 +61,30 @@ def _change(found: Certificate) -> str:
     )
 
 
-def certificate(found: Certificate) -> Section:
-    """The certificate, what it costs, and its derating."""
-    data, has_contours = found.to_data(), len(found.contours) > 1
-    contours = sorted(found.contours, key=lambda x: x.budget.left)
-    worst = [x.to_data() for x in contours[:MOST_ROWS]]
+def certificate(result: Certificate) -> Section:
+    """The certificate, its cost, and its derating."""
+    data, has_contours = result.to_data(), len(result.contours) > 1
+    contours = sorted(result.contours, key=lambda x: x.budget.left)
+    worst = [x.to_data() for x in contours[:MAX_ROWS]]
     return Section(
         key="certificate",
         title="Certificate",
         summary="parts of the error, derating, and the plan without a certificate",
         text=OF_PROGRAMS if has_contours else "",
         parts=(
-            _parts(found),
-            _derating(found),
-            side_by_side(found.comparison, caption="Compared"),
+            _parts(result),
+            _derating(result),
+            side_by_side(result.comparison, caption="Compared"),
             *(
                 [
-                    table_of(
-                        core.Table.from_results("contours", worst), "Contours, the least left first"
+                    text_table(
+                        Table.from_results("contours", worst), "Contours, the least left first"
                     )
                 ]
                 if has_contours
                 else []
             ),
-            side_by_side({found.run.name: data}, caption="Figures"),
+            side_by_side({result.run.name: data}, caption="Figures"),
         ),
         notes=data.notes,
     )
@@ -104,9 +104,9 @@ OF_PROGRAMS = (
 PARTS = ("rounding", "servo", "sampling", "box", "model_error", "left")
 
 
-def _parts(found: Certificate) -> Any:
-    """Figure of the parts of the error, with a logarithmic axis, because they differ widely."""
-    budget = found.budget.to_data()
+def _parts(certificate: Certificate) -> Any:
+    """Figure of the parts of the error on a logarithmic axis."""
+    budget = certificate.budget.to_data()
     parts = {x.label: abs(x.value) for x in map(budget.__getitem__, PARTS)}
     shown = {name: value * 1e3 for name, value in parts.items() if name and value > 0}
     colours = [RUN_COLOURS[k % len(RUN_COLOURS)] for k in range(len(shown))]
@@ -123,22 +123,24 @@ def _parts(found: Certificate) -> Any:
     return finish(figure, title="Parts of the contour error", height=HEIGHT, span=2)
 
 
-def _derating(found: Certificate) -> Any:
+def _derating(certificate: Certificate) -> Any:
     """Figure of the usable share of every joint's acceleration limit along all contours."""
     figure = Figure()
-    starts = np.cumsum([0.0, *(x.path.length for x in found.contours)])
-    deratings = [x.derating for x in found.contours]
+    starts = np.cumsum([0.0, *(x.path.length for x in certificate.contours)])
+    deratings = [x.derating for x in certificate.contours]
     # A gap after every contour.
     places = [
         np.append(start + (x.cells[:-1] + x.cells[1:]) / 2, start + x.cells[-1])
         for start, x in zip(starts[:-1], deratings, strict=True)
     ]
-    for j, name in enumerate(found.job.arm.joint_names):
+    for j, name in enumerate(certificate.job.arm.joint_names):
         shares = [np.append(x.share[:, j], np.nan) for x in deratings]
-        s, left = thin(np.concatenate(places), np.concatenate(shares))
-        figure.add_trace(line(s, left * 100, name, RUN_COLOURS[j % len(RUN_COLOURS)], width=1.5))
+        s, usable = thin(np.concatenate(places), np.concatenate(shares))
+        figure.add_trace(line(s, usable * 100, name, RUN_COLOURS[j % len(RUN_COLOURS)], width=1.5))
     figure.update_xaxes(
-        title="arc length of the contours [m]" if len(found.contours) > 1 else "arc length [m]"
+        title="arc length of the contours [m]"
+        if len(certificate.contours) > 1
+        else "arc length [m]"
     )
     figure.update_yaxes(title="usable [%]")
     least = 100 * min(float(x.share.min()) for x in deratings)

@@ -1,4 +1,4 @@
-"""The refusal of a certificate: the limit that binds, and what would help."""
+"""Refusal of a certificate: the limiting constraint, and changes that would help."""
 
 from __future__ import annotations
 
@@ -7,27 +7,23 @@ from typing import NoReturn
 
 from armcontour.control.compensation import InverseDynamics, NoCompensation
 from armcontour.core.errors import NotRealizable
-from armcontour.studies.certification._case import Case
-from armcontour.studies.certification._moves import Move
-from armcontour.studies.certification._uses import SPEED_SLACK
+from armcontour.studies.certification.certification_case import Case
+from armcontour.studies.certification.limit_margins import SPEED_SLACK
+from armcontour.studies.certification.move_search import MoveSearch
 
-# Smaller shares of an error are not said.
-SAID = 0.01
+# Smallest share of an error that is reported.
+REPORTED = 0.01
 LONGER = "a larger slowest"
 
 
-# A sentence, and a limit with its allowed and its needed value.
+# A clause; and a limit with its allowed and its required value.
 Reason = tuple[str, str, float, float]
 
 
-def refuse(case: Case, x: Move) -> NoReturn:
-    """Refuse a certificate after a search, with the limit that binds and what would help.
-
-    Raises:
-        NotRealizable: Always.
-    """
-    text, limit, allowed, needed = REASONS.get(x.binds[0], _acceleration)(case, x)
-    slow = f"within {case.goal.slowest:g} times the {x.fastest.duration:.4g} s of the"
+def refuse(case: Case, move: MoveSearch) -> NoReturn:
+    """Raise NotRealizable after a search, with the limiting constraint and possible changes."""
+    text, limit, allowed, needed = REASONS.get(move.binds[0], _acceleration)(case, move)
+    slow = f"within {case.goal.slowest:g} times the {move.fastest.duration:.4g} s of the"
     raise NotRealizable(
         f"No plan {slow} uncertified optimum is certified: {text}.",
         limit=limit,
@@ -36,8 +32,8 @@ def refuse(case: Case, x: Move) -> NoReturn:
     )
 
 
-def _acceleration(case: Case, x: Move) -> Reason:
-    ratio, shorter = x.binds[1], _shorter(case)
+def _acceleration(case: Case, move: MoveSearch) -> Reason:
+    ratio, shorter = move.binds[1], _shorter(case)
     held = " and are held" if case.servo.interpolation == "step" else ""
     if isinstance(case.run.compensation, InverseDynamics) and not case.bodies:
         shorter = "compensation inverse, as inverse_dynamics is for rigid bodies"
@@ -49,8 +45,8 @@ def _acceleration(case: Case, x: Move) -> Reason:
     return text, "joint_acceleration", 1.0, ratio
 
 
-def _speed(case: Case, x: Move) -> Reason:
-    ratio = x.binds[1]
+def _speed(case: Case, move: MoveSearch) -> Reason:
+    ratio = move.binds[1]
     text = (
         "a bound of its speed, or a command outside a joint's range, is exceeded by "
         f"{ratio - 1:.2g} of it: raise the limit, keep the path further from the ends of the "
@@ -59,23 +55,23 @@ def _speed(case: Case, x: Move) -> Reason:
     return text, "speed", 1.0, ratio
 
 
-def _torque(case: Case, x: Move) -> Reason:
-    ratio, mend = x.binds[1], "raise joint_torque"
+def _torque(case: Case, move: MoveSearch) -> Reason:
+    ratio, fix = move.binds[1], "raise joint_torque"
     if case.limits.joint_torque is None:
-        mend = (
+        fix = (
             "give the limits joint_torque (without it drives are as strong as the acceleration "
             "limits need them, with no friction and no payload)"
         )
     text = (
-        f"a robot's drive would need {ratio:.4g} times its torque limit: {mend}, lower the "
+        f"a robot's drive would need {ratio:.4g} times its torque limit: {fix}, lower the "
         "acceleration limits, or take a smaller box"
     )
     return text, "joint_torque", 1.0, ratio
 
 
-def _tool_speed(case: Case, x: Move) -> Reason:
+def _tool_speed(case: Case, move: MoveSearch) -> Reason:
     # The ratio is one of squares.
-    faster, allowed = (1 + SPEED_SLACK) * x.binds[1] ** 0.5, 1 + SPEED_SLACK
+    faster, allowed = (1 + SPEED_SLACK) * move.binds[1] ** 0.5, 1 + SPEED_SLACK
     text = (
         f"the executed tool runs at {faster:.5g} times the velocity that is assigned where it is, "
         f"and {allowed:g} times are allowed: {_follow(case)}, let the assigned velocity fall in "
@@ -84,23 +80,23 @@ def _tool_speed(case: Case, x: Move) -> Reason:
     return text, "speed", allowed, faster
 
 
-def _error(case: Case, x: Move) -> Reason:
-    budget, box = case.budget, x.binds[0] == "box"
-    # Trials with a smaller error exceeded another limit, or only an estimate of them was inside.
-    reached = x.reached if x.reached > budget else x.binds[1] * budget
+def _error(case: Case, move: MoveSearch) -> Reason:
+    budget, box = case.budget, move.binds[0] == "box"
+    # Trials with a smaller error exceeded another limit, or only their estimate was within.
+    reached = move.reached if move.reached > budget else move.binds[1] * budget
     if box and reached <= budget:
-        reached = x.outside
+        reached = move.outside
     over = " of the worst robot of the box" if box else ""
+    advice = _reduce_box_error(case, move) if box else _follow(case)
     text = (
         f"the largest contour error{over} comes down to {reached * 1e3:.4g} mm, and "
-        f"{budget * 1e3:.4g} mm is allowed: {_mend_box(case, x) if box else _follow(case)}, take "
-        f"{LONGER}, or allow more"
+        f"{budget * 1e3:.4g} mm is allowed: {advice}, take {LONGER}, or allow more"
     )
     return text, "contour error", budget, reached
 
 
-# By the kind of use that the last trials exceeded.
-REASONS: dict[str, Callable[[Case, Move], Reason]] = {
+# By the kind of limit that the last trials exceeded.
+REASONS: dict[str, Callable[[Case, MoveSearch], Reason]] = {
     "acceleration": _acceleration,
     "speed": _speed,
     "torque": _torque,
@@ -111,26 +107,26 @@ REASONS: dict[str, Callable[[Case, Move], Reason]] = {
 
 
 def _shorter(case: Case) -> str:
-    """What brings set-points closer together."""
+    """Advice for a finer command."""
     held = case.servo.interpolation == "step"
     return "linear interpolation" if held else "a shorter cycle"
 
 
 def _follow(case: Case) -> str:
-    """What helps the tool to follow the plan: without compensation, errors are those of the lag."""
+    """Advice for a smaller contour error; without compensation the lag causes it."""
     lags = isinstance(case.run.compensation, NoCompensation)
     return "compensate the lag of the servo" if lags else f"take {_shorter(case)}"
 
 
-def _mend_box(case: Case, x: Move) -> str:
-    """What helps against errors over a box; on rigid bodies, what each unknown takes first."""
-    closer = "know the robot more closely (a smaller box), slow down the assigned velocity"
-    if not x.parts:
-        return closer
-    largest = sorted(x.parts.items(), key=lambda x: -x[1])
-    least = SAID * sum(x.parts.values())
+def _reduce_box_error(case: Case, move: MoveSearch) -> str:
+    """Advice for a smaller error over a box, on rigid bodies with the parts of the unknowns."""
+    advice = "know the robot more closely (a smaller box), slow down the assigned velocity"
+    if not move.parts:
+        return advice
+    largest = sorted(move.parts.items(), key=lambda x: -x[1])
+    least = REPORTED * sum(move.parts.values())
     parts = ", ".join(f"{name} {value * 1e3:.3g} mm" for name, value in largest if value > least)
     box, first = case.box, largest[0][0]
     if first == "payload" and box is not None and not box.payload_known:
-        closer = f"let the controller weigh its payload (payload_known: true), or {closer}"
-    return f"its parts are {parts}; {closer}"
+        advice = f"let the controller weigh its payload (payload_known: true), or {advice}"
+    return f"its parts are {parts}; {advice}"
