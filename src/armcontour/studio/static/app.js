@@ -21,7 +21,7 @@ import { View2d } from "./view2d.js";
 import { init as viewbar } from "./viewbar.js";
 
 /** Regions that show a plan, or are seen once they are opened. */
-const LATER = ["obstacles", "place", "tables", "runs", "textpane", "notes", "arm3d", "charts", "playback", "tasks"];
+const LATER = ["obstacles", "part_handle", "tables", "runs", "textpane", "notes", "arm3d", "charts", "playback", "tasks"];
 const store = new Store();
 const link = new Link(store);
 messages(store, link);
