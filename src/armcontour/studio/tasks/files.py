@@ -74,10 +74,8 @@ def export(request: Request) -> PageFrame:
     from armcontour.files.exports.template import SHIPPED, describe_program, ending_of
     from armcontour.jobs import analog_outputs
 
-    format_class, source = (
-        format_named(str(request.option("format", "csv"))),
-        request.option("of", "set_points"),
-    )
+    format_class = format_named(str(request.option("format", "csv")))
+    source = request.option("of", "set_points")
     if source == "learned":
         study = learn_from_logs(request)
         plan = replace(study.plan, set_points=study.lesson)
