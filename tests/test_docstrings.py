@@ -16,15 +16,15 @@ import armcontour as ac
 from armcontour.batches import Batch
 from armcontour.control.identification.fit_options import DRIVE_CYCLE, LONGEST_DELAY
 from armcontour.control.learning import Recording
-from armcontour.core.text import MOST_LINES, format_table
+from armcontour.core.text import MAX_LINES, format_table
 from armcontour.files import parse_job
 from armcontour.files.exports import CsvFormat
 from armcontour.jobs import PlaceSearch
 from armcontour.planning.path_grid import DEFAULT_INTERVALS
 from armcontour.robot.scene import MARGINS
 from armcontour.studies.placement import Placement
-from armcontour.studies.placement.judging import Verdict
-from armcontour.studies.placement.moving import Moves
+from armcontour.studies.placement.place_evaluation import Verdict
+from armcontour.studies.placement.placed_job import Moves
 from armcontour.studies.placement.placement import Place
 
 SECTIONS = ("Args", "Attributes", "Raises")
@@ -260,7 +260,7 @@ def test_results_print_few_lines_and_their_repr_is_one():
     for found in results():
         name, text = type(found).__name__, " ".join(str(found).split())
         lines = str(found).splitlines()
-        assert len(lines) <= MOST_LINES + 2 and max(map(len, lines)) < 100, name
+        assert len(lines) <= MAX_LINES + 2 and max(map(len, lines)) < 100, name
         assert all(x in text for x in FACTS.get(name, ())), text
         said = repr(found)
         assert "\n" not in said and len(said) < 1000 and name in said

@@ -234,7 +234,7 @@ class Limits(Checked):
         Raises:
             InvalidInput: A wrong number of values.
         """
-        dof = checks.check_int("dof", dof, 1, checks.MOST_JOINTS)
+        dof = checks.check_int("dof", dof, 1, checks.MAX_JOINTS)
         changes: dict[str, FloatArray | None] = {}
         for name, unit in JOINT_VALUES.items():
             values = getattr(self, name)

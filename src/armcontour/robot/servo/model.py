@@ -244,7 +244,7 @@ class ServoModel(Checked):
         Raises:
             InvalidInput: The number of gains, dead times or inertias is not 1 or `dof`.
         """
-        dof = checks.check_int("dof", dof, 1, checks.MOST_JOINTS)
+        dof = checks.check_int("dof", dof, 1, checks.MAX_JOINTS)
         values = [getattr(self, x) for x in PER_JOINT]
         if all(x is None or x.shape == (dof,) for x in values) and isinstance(self.order, str):
             return self
