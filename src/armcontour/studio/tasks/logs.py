@@ -1,7 +1,7 @@
 """Tasks on logs of the robot: plan against measured, servos of the joints, next set-points.
 
-The option `logs` names the logs of successive runs, each of the set-points that the logs before it
-teach; `columns` names columns as `read_log` takes them.
+The option `logs` names the logs of successive runs, each of the set-points learned from the
+logs before it; `columns` names columns as `read_log` takes them.
 """
 
 from __future__ import annotations
