@@ -517,6 +517,10 @@ def sweep(
 
     The command `armcontour batch` varies any keys of a job and draws charts.
 
+    >>> points = ac.sweep(ac.read_job("job.yaml"), tolerances=[1e-3, 2e-3])
+    >>> points[0].duration > points[1].duration
+    True
+
     Args:
         job: The job.
         run: Name of the run; by default that of the goal.
