@@ -10,7 +10,7 @@ from contextlib import nullcontext
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple, TypeAlias
 
-from armcontour.core import process
+from armcontour.core import child_process
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.progress import Progress, Step
@@ -63,7 +63,7 @@ class TaskInput(NamedTuple):
 WARM = TaskInput("", "warm", {})
 
 
-def work(task_input: TaskInput, listener: Listener = process.tell) -> bytes:
+def work(task_input: TaskInput, listener: Listener = child_process.tell) -> bytes:
     """Run a task in its process; returns the final frame as bytes; WARM only loads modules."""
     id, task, request = task_input
     if task_input == WARM:
@@ -100,7 +100,7 @@ class _TaskProgress:
 
 def _warm_up() -> None:
     """Load the modules that tasks need, and end this process with its parent."""
-    if process.is_child() and hasattr(os, "nice"):
+    if child_process.is_child() and hasattr(os, "nice"):
         threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
     figures(Request(text=WARMUP_JOB))
 
@@ -116,11 +116,7 @@ def do(task: str, request: Mapping[str, Any], progress: Progress) -> PageFrame:
     """Run a task; refusals of exact figures are a result, those of other tasks an error."""
     if task not in TASKS:
         raise InvalidInput(f"There is no task {task!r}: there are {', '.join(TASKS)}.")
-    task_request = Request(**request, progress=progress)
-    named = [FilePath(y) for y in task_request.named]
-    with (
-        reading_below(map(FilePath, task_request.allowed), named)
-        if task_request.allowed
-        else nullcontext()
-    ):
-        return TASKS[task](task_request)
+    full = Request(**request, progress=progress)
+    named = [FilePath(x) for x in full.named]
+    with reading_below(map(FilePath, full.allowed), named) if full.allowed else nullcontext():
+        return TASKS[task](full)
