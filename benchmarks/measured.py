@@ -201,9 +201,9 @@ def measure(line: Line, times: int = 1) -> list[Measured]:
     if not pair.warm:
         pair.ours(1)
         pair.peer(1)
-    found = [_measure(pair) for _ in range(times)]
+    repetitions = [_measure(pair) for _ in range(times)]
     notes = tuple(pair.notes())
-    return [Measured(line, *sides, notes) for sides in found]
+    return [Measured(line, *sides, notes) for sides in repetitions]
 
 
 def _measure(pair: Pair) -> tuple[list[Taken], list[Taken]]:
