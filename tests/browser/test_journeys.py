@@ -26,13 +26,13 @@ PLAIN = """async (png) => {
 DRAWN = "() => new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))"
 
 
-def agree(studio, found):
+def agree(studio, judgement):
     """What the page shows at rest is what the library finds."""
-    error = found.evaluation.contour_error
-    assert studio.figure("duration") == pytest.approx(found.trajectory.duration, abs=EXACT)
+    error = judgement.evaluation.contour_error
+    assert studio.figure("duration") == pytest.approx(judgement.trajectory.duration, abs=EXACT)
     assert studio.figure("contour_error.rms") == pytest.approx(error.rms, abs=EXACT)
-    off = (found.rounding_error or 0.0) + error.max
-    assert studio.figure("off_drawing") == pytest.approx(off, abs=EXACT)
+    deviation = (judgement.rounding_error or 0.0) + error.max
+    assert studio.figure("off_drawing") == pytest.approx(deviation, abs=EXACT)
 
 
 def shares(studio):
@@ -45,9 +45,9 @@ def shares(studio):
 
 def test_j1_the_papers_job_is_shown_with_its_cycle_time(studio, judge):
     expect(studio.find("[data-figure=duration] .value")).to_have_text("5.3261")
-    found = judge(studio)
-    agree(studio, found)
-    assert shares(studio) == cells(found.explanation.time_table)
+    judgement = judge(studio)
+    agree(studio, judgement)
+    assert shares(studio) == cells(judgement.explanation.time_table)
     assert studio.find("g.handle.waypoint").count() == 4
     assert studio.find("g.handle.corner").count() == 2
 
@@ -61,9 +61,9 @@ def test_j2_a_dragged_corner_has_another_tolerance(studio, judge):
             studio.wait("body", busy="false")
             expect(studio.find("#view2d")).not_to_have_attribute("data-duration", str(before))
             assert float(studio.told("#view2d", "duration")) < before
-    found = judge(studio)
-    agree(studio, found)
-    assert found.trajectory.duration < before
+    judgement = judge(studio)
+    agree(studio, judgement)
+    assert judgement.trajectory.duration < before
     assert shares(studio) != bound
     with studio.changing():
         studio.find("#undo").click()
@@ -149,8 +149,8 @@ def test_j9_results_are_saved_as_files(studio, judge, tmp_path):
     done = studio.do("export", {"format": "csv"})
     studio.wait(".task-result[data-task=export]", state="done")
     name, content = studio.save_file(done.locator("button, a").first)
-    found = judge(studio)
-    ac.export(found.set_points, tmp_path / "set_points.csv", arm=ac.load_arm("pmk3s"))
+    judgement = judge(studio)
+    ac.export(judgement.set_points, tmp_path / "set_points.csv", arm=ac.load_arm("pmk3s"))
     assert name.endswith(".csv")
     assert content == (tmp_path / "set_points.csv").read_bytes()
     done = studio.do("report")
@@ -325,9 +325,9 @@ def test_j32_an_unreadable_drawing_names_what_the_page_has(studio, tmp_path):
     studio.find("#picker").set_input_files(drawing)
     dialog.locator("select").select_option("ur5e")
     dialog.get_by_role("button", name="Open").click()
-    told = studio.find("#messages .message.alarm:not(.refusal)")
-    expect(told).to_contain_text("unknown: skip")
-    expect(told).not_to_contain_text("--")
+    alarm = studio.find("#messages .message.alarm:not(.refusal)")
+    expect(alarm).to_contain_text("unknown: skip")
+    expect(alarm).not_to_contain_text("--")
     studio.is_cut_off = False
     studio.find("#picker").set_input_files(drawing)
     dialog.get_by_role("checkbox", name="unknown: skip").check()

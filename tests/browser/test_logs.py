@@ -92,10 +92,10 @@ def test_j41_a_log_gives_the_servo_of_the_job(shown, log):
     drop(shown, log)
     result = done(shown, "identify")
     expect(result).to_have_attribute("data-state", "done")
-    found = ac.identify(read_log(log), ac.ServoFit(kinematics=ac.load_arm("pmk3s")))
+    identification = ac.identify(read_log(log), ac.ServoFit(kinematics=ac.load_arm("pmk3s")))
     kp = cell(result, "joint 1").nth(0)
     table = result.locator("table", has_text="kp")
-    expect(table).to_contain_text(number(found["joint 1"].kp.value, "1/s"))
+    expect(table).to_contain_text(number(identification["joint 1"].kp.value, "1/s"))
     expect(kp).to_be_visible()
     load_axe(shown.page)
     assert faults(shown.page) == []

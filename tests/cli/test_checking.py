@@ -55,30 +55,30 @@ def folder(tmp_path, mac):
 def test_times_since_1970_and_notes(folder, check):
     t, *q = np.loadtxt(folder / "planned.csv", delimiter=",", skiprows=1).T
     titles = "timestamp,actual_q_0,actual_q_1,actual_TCP_pose_0"
-    late = 1_700_000_000 + t
-    write(folder / "late.csv", titles, late, *q, 0 * t)
-    given = ("--path", "job.yaml", "--limits", "limits.yaml")
-    done = check(folder, "late.csv", *given)
-    data = json.loads(check(folder, "late.csv", *given, "--json").out)
+    unix_times = 1_700_000_000 + t
+    write(folder / "late.csv", titles, unix_times, *q, 0 * t)
+    options = ("--path", "job.yaml", "--limits", "limits.yaml")
+    done = check(folder, "late.csv", *options)
+    data = json.loads(check(folder, "late.csv", *options, "--json").out)
     assert data["left_out"] == ["actual_TCP_pose_0"] and data["notes"] == []
     (use,) = (x for x in data["limits"] if x["name"] == "joint_acceleration")
-    assert late[0] <= use["t"] <= late[-1]
+    assert unix_times[0] <= use["t"] <= unix_times[-1]
     shown = next(x for x in done.out.splitlines() if x.split()[:1] == [use["name"]])
     assert f"{use['t']:.4f}".rstrip("0").rstrip(".") in shown
     # Rows that are there twice.
     lines = (folder / "late.csv").read_text().splitlines()
     (folder / "late.csv").write_text("\n".join([*lines[:9], lines[8], *lines[9:]]) + "\n")
-    assert "Note: 1 row of late.csv repeats" in check(folder, "late.csv", *given).out
+    assert "Note: 1 row of late.csv repeats" in check(folder, "late.csv", *options).out
 
 
 def test_kept_limits_end_with_0(folder, check):
-    given = (*PLANNED, "--path", "job.yaml")
-    done = check(folder, *given)
+    options = (*PLANNED, "--path", "job.yaml")
+    done = check(folder, *options)
     assert done.code == 0, done.out + done.errors
     for words in ("joint_acceleration", "speed", "path_deviation", "kept", "Samples of q:"):
         assert words in done.out
     assert "violated" not in done.out
-    data = json.loads(check(folder, *given, "--json").out)
+    data = json.loads(check(folder, *options, "--json").out)
     assert data["kept"] is True
     uses = {x["name"]: x for x in data["limits"]}
     names = {"joint_acceleration", "speed", "centripetal_acceleration", "path_deviation"}
@@ -111,12 +111,12 @@ def test_a_violation_ends_with_1_and_its_place(folder, check):
 
 
 def test_the_path_and_the_limits_of_one_run(folder, check, refused):
-    given = (*PLANNED, "--path", "job.yaml")
-    sharp = check(folder, *given, "--run", "sharp", "--json")
+    options = (*PLANNED, "--path", "job.yaml")
+    sharp = check(folder, *options, "--run", "sharp", "--json")
     assert sharp.code == 1
     assert json.loads(sharp.out)["path_deviation"]["distance"] > 1e-3
-    found = json.loads(check(folder, "planned.csv", "--path", "job.yaml", "--json").out)
-    uses = {x["name"]: x for x in found["limits"]}
+    check_data = json.loads(check(folder, "planned.csv", "--path", "job.yaml", "--json").out)
+    uses = {x["name"]: x for x in check_data["limits"]}
     assert uses["speed"]["limit"] == 0.15 and uses["centripetal_acceleration"]["limit"] == 0.09
     # Runs that differ in their corners, and in their limits.
     runs = {**JOB["runs"], "wide": {"timing": {"method": "paper"}, "corners": {"tolerance": 0.01}}}
@@ -125,8 +125,8 @@ def test_the_path_and_the_limits_of_one_run(folder, check, refused):
     runs = {**JOB["runs"], "fast": fast}
     (folder / "fast.yaml").write_text(yaml.safe_dump({**JOB, "runs": runs}))
     rows = [
-        ((*given, "--run", "other"), ["its runs are rounded, sharp, wide"]),
-        (given, ["choose one with --run (rounded, wide)"]),
+        ((*options, "--run", "other"), ["its runs are rounded, sharp, wide"]),
+        (options, ["choose one with --run (rounded, wide)"]),
         (("planned.csv", "--path", "fast.yaml"), ["have different limits: choose one with --run"]),
     ]
     assert refused(folder, rows, codes=(2,), begin=("check",)) == []
@@ -182,8 +182,8 @@ def test_an_arm_from_a_description_with_its_limits(tmp_path, check):
     limits = ("--joint-limits", data / "joint_limits.yaml")
     done = check(tmp_path, "log.csv", *arm, *limits, "--json")
     assert done.code in (0, 1), done.errors
-    found = json.loads(done.out)
-    velocity = next(x for x in found["limits"] if x["name"] == "joint_velocity")
+    report = json.loads(done.out)
+    velocity = next(x for x in report["limits"] if x["name"] == "joint_velocity")
     # The file's 90 deg/s, not the description's 2 rad/s.
     assert (velocity["joint"], velocity["limit"]) == (1, pytest.approx(np.pi / 2))
 
@@ -205,21 +205,21 @@ def test_a_measured_motion(folder, mac, check):
     noise = 2e-5 * np.random.default_rng(0).uniform(-1, 1, samples.q.shape)
     columns = (samples.t, samples.q + noise, 5 * samples.q[:, 0])
     write(folder / "log.csv", "t,q1,q2,i1 [A]", *columns)
-    given = ("log.csv", "--arm", "pmk3s", "--limits", "joint.yaml")
+    options = ("log.csv", "--arm", "pmk3s", "--limits", "joint.yaml")
     (folder / "joint.yaml").write_text("joint_acceleration: 0.73\n")
-    done = check(folder, *given)
+    done = check(folder, *options)
     assert done.code == 1
-    told = " ".join(done.out.split())
+    output = " ".join(done.out.split())
     for words in ("Left out of log.csv", "'i1 [A]'", "scatter by 0.012 mrad", "'0.047 mrad'"):
-        assert words in told
-    declared = check(folder, *given, "--noise", "0.02 mrad")
+        assert words in output
+    declared = check(folder, *options, "--noise", "0.02 mrad")
     assert declared.code in (0, 7), declared.out
     assert "scatter" not in declared.out and "violated" not in declared.out
     # A motion that really exceeds its limit still does.
     (folder / "joint.yaml").write_text("joint_acceleration: 0.3\n")
-    assert check(folder, *given, "--noise", "0.02 mrad").code == 1
+    assert check(folder, *options, "--noise", "0.02 mrad").code == 1
     # What is computed has no noise to declare.
-    rough = check(folder, "planned.csv", *given[1:])
+    rough = check(folder, "planned.csv", *options[1:])
     assert rough.code == 1 and "scatter" not in rough.out
 
 
@@ -233,15 +233,15 @@ SWEEP = """t,q1,q2,q3,q4,q5,q6
 @needs_dynamics
 def test_a_scene_is_checked_between_samples_too(tmp_path, check):
     (tmp_path / "sweep.csv").write_text(SWEEP)
-    at = ac.load_arm("ur5e").tool_position([0.1, -1.2, 1.5, -1.8, -1.57, 0.0]).tolist()
-    x, y, z = at
+    position = ac.load_arm("ur5e").tool_position([0.1, -1.2, 1.5, -1.8, -1.57, 0.0]).tolist()
+    x, y, z = position
     wall = (
         '<robot name="cell"><link name="wall"><collision><origin xyz="{}"/>'
         '<geometry><box size="0.001 0.3 0.3"/></geometry></collision></link></robot>'
     )
     (tmp_path / "cell.urdf").write_text(wall.format(f"{x} {y} {z}"))
     (tmp_path / "free.urdf").write_text(wall.format("0 0 -5"))
-    boxes = f"scene: {{boxes: [{{name: wall, size: [0.001, 0.3, 0.3], at: {at}}}]}}\n"
+    boxes = f"scene: {{boxes: [{{name: wall, size: [0.001, 0.3, 0.3], at: {position}}}]}}\n"
     (tmp_path / "scene.yaml").write_text(boxes)
     (tmp_path / "cell.yaml").write_text(f"arm: ur5e\n{boxes}")
     arm = ("--arm", "ur5e", "--scene")
@@ -270,8 +270,11 @@ def test_degrees_in_columns_of_radians_are_asked_about(tmp_path, check):
         write(tmp_path / "log.csv", titles, t, q)
         done = check(tmp_path, "log.csv", "--arm", "ur5e")
         assert done.code == code, done.out + done.errors
-        asked = done.errors.count("in degrees. If they are")
-        assert asked == (unit == "rad") and ("q3 [rad] is 80 rad" in done.errors) == asked
+        has_question = done.errors.count("in degrees. If they are")
+        assert (
+            has_question == (unit == "rad")
+            and ("q3 [rad] is 80 rad" in done.errors) == has_question
+        )
     # Radians that are only a little out of range are a violation.
     write(tmp_path / "log.csv", titles.replace("deg", "rad"), t, q / 12)
     assert check(tmp_path, "log.csv", "--arm", "ur5e").code == 1

@@ -127,28 +127,28 @@ KEPT = FilePath(armcontour.__file__).parent / "__pycache__"
 
 
 @pytest.fixture
-def asked(monkeypatch):
+def compile_requests(monkeypatch):
     """What the command asks for, where nothing is compiled."""
-    asked: list[str] = []
+    requests: list[str] = []
 
-    def warm(which, progress):
-        asked.append(which)
+    def warm(functions, progress):
+        requests.append(functions)
         progress(Step(("compiling, once", "5 functions in 2 processes"), 0.0))
         return compilation.Warmed(5, 2, KEPT)
 
     monkeypatch.setattr(compilation, "warm", warm)
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-    return asked
+    return requests
 
 
 def test_warm_reports_the_compiled_functions_and_their_folder(
-    command, asked, tmp_path, monkeypatch
+    command, compile_requests, tmp_path, monkeypatch
 ):
     ended = command("warm")
-    assert ended.code == 0 and asked == ["all"]
+    assert ended.code == 0 and compile_requests == ["all"]
     assert f"5 functions are compiled, 2 of them now. They are stored in {KEPT}." in ended.out
     assert ended.errors == "compiling, once: 5 functions in 2 processes\n"
-    assert command("warm", "plane").code == 0 and asked == ["all", "plane"]
+    assert command("warm", "plane").code == 0 and compile_requests == ["all", "plane"]
     assert command("warm", "moon").code == 2
 
 

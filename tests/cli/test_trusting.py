@@ -82,16 +82,16 @@ def test_check_takes_packages_and_arguments(folder):
         '<robot name="six" xmlns:xacro="http://www.ros.org/wiki/xacro">'
         '<xacro:include filename="$(find six)/$(arg kind).xacro"/></robot>'
     )
-    given = ("--package", "six=parts", "--xacro-arg", "kind=robot")
-    done = armcontour(*LINES["check"], "--trust-xacro", *given)
+    options = ("--package", "six=parts", "--xacro-arg", "kind=robot")
+    done = armcontour(*LINES["check"], "--trust-xacro", *options)
     assert done.exit_code == 0, done.exception
     for arguments, words in (
-        (given[:2], "--xacro-arg kind=VALUE"),
-        (given[2:], "--package six=FOLDER"),
+        (options[:2], "--xacro-arg kind=VALUE"),
+        (options[2:], "--package six=FOLDER"),
         (("--package", "six"), "--package takes NAME=VALUE"),
     ):
         refused = armcontour(*LINES["check"], "--trust-xacro", *arguments)
         assert isinstance(refused.exception, InvalidInput) and words in str(refused.exception)
     (folder / "job.yaml").write_text(yaml.safe_dump({**JOB, "arm": "ur5e"}))
-    of_job = armcontour(*LINES["check of a job"], "--trust-xacro", *given)
+    of_job = armcontour(*LINES["check of a job"], "--trust-xacro", *options)
     assert "--package and --xacro-arg go with --arm" in str(of_job.exception)

@@ -55,8 +55,8 @@ def test_limits_that_are_exceeded_before_learning_are_not_kept_but_said(job, pla
     trajectory = plan.trajectory.limited(plan.run.limits.replace(joint_velocity=0.9 * rate))
     set_points = dataclasses.replace(plan.set_points, trajectory=trajectory)
     slow = dataclasses.replace(plan, trajectory=trajectory, set_points=set_points)
-    told = dataclasses.replace(study, plan=slow).notes
-    assert sum("exceed limits of the joints already before learning" in x for x in told) == 1
+    notes = dataclasses.replace(study, plan=slow).notes
+    assert sum("exceed limits of the joints already before learning" in x for x in notes) == 1
     lesson = learn_run(
         job, slow, slow.set_points, ac.simulate(slow.set_points, loaded_robot(job, plan))
     )

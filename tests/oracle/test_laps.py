@@ -98,8 +98,8 @@ def phase_plane(traced, limit, s, speed):
 
     # Small steps: the slope has kinks where another joint begins to bind.
     how = {"rtol": 1e-9, "atol": 1e-12, "max_step": (s[-1] - s[0]) / 500}
-    found = solve_ivp(slope, (s[0], s[-1]), [speed**2], t_eval=s, **how)
-    return np.sqrt(found.y[0])
+    solution = solve_ivp(slope, (s[0], s[-1]), [speed**2], t_eval=s, **how)
+    return np.sqrt(solution.y[0])
 
 
 @pytest.mark.parametrize(

@@ -61,11 +61,11 @@ def by_pinocchio(chain, inertia, q, step, cycle, limit):
     data, n = model.createData(), len(chain)
 
     def rate(t, x):
-        at, moving = x[:n], x[n:]
-        mass = np.triu(pin.crba(model, data, at))
+        q, moving = x[:n], x[n:]
+        mass = np.triu(pin.crba(model, data, q))
         mass = mass + np.triu(mass, 1).T + np.diag(chain.armature)
-        left = torque - chain.viscous * moving - pin.nonLinearEffects(model, data, at, moving)
-        return np.concatenate([moving, np.linalg.solve(mass, left)])
+        net_torque = torque - chain.viscous * moving - pin.nonLinearEffects(model, data, q, moving)
+        return np.concatenate([moving, np.linalg.solve(mass, net_torque)])
 
     x, states = np.concatenate([q[0], np.zeros(n)]), []
     steps = round(cycle / step)
@@ -156,7 +156,7 @@ def test_joints_with_springs_move_as_spong_and_pinocchio_say(options):
     done = ac.simulate(taught_data(q, cycle), plant, resolution=step)
     begin = np.concatenate([done.q[0], done.motor_q[0]])
     expected = by_pinocchio_with_springs(arm.chain, plant, q, step, cycle, begin)
-    found = np.hstack([done.q, done.motor_q])[: len(expected)]
+    positions = np.hstack([done.q, done.motor_q])[: len(expected)]
     assert np.abs(done.dq).max() > 1 and np.abs(done.q - done.motor_q).max() > 2e-3
     # The start rings the springs, which hardly anything damps: phase errors add up.
-    assert np.abs(found - expected).max() < 4e-9
+    assert np.abs(positions - expected).max() < 4e-9

@@ -68,15 +68,17 @@ def by_events(u, cycle, kp, kv, limit, linear=True):
                 # Leaving saturation inwards, or the linear range outwards.
                 event.direction = -np.sign(edge) if side else np.sign(edge)
                 events.append(event)
-            found = solve_ivp(
+            solution = solve_ivp(
                 motion, (now, cycle), state, method="DOP853", events=events,
                 rtol=1e-12, atol=1e-14, max_step=0.3 / kv,
             )  # fmt: skip
             if side:
-                saturated += found.t[-1] - now
-            peak = max(peak, *(abs(demand(t, x)) for t, x in zip(found.t, found.y.T, strict=True)))
-            now, state = found.t[-1], found.y[:, -1]
-            if found.status == 0:
+                saturated += solution.t[-1] - now
+            peak = max(
+                peak, *(abs(demand(t, x)) for t, x in zip(solution.t, solution.y.T, strict=True))
+            )
+            now, state = solution.t[-1], solution.y[:, -1]
+            if solution.status == 0:
                 break
         ends.append(tuple(state))
     return np.array(ends), saturated, peak
@@ -92,8 +94,8 @@ def test_saturated_against_events(arm, gains, interpolation):
     long = executed(arm, np.tile(q[-1:], (2, 1)), cycle, kp, kv, limits, cycle)
     np.testing.assert_array_equal(long.saturated_time, 0)
     for j in range(2):
-        given = q[:, j], cycle, kp, kv, limits[j], interpolation == "linear"
-        ends, saturated, peak = by_events(*given)
+        arguments = q[:, j], cycle, kp, kv, limits[j], interpolation == "linear"
+        ends, saturated, peak = by_events(*arguments)
         assert saturated > 0.02  # the case is worth its name
         np.testing.assert_allclose(done.q[:15, j], ends[:, 0], atol=1e-10)
         np.testing.assert_allclose(done.dq[:15, j], ends[:, 1], atol=1e-8)

@@ -127,8 +127,10 @@ def test_open_contours_have_no_waste_and_stay_unless_a_side_is_given():
     assert any(x.path is BEND for x in done.contours)
     (note,) = done.notes
     assert "contour mark stays where drawn" in note
-    left = cut(mark, kerf=2e-3, kerf_side="left").path
-    np.testing.assert_allclose(left.vertices, [[0, 1e-3], [0.049, 1e-3], [0.049, 0.05]], atol=1e-15)
+    cut_left = cut(mark, kerf=2e-3, kerf_side="left").path
+    np.testing.assert_allclose(
+        cut_left.vertices, [[0, 1e-3], [0.049, 1e-3], [0.049, 0.05]], atol=1e-15
+    )
     right = cut(mark, kerf=2e-3, kerf_side="right").path
     assert len(right) == 3 and right.curvatures[1] == pytest.approx(1e3)
     np.testing.assert_allclose(right([0, right.length]), [[0, -1e-3], [0.051, 0.05]], atol=1e-15)
@@ -157,11 +159,11 @@ def test_random_cuts_beside_open_contours_keep_their_distance_or_are_refused():
         except InvalidInput:
             refusals += 1
             continue
-        found = done(np.linspace(0, done.length, 500))
+        samples = done(np.linspace(0, done.length, 500))
         a, b = points[:-1], points[1:]
-        share = ((found[:, None] - a) * (b - a)).sum(2) / ((b - a) ** 2).sum(1)
+        share = ((samples[:, None] - a) * (b - a)).sum(2) / ((b - a) ** 2).sum(1)
         foot = a + np.clip(share, 0, 1)[:, :, None] * (b - a)
-        assert np.linalg.norm(found[:, None] - foot, axis=2).min() >= kerf / 2 - 1e-9
+        assert np.linalg.norm(samples[:, None] - foot, axis=2).min() >= kerf / 2 - 1e-9
     assert 5 < refusals < 65
 
 
@@ -192,9 +194,9 @@ def test_events_rapids_and_leads_come_along():
     before, contour, after = prepare(Program(moves=moves), Process(kerf=2e-3)).moves
     below = np.abs(contour.path(contour.path.breaks[:-1] + 1e-6)[:, 1] + 1e-3) < 1e-9
     assert (contour.path.speeds[below] == 0.02).all() and below.sum() >= 1
-    on, off = contour.events
+    on, switch_off = contour.events
     np.testing.assert_allclose(contour.path(on.s), [0.05, -1e-3], atol=1e-12)
-    assert off.s == contour.path.length
+    assert switch_off.s == contour.path.length
     np.testing.assert_array_equal(before.path(before.path.length), contour.path(0.0))
     np.testing.assert_allclose(after.path(0.0), contour.path(contour.path.length), atol=1e-9)
     lead = Lead(length=4e-3, shape="arc")

@@ -62,8 +62,8 @@ def test_what_lies_inside_comes_first_and_part_after_part():
         assert names(done) == ["island", "window", "mark", "outline", "hole", "second"]
         assert not done.notes
     # Only a cutting process changes the order of itself.
-    straight, left = Lead(length=1e-3), Lead(length=1e-3, shape="arc", side="left")
-    for process in ({}, {"lead_in": straight}, {"lead_in": left}):
+    straight, arc_lead = Lead(length=1e-3), Lead(length=1e-3, shape="arc", side="left")
+    for process in ({}, {"lead_in": straight}, {"lead_in": arc_lead}):
         done = ordered(PARTS, **process)
         assert names(done) == [x.name for x in PARTS] and not done.notes
 
@@ -91,10 +91,10 @@ def test_whatever_is_cut_what_lies_inside_comes_before(order, seed):
             contours.append(circle(x, y, radius, f"{i}{k}"))
             inner[f"{i}{k}"] = f"{i}{k - 1}"
     moves = (contours[i] for i in rng.permutation(len(contours)))
-    found = names(ordered(moves, lead_in=WASTE, order=order))
-    assert sorted(found) == sorted(inner)
+    order_found = names(ordered(moves, lead_in=WASTE, order=order))
+    assert sorted(order_found) == sorted(inner)
     for name, outer in inner.items():
-        assert outer not in found or found.index(name) < found.index(outer)
+        assert outer not in order_found or order_found.index(name) < order_found.index(outer)
 
 
 # ------------------------------------------------------------------------------------- shortest
@@ -110,17 +110,18 @@ def test_the_shortest_order_of_few_contours_is_that_of_all_orders(seed, turned):
     options = [[x, x[::-1]] if turned else [x] for x in ends]
 
     @functools.cache
-    def least(i, k, left):
-        """The shortest way from option k of contour i over all that are left."""
+    def shortest_way(i, k, remaining):
+        """The shortest way from option k of contour i over all remaining contours."""
         ways = (
-            float(np.linalg.norm(options[j][m][0] - options[i][k][1])) + least(j, m, left - {j})
-            for j in left
+            float(np.linalg.norm(options[j][m][0] - options[i][k][1]))
+            + shortest_way(j, m, remaining - {j})
+            for j in remaining
             for m in range(len(options[j]))
         )
         return min(ways, default=0.0)
 
     every = frozenset(range(6))
-    shortest = min(least(i, k, every - {i}) for i in every for k in range(len(options[i])))
+    shortest = min(shortest_way(i, k, every - {i}) for i in every for k in range(len(options[i])))
     assert shortest - 1e-12 <= gaps(done) <= 1.05 * shortest
     assert sorted(names(done)) == [str(i) for i in range(6)]
 
@@ -184,8 +185,11 @@ def test_open_contours_run_backwards_only_where_they_may():
         done = ordered((first, line(*second)), order=order, reverse_open=True)
         assert gaps(done) == pytest.approx(0.1)
     switched = line(*second, events=(Event(name="gas", s=0.2),))
-    found = ordered((first, switched), order="shortest", reverse_open=True)
-    assert found.contours[-1].events[0].s == pytest.approx(0.2) or gaps(found) > 0.1
+    ordered_program = ordered((first, switched), order="shortest", reverse_open=True)
+    assert (
+        ordered_program.contours[-1].events[0].s == pytest.approx(0.2)
+        or gaps(ordered_program) > 0.1
+    )
 
 
 def test_outputs_are_on_at_work_only():
@@ -202,35 +206,35 @@ def test_the_judge_sees_events_at_wrong_places(by, monkeypatch):
         return dataclasses.replace(x, events=events)
 
     def shifted(program, process):
-        found = prepare(program, process)
-        moves = (moved(x) if isinstance(x, ac.Contour) else x for x in found.moves)
-        return dataclasses.replace(found, moves=tuple(moves))
+        prepared = prepare(program, process)
+        moves = (moved(x) if isinstance(x, ac.Contour) else x for x in prepared.moves)
+        return dataclasses.replace(prepared, moves=tuple(moves))
 
     monkeypatch.setattr(outputs.ac, "prepare", shifted)
-    seen = 0
+    detections = 0
     for seed in range(10):
         try:
             outputs.judge_program(seed)
         except AssertionError as error:
             assert "without work" in str(error) or "at work" in str(error)
-            seen += 1
+            detections += 1
     # Along active leads an output may be on, so that some shifts there are no error.
-    assert seen >= 8
+    assert detections >= 8
 
 
 def test_the_judge_sees_shorter_leads_and_another_contour_and_else_nothing(monkeypatch):
     write = outputs.DrawnJob.text
 
     def wrong(drawn, other_units):
-        kept = drawn.lead_in, drawn.points
+        original = drawn.lead_in, drawn.points
         drawn.lead_in, drawn.points = 0.5 * drawn.lead_in, drawn.points + 0.5 * drawn.tolerance
         try:
             return write(drawn, other_units)
         finally:
-            drawn.lead_in, drawn.points = kept
+            drawn.lead_in, drawn.points = original
 
     seed = 1  # a small job with a lead-in
     assert outputs.DrawnJob(seed).lead_in and not outputs.judge_job(seed)
     monkeypatch.setattr(outputs.DrawnJob, "text", wrong)
-    said = " ".join(outputs.judge_job(seed))
-    assert "length of the lead-in" in said and "contour not covered" in said
+    messages = " ".join(outputs.judge_job(seed))
+    assert "length of the lead-in" in messages and "contour not covered" in messages

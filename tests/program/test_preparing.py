@@ -82,8 +82,8 @@ def test_leads_in_an_arc_are_quarters_of_circles_that_touch_the_contour(side, si
     tangents = [[0, -sign], [-sign, 0]]
     np.testing.assert_allclose(path([0, path.length], 1, side="left"), tangents, atol=1e-12)
     centre = np.array([0.3, 0.2 + sign * radius])
-    off = np.linalg.norm(path(np.linspace(0, length, 9)) - centre, axis=1)
-    np.testing.assert_allclose(off, radius, atol=1e-15)
+    radii = np.linalg.norm(path(np.linspace(0, length, 9)) - centre, axis=1)
+    np.testing.assert_allclose(radii, radius, atol=1e-15)
     np.testing.assert_allclose(path.turns[[0, -1]], 0, atol=1e-9)
 
 
@@ -124,8 +124,8 @@ def test_the_tool_is_held_along_leads_as_at_the_ends_and_follows_where_it_follow
     expected = base.orientation(0.0).T @ path(0.0, 1)
     for s in (0.0, 0.01, 0.0199, follows.length - 0.015, follows.length):
         side = "left" if s else "right"
-        found = follows.orientation(s, side=side).T @ follows(s, 1, side=side)
-        np.testing.assert_allclose(found, expected, atol=1e-9)
+        tangent = follows.orientation(s, side=side).T @ follows(s, 1, side=side)
+        np.testing.assert_allclose(tangent, expected, atol=1e-9)
 
 
 def test_leads_take_demands_of_segments_and_given_lengths():
@@ -135,16 +135,16 @@ def test_leads_take_demands_of_segments_and_given_lengths():
     done = only(drawn, Process(lead_in=lead, lead_out=lead)).path
     assert done.speeds.tolist() == [0.05, 0.05, 0.08, 0.08]
     assert done.tolerances[0] == 1e-4 and np.isnan(done.tolerances[-1])
-    asked = Process(lead_in=Lead(), lead_out=Lead(length=0.02))
-    assert asked.automatic and not Process(lead_in=Lead(length=0.1)).automatic
+    process = Process(lead_in=Lead(), lead_out=Lead(length=0.02))
+    assert process.automatic and not Process(lead_in=Lead(length=0.1)).automatic
     lengths = [Leads(before=0.03, after=0.5), Leads(before=0.0, after=0.5)]
-    first, second = prepare(program(BEND, BEND), asked, lengths).contours
+    first, second = prepare(program(BEND, BEND), process, lengths).contours
     assert first.work == pytest.approx((0.03, 0.13), abs=1e-15)
     assert first.path.length == pytest.approx(0.15, abs=1e-15)
     assert second.work == pytest.approx((0.0, 0.1), abs=1e-15)
     for few in (None, [], [Leads(before=0.01)]):
-        said = f"got {len(few or [])}"
-        refused((lambda x=few: prepare(program(BEND, BEND), asked, x), "2 lengths", said))
+        message = f"got {len(few or [])}"
+        refused((lambda x=few: prepare(program(BEND, BEND), process, x), "2 lengths", message))
 
 
 # ------------------------------------------------------------------------ beginnings and overlaps
@@ -239,11 +239,13 @@ SWITCHED = [
 ]
 
 
-@each("switched, kept", SWITCHED)
-def test_a_contour_does_not_begin_where_something_would_not_be_switched_as_drawn(switched, kept):
+@each("switched, is_unchanged", SWITCHED)
+def test_a_contour_does_not_begin_where_something_would_not_be_switched_as_drawn(
+    switched, is_unchanged
+):
     events = tuple(Event(name="laser", value=value, s=s) for value, s in switched)
     square, process = Contour(path=SQUARE, name="E7", events=events), Process(begin=0.05)
-    if kept:
+    if is_unchanged:
         only(square, process)
     else:
         refused((lambda: only(square, process), "contour E7", "laser", "0.05 m"))
@@ -269,22 +271,22 @@ def test_events_keep_their_points_through_all_that_is_done_to_their_contour(
     ends = {"lead_in": lead, "lead_out": lead, "switch": Switch()}
     process = Process(begin=begin, overlap=overlap, resume_at=resume_at, **ends)
     done = only(Contour(path=SQUARE, events=events), process)
-    on, off = (x for x in done.events if x.name == "tool")
-    assert (on.value, off.value) == (True, False)
-    assert (on.s, off.s) == pytest.approx(done.work, abs=1e-12)
+    on, switch_off = (x for x in done.events if x.name == "tool")
+    assert (on.value, switch_off.value) == (True, False)
+    assert (on.s, switch_off.s) == pytest.approx(done.work, abs=1e-12)
     # A place to resume within 1e-9 m of the start is the start; the rest is rounding.
     length = 0.2 + overlap - resume_at
     assert done.work[1] - done.work[0] == pytest.approx(length, abs=1e-9 + 1e-15)
     resumed_at = SQUARE((begin + resume_at) % 0.2)
-    found = {x.name: x for x in done.events if x.name != "tool"}
+    events_by_name = {x.name: x for x in done.events if x.name != "tool"}
     for i, s in enumerate(places):
-        event = found.pop(f"e{i}")
+        event = events_by_name.pop(f"e{i}")
         # It was before the place to resume: then it is made up for there.
         passed = (s - begin) % 0.2 < resume_at - 1e-9
         point = resumed_at if passed else SQUARE(s)
         if abs((s - begin) % 0.2 - resume_at) > 1e-8:
             np.testing.assert_allclose(done.path(event.s), point, atol=1e-9)
-    assert not found
+    assert not events_by_name
     (rounded,) = round_corners(program(done), tolerance=tolerance).contours
     for before, after in zip(done.events, rounded.events, strict=True):
         off_by = np.linalg.norm(rounded.path(after.s) - done.path(before.s))
@@ -364,8 +366,8 @@ def test_resuming_at_an_end_within_a_contour_and_where_something_is_switched():
         (0.05, [("spindle", True, 0.0), ("speed", 0.0, 0.0)]),
         (0.03, [("spindle", True, 0.0), ("speed", 200.0, 0.0), ("speed", 0.0, 0.02)]),
     ):
-        found = only(drawn, Process(resume_at=resume_at)).events
-        assert [(x.name, x.value, pytest.approx(x.s)) for x in found] == expected
+        prepared_events = only(drawn, Process(resume_at=resume_at)).events
+        assert [(x.name, x.value, pytest.approx(x.s)) for x in prepared_events] == expected
 
 
 # ------------------------------------------------------------------------------ rapids and heights
@@ -374,16 +376,16 @@ def test_resuming_at_an_end_within_a_contour_and_where_something_is_switched():
 def test_rapids_of_the_program_go_where_leads_and_overlaps_have_moved_the_ends():
     up, over = [0.35, 0.25, 0.05], [0.3, 0.1, 0.05]
     rapid = Rapid(path=Path.polyline([[0.35, 0.25, 0], up, over, [0.3, 0.1, 0]]))
-    off = Event(name="spindle", value=False)
-    moves = in_space(BEND), off, rapid, Event(name="spindle"), in_space(SQUARE)
+    spindle_off = Event(name="spindle", value=False)
+    moves = in_space(BEND), spindle_off, rapid, Event(name="spindle"), in_space(SQUARE)
     lead = Lead(length=0.01)
     done = prepare(program(*moves), Process(lead_in=lead, lead_out=lead, approach=0.1, retract=0.1))
     # Neither up nor down where the program's own rapid goes.
     assert kinds(done) == "Rapid Contour Event Rapid Event Contour Rapid"
     (start, a), (b, end) = (ends_of(x.path) for x in done.contours)
     expected = [start + [0, 0, 0.1], start], [a, up, over, b], [end, end + [0, 0, 0.1]]
-    for found, points in zip(rapids(done), expected, strict=True):
-        np.testing.assert_allclose(found.vertices, points, atol=1e-15)
+    for rapid_path, points in zip(rapids(done), expected, strict=True):
+        np.testing.assert_allclose(rapid_path.vertices, points, atol=1e-15)
 
 
 def test_rapids_of_the_program_keep_their_shape_where_leads_move_their_ends():
@@ -435,9 +437,9 @@ def test_pierces_and_approaches_along_the_axis_of_a_tilted_tool():
 
 
 def test_a_tool_change_is_a_rest_between_the_spindle_off_and_on():
-    off, on = (Event(name="spindle", value=x) for x in (False, True))
+    spindle_off, on = (Event(name="spindle", value=x) for x in (False, True))
     first, second = (Event(name="tool", value=x) for x in (1.0, 2.0))
-    drawn = program(first, on, BEND, off, second, on, SQUARE, off)
+    drawn = program(first, on, BEND, spindle_off, second, on, SQUARE, spindle_off)
     done = prepare(drawn, Process(tool_change=5.0))
     assert kinds(done) == "Event Event Contour Event Event Dwell Event Contour Event"
     # The first tool is mounted already.
@@ -466,8 +468,14 @@ def test_rapids_get_the_speed_that_nothing_else_gives_them():
 def test_values_of_a_layer_are_none_for_null():
     marks = {"overlap": None, "dwell": None, "events": None, "analog": None, "tabs": None}
     process = Process(overlap=0.01, dwell=0.2, events=(Event(name="x"),), by_layer={"mark": marks})
-    own = process.of_layer("mark")
-    assert (own.overlap, own.dwell, own.events, own.analog, own.tabs) == (0.0, 0.0, (), (), None)
+    layer_process = process.of_layer("mark")
+    assert (
+        layer_process.overlap,
+        layer_process.dwell,
+        layer_process.events,
+        layer_process.analog,
+        layer_process.tabs,
+    ) == (0.0, 0.0, (), (), None)
 
 
 def test_layers_demand_where_segments_do_not():
@@ -491,12 +499,14 @@ def test_the_nearest_order_is_that_of_a_search_by_hand(order):
     done = prepare(program(*contours), Process(order="nearest"))
     names = [x.name for x in done.contours]
     assert sorted(names) == sorted(x.name for x in contours) and names[0] == str(order[0])
-    here, left = starts[order[0]] + [0.02, 0.01], set(order[1:])
+    position, remaining = starts[order[0]] + [0.02, 0.01], set(order[1:])
     for name in names[1:]:
-        nearest = min(left, key=lambda i, at=here: float(np.hypot(*(starts[i] - at))))
+        nearest = min(
+            remaining, key=lambda i, position=position: float(np.hypot(*(starts[i] - position)))
+        )
         assert name == str(nearest)
-        left.remove(nearest)
-        here = starts[nearest] + [0.02, 0.01]
+        remaining.remove(nearest)
+        position = starts[nearest] + [0.02, 0.01]
 
 
 def test_refuses_values_that_make_no_process():
@@ -589,11 +599,11 @@ def test_closed_contours_are_run_in_laps_and_open_ones_again():
 
 
 def test_contours_of_a_layer_have_values_of_their_own():
-    own = {"lead_in": None, "overlap": 0.0, "dwell": 0.0, "passes": 2}
-    own["switch"] = Switch(name="laser", value=0.2)
-    given = {"overlap": 1e-3, "lead_in": Lead(length=2e-3, shape="arc"), "dwell": 0.5}
-    given["switch"] = Switch(name="laser")
-    process = Process(begin="drawn", **given, by_layer={"MARK": own})
+    layer_values = {"lead_in": None, "overlap": 0.0, "dwell": 0.0, "passes": 2}
+    layer_values["switch"] = Switch(name="laser", value=0.2)
+    process_values = {"overlap": 1e-3, "lead_in": Lead(length=2e-3, shape="arc"), "dwell": 0.5}
+    process_values["switch"] = Switch(name="laser")
+    process = Process(begin="drawn", **process_values, by_layer={"MARK": layer_values})
     done = prepare(program(*(Contour(path=SQUARE, layer=x) for x in ("CUT", "MARK"))), process)
     cut, mark = done.contours
     assert cut.path.length == pytest.approx(SQUARE.length + 3e-3, abs=1e-12)

@@ -45,8 +45,12 @@ def test_waste_is_outside_of_outlines_inside_of_holes_on_layers_that_are_cut():
     turned = [x.reversed() for x in (OUTLINE, HOLE, ISLAND)]
     assert waste_sides(contours(*turned), PLAIN) == ["left", "right", "left"]
     # A hole is a hole whatever layers it and its outline are on.
-    found = [*contours(OUTLINE), *contours(HOLE, layer="HOLES"), *contours(ISLAND, layer="PARTS")]
-    assert waste_sides(found, PLAIN) == ["right", "left", "right"]
+    contour_list = [
+        *contours(OUTLINE),
+        *contours(HOLE, layer="HOLES"),
+        *contours(ISLAND, layer="PARTS"),
+    ]
+    assert waste_sides(contour_list, PLAIN) == ["right", "left", "right"]
     # In space it is looked at from above.
     frame = ac.Frame.rpy((0.4, 0.1, 0.2), (0.4, -0.3, 1.0))
     placed = ac.Program(moves=tuple(contours(OUTLINE, HOLE))).placed(frame).contours
@@ -54,11 +58,11 @@ def test_waste_is_outside_of_outlines_inside_of_holes_on_layers_that_are_cut():
     assert waste_sides(placed, ac.Process(up=up)) == ["right", "left"]
     assert waste_sides(placed, ac.Process(up=-up)) == ["left", "right"]
     ring = circle(0.015)
-    found = [*contours(OUTLINE, HOLE), *contours(ring, layer="MARK")]
-    assert waste_sides(found, PLAIN)[1] == "right"
+    contour_list = [*contours(OUTLINE, HOLE), *contours(ring, layer="MARK")]
+    assert waste_sides(contour_list, PLAIN)[1] == "right"
     marked = {"kerf": 1e-3, "by_layer": {"MARK": {"kerf": None}}}
-    assert waste_sides(found, ac.Process(**marked)) == ["right", "left", "left"]
-    hole, mark, outline = prepared(found, **marked).contours
+    assert waste_sides(contour_list, ac.Process(**marked)) == ["right", "left", "left"]
+    hole, mark, outline = prepared(contour_list, **marked).contours
     assert mark.path is ring
     np.testing.assert_allclose(1 / hole.path.curvatures, 9.5e-3)
     assert outline.path.vertices.min() == pytest.approx(-5e-4)
@@ -126,10 +130,10 @@ def test_leads_at_a_corner_of_a_hole_lie_in_the_waste(more):
         window = ac.Path.polyline(points)
         process = {"begin": "drawn", "lead_in": lead(), "lead_out": lead(), **more}
         hole, _ = prepared(contours(OUTLINE, window), **process).contours
-        (on, off), path = hole.work, hole.path
-        for s in (np.linspace(0, 0.99 * on, 20), np.linspace(off + 0.04e-3, path.length, 20)):
+        (on, work_end), path = hole.work, hole.path
+        for s in (np.linspace(0, 0.99 * on, 20), np.linspace(work_end + 0.04e-3, path.length, 20)):
             assert ((path(s) > (0.02, 0.02)) & (path(s) < (0.05, 0.04))).all()
-        assert on == pytest.approx(4e-3) and path.length - off == pytest.approx(4e-3)
+        assert on == pytest.approx(4e-3) and path.length - work_end == pytest.approx(4e-3)
 
 
 def test_leads_of_a_contour_that_has_an_overlap_already_touch_its_tangent():
@@ -156,9 +160,9 @@ def test_random_leads_lie_in_the_waste_or_are_refused():
             assert error.allowed < length
             refusals += 1
             continue
-        path, (on, off) = done.contours[1].path, done.contours[1].work
+        path, (on, work_end) = done.contours[1].path, done.contours[1].work
         share = np.linspace(0, 0.98, 30)
-        for p in (*path(share * on), *path(path.length - share * (path.length - off))):
+        for p in (*path(share * on), *path(path.length - share * (path.length - work_end))):
             # The winding number of the hole around the point.
             a = np.arctan2(*(points - p).T[::-1])
             turns = (np.diff(a) + np.pi) % (2 * np.pi) - np.pi
@@ -178,7 +182,7 @@ def turns_left(path, up=(0.0, 0.0, 1.0)):
 
 
 @each(
-    "direction, left",
+    "direction, turning_left",
     [
         ("climb", [False, True, False]),
         ("conventional", [True, False, True]),
@@ -186,7 +190,7 @@ def turns_left(path, up=(0.0, 0.0, 1.0)):
         ("counterclockwise", [True] * 3),
     ],
 )
-def test_closed_contours_run_in_the_direction_of_the_process_however_drawn(direction, left):
+def test_closed_contours_run_in_the_direction_of_the_process_however_drawn(direction, turning_left):
     frame = ac.Frame.rpy((0.4, 0.1, 0.2), (0.4, -0.3, 1.0))
     up = frame.rotation[:, 2]
     drawn = OUTLINE, HOLE, ISLAND
@@ -196,11 +200,11 @@ def test_closed_contours_run_in_the_direction_of_the_process_however_drawn(direc
         moves = [*contours(*paths), *contours(OPEN)]
         for values in ({}, {"kerf": 1e-3}):
             done = prepared(moves, direction=direction, order="drawn", **values).contours
-            assert [turns_left(x.path) for x in done[:3]] == left
+            assert [turns_left(x.path) for x in done[:3]] == turning_left
             np.testing.assert_array_equal(done[3].path.vertices, OPEN.vertices)
     placed = ac.Program(moves=tuple(moves)).placed(frame)
     done = ac.prepare(placed, ac.Process(direction=direction, up=up)).contours
-    assert [turns_left(x.path, up) for x in done[:3]] == left
+    assert [turns_left(x.path, up) for x in done[:3]] == turning_left
 
 
 def test_climb_has_the_kerf_to_the_left_of_the_edge():

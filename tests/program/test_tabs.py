@@ -23,14 +23,14 @@ def cut(path, tabs, **more):
 
 def gaps(contour):
     """Arc lengths between which the laser is off, by the events alone."""
-    found, off = [], None
+    intervals, gap_start = [], None
     for x in contour.events:
         if x.value is False:
-            off = x.s
-        elif off is not None:
-            found.append((off, x.s))
-            off = None
-    return found
+            gap_start = x.s
+        elif gap_start is not None:
+            intervals.append((gap_start, x.s))
+            gap_start = None
+    return intervals
 
 
 def check_even(path, tabs):
@@ -53,13 +53,13 @@ def test_tabs_of_a_circle_are_evenly_spaced(count):
 @given(st.integers(1, 12), st.floats(1e-4, 2e-3), st.booleans())
 def test_tabs_keep_a_width_from_corners_starts_and_each_other(count, width, smooth):
     path = CIRCLE if smooth else SQUARE
-    found = gaps(cut(path, Tabs(count=count, width=width)))
-    assert len(found) == count
+    intervals = gaps(cut(path, Tabs(count=count, width=width)))
+    assert len(intervals) == count
     corners = [0.0, path.length] if smooth else [0.0, 0.1, 0.16, 0.26, 0.32]
-    for a, b in found:
+    for a, b in intervals:
         assert b - a == pytest.approx(width, abs=1e-12)
         assert all(s <= a - width + 1e-12 or s >= b + width - 1e-12 for s in corners)
-    for (_, before), (after, _) in zip(found[:-1], found[1:], strict=True):
+    for (_, before), (after, _) in zip(intervals[:-1], intervals[1:], strict=True):
         assert after - before >= width - 1e-12
 
 

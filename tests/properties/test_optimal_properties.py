@@ -67,8 +67,8 @@ def test_speeds_k_and_accelerations_k_squared_take_the_time_by_k(problem, power)
     faster = ac.Limits.only(
         joint_velocity=velocity, joint_acceleration=limits.joint_acceleration * k**2
     )
-    own = plan(points, limits).duration
-    assert plan(points, faster).duration * k == pytest.approx(own, rel=1e-9)
+    duration = plan(points, limits).duration
+    assert plan(points, faster).duration * k == pytest.approx(duration, rel=1e-9)
 
 
 # The only joint turns round three times.
@@ -90,8 +90,8 @@ def test_the_motion_goes_forward_and_keeps_its_limits(problem, intervals, worst_
     t = (law.breaks[:-1, None] + np.diff(law.breaks)[:, None] * np.linspace(0, 1, 5)).ravel()
     assert (np.diff(law.path_position(i, t)) >= -1e-12 * law.s[-1]).all()
     assert (law.path_position(i, t, 1) >= -1e-9 * law.rates.ds.max()).all()
-    found = worst_ratios(planned, limits)
-    assert max(found.values()) <= 1 + LEAK
+    ratios = worst_ratios(planned, limits)
+    assert max(ratios.values()) <= 1 + LEAK
 
 
 def turning_line(arm, rng):
@@ -118,9 +118,9 @@ def test_lines_on_which_a_joint_turns_round(arm, worst_ratios):
             joint_acceleration=10 ** rng.uniform(-0.5, 0.5, 2), speed=10 ** rng.uniform(-1.5, 0)
         )
         planned = ac.plan(path, arm, limits, ac.Optimal(intervals=INTERVALS))
-        found = worst_ratios(planned, limits, arm, places=10)
-        assert max(found.values()) <= 1 + LEAK, path.vertices
-        assert set(found) == {"joint_acceleration", "speed"}
+        ratios = worst_ratios(planned, limits, arm, places=10)
+        assert max(ratios.values()) <= 1 + LEAK, path.vertices
+        assert set(ratios) == {"joint_acceleration", "speed"}
 
 
 def random_job(rng):
@@ -163,8 +163,8 @@ def test_random_polylines(arm, batch):
         speed = np.linalg.norm(arm.tool_velocity(q, dq), axis=1)
         # Tracing leaves the tool 1e-8 m of play, and its speed a few millionths.
         assert speed.max() <= limits.speed * (1 + 1e-5)
-        found = path.project(arm.tool_position(q))
-        assert found.distance.max() < 2e-5
+        projection = path.project(arm.tool_position(q))
+        assert projection.distance.max() < 2e-5
         inner = breaks[1:-1]
         np.testing.assert_allclose(planned(inner, side="left"), planned(inner), atol=1e-9)
         assert np.abs(planned([0.0, planned.duration], 1)).max() < 1e-9

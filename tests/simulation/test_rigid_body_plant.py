@@ -121,9 +121,11 @@ def test_it_starts_and_stays_in_equilibrium_and_sags_as_predicted():
     np.testing.assert_allclose(held.torque, WEIGHT * np.cos(0.3), rtol=1e-9)
     np.testing.assert_allclose(held.peak_demand, 0, atol=1e-9)
     sagged = run(pendulum(), [[0.3]], gravity_feedforward=False)
-    at = sagged.q[0, 0]
-    assert at == pytest.approx(0.3 - WEIGHT * np.cos(at) / (INERTIA * KV * KP), abs=1e-12)
-    np.testing.assert_allclose(sagged.q, at, atol=1e-9)
+    rest_angle = sagged.q[0, 0]
+    assert rest_angle == pytest.approx(
+        0.3 - WEIGHT * np.cos(rest_angle) / (INERTIA * KV * KP), abs=1e-12
+    )
+    np.testing.assert_allclose(sagged.q, rest_angle, atol=1e-9)
     done = run(pendulum(), swing(0.8), gravity_feedforward=False)
     end = done.q[-1, 0]
     assert end - 0.8 == pytest.approx(-WEIGHT * np.cos(end) / (INERTIA * KV * KP), rel=1e-5)
@@ -200,12 +202,12 @@ def test_torque_saturation_in_closed_form_and_with_gravity():
     arm = pendulum(gravity=WEIGHTLESS)
     q = [[0.0]] + [[2.0]] * 300
     done = run(arm, q, ac.Limits.only(joint_torque=limit), interpolation="step")
-    at = (done.t >= 0.004) & (done.t <= 0.5)
-    since = done.t[at] - 0.004
-    np.testing.assert_allclose(done.q[at, 0], limit / INERTIA * since**2 / 2, atol=1e-12)
-    np.testing.assert_allclose(done.torque[at, 0], limit)
-    np.testing.assert_allclose(done.ddq[at, 0], limit / INERTIA, rtol=1e-9)
-    assert done.saturated[at, 0].all()
+    constant = (done.t >= 0.004) & (done.t <= 0.5)
+    since = done.t[constant] - 0.004
+    np.testing.assert_allclose(done.q[constant, 0], limit / INERTIA * since**2 / 2, atol=1e-12)
+    np.testing.assert_allclose(done.torque[constant, 0], limit)
+    np.testing.assert_allclose(done.ddq[constant, 0], limit / INERTIA, rtol=1e-9)
+    assert done.saturated[constant, 0].all()
     assert done.peak_demand[0] == pytest.approx(KV * KP * 2.0, rel=1e-3)
     assert done.saturated_time[0] == pytest.approx(done.saturated.sum() * 0.004, abs=0.02)
     free = run(arm, q, interpolation="step")
@@ -244,11 +246,13 @@ LOAD_WEIGHT = 3.0 * G * LENGTH
 def test_a_payload_that_the_controller_does_not_know_lets_the_arm_sag():
     loaded = pendulum(payload=LOAD)
     held = run(loaded, [[0.3]], controller=pendulum())
-    at = held.q[0, 0]
+    rest_angle = held.q[0, 0]
     # What is fed forward is lacking the load: K (u - q) = g_true(q) - g_known(q).
-    assert at == pytest.approx(0.3 - LOAD_WEIGHT * np.cos(at) / STIFFNESS, abs=1e-12)
-    np.testing.assert_allclose(held.q, at, atol=1e-9)
-    np.testing.assert_allclose(held.torque, (WEIGHT + LOAD_WEIGHT) * np.cos(at), rtol=1e-6)
+    assert rest_angle == pytest.approx(
+        0.3 - LOAD_WEIGHT * np.cos(rest_angle) / STIFFNESS, abs=1e-12
+    )
+    np.testing.assert_allclose(held.q, rest_angle, atol=1e-9)
+    np.testing.assert_allclose(held.torque, (WEIGHT + LOAD_WEIGHT) * np.cos(rest_angle), rtol=1e-6)
     end = run(loaded, swing(0.8), controller=pendulum()).q[-1, 0]
     assert end - 0.8 == pytest.approx(-LOAD_WEIGHT * np.cos(end) / STIFFNESS, rel=1e-4)
     # A controller that adds nothing lacks all of it, whatever it knows.
@@ -270,9 +274,9 @@ def test_loops_are_scaled_by_the_arm_that_the_controller_knows():
     expected = by_servo(drives, swing(), kv=KV * INERTIA / (INERTIA + 0.3))
     n = len(swing())
     np.testing.assert_allclose(done.q[:n], expected.q[:n], atol=3e-6)
-    given = ac.ServoModel(kp=KP, kv=KV, inertia=0.7)
+    servo = ac.ServoModel(kp=KP, kv=KV, inertia=0.7)
     np.testing.assert_allclose(
-        ac.RigidBodyPlant(drives, given, controller=nominal).nominal_inertia, 0.7
+        ac.RigidBodyPlant(drives, servo, controller=nominal).nominal_inertia, 0.7
     )
     # A drive that is rated for accelerations is rated for the bodies that its maker knew of.
     rated = plant(drives, ac.Limits.only(joint_acceleration=4.0), controller=nominal)
@@ -280,18 +284,18 @@ def test_loops_are_scaled_by_the_arm_that_the_controller_knows():
 
 
 def test_nominal_inertia_is_taken_in_the_middle_of_the_ranges():
-    def at(q2):
+    def inertia_at(q2):
         rod = 0.4**2 / 3
         near = 3 * rod + 2 * (0.4**2 + 0.4**2 / 3 + 0.4**2 * np.cos(q2)) + 0.05
         return [near, 2 * rod + 0.02]
 
     free = plant(two_link())
     np.testing.assert_array_equal(free.reference, 0)
-    np.testing.assert_allclose(free.nominal_inertia, at(0.0))
+    np.testing.assert_allclose(free.nominal_inertia, inertia_at(0.0))
     ranges = ac.Limits.only(joint_lower=[-3.0, 0.5], joint_upper=[np.inf, 2.5])
     bent = plant(two_link(ranges), ac.Limits.only())
     np.testing.assert_allclose(bent.reference, [0.0, 1.5])
-    np.testing.assert_allclose(bent.nominal_inertia, at(1.5))
+    np.testing.assert_allclose(bent.nominal_inertia, inertia_at(1.5))
     above = ac.Limits.only(joint_lower=[0.5, -1.0])
     np.testing.assert_allclose(plant(two_link(above)).reference, [0.5, 0.0])
 
@@ -357,18 +361,18 @@ def test_arms_of_the_library(name):
 
 def test_an_execution_locks_its_torques_and_has_both_or_neither(refuses):
     one = np.ones((1, 1))
-    given = {"q": 0 * one, "dq": 0 * one, "ddq": one, "demand": one, "t": np.zeros(1)}
-    given |= {"arm": pendulum(), "set_points": taught_data([[0.0]])}
-    given |= {"demand_range": np.ones((2, 1)), "saturated_time": np.zeros(1)}
+    fields = {"q": 0 * one, "dq": 0 * one, "ddq": one, "demand": one, "t": np.zeros(1)}
+    fields |= {"arm": pendulum(), "set_points": taught_data([[0.0]])}
+    fields |= {"demand_range": np.ones((2, 1)), "saturated_time": np.zeros(1)}
     torque = np.array([[2.0]])
-    done = ac.Execution(**given, torque=torque, torque_demand=[[-3.0]])
+    done = ac.Execution(**fields, torque=torque, torque_demand=[[-3.0]])
     torque[:] = 0
     assert done.torque.tolist() == [[2.0]] and done.saturated.all()
     with pytest.raises(ValueError, match="read-only"):
         done.torque[0] = 1
-    assert not ac.Execution(**given, torque=[[2.0]], torque_demand=[[2.0]]).saturated.any()
-    assert ac.Execution(**given).torque is None
-    refuses(lambda: ac.Execution(**given, torque=torque), ac.InvalidInput, "torque_demand")
+    assert not ac.Execution(**fields, torque=[[2.0]], torque_demand=[[2.0]]).saturated.any()
+    assert ac.Execution(**fields).torque is None
+    refuses(lambda: ac.Execution(**fields, torque=torque), ac.InvalidInput, "torque_demand")
 
 
 def test_a_step_too_long_for_the_gains_is_an_error(fails):
@@ -427,7 +431,7 @@ def test_refused(refuses, monkeypatch):
     assert run(empty, swing()).q[-1, 0] == pytest.approx(0.5, abs=1e-6)
     first = ac.ServoModel(kp=KP, order="first")
 
-    def own(**options):
+    def plant_of(**options):
         return ac.RigidBodyPlant(two_link(), ac.ServoModel(**{"kp": 25.0, "kv": 150.0, **options}))
 
     for call, words in (
@@ -444,10 +448,13 @@ def test_refused(refuses, monkeypatch):
         (partial(run, pendulum(), np.zeros((4, 3))), "for 3 joints"),
         (partial(run, pendulum(), swing(), resolution=1e-4), "coarser"),
         (partial(ac.RigidBodyPlant, two_link(), first), "of order second"),
-        (partial(own, order=("second", "delay"), kp=[25, np.inf], kv=[150, np.inf]), "of order"),
-        (partial(own, friction=1e-3), "without friction and cycle"),
-        (partial(own, drive_cycle=1e-3), "without friction and cycle"),
-        (partial(own, acceleration_limit=5.0), "acceleration_limit of 5.0 rad/s²"),
+        (
+            partial(plant_of, order=("second", "delay"), kp=[25, np.inf], kv=[150, np.inf]),
+            "of order",
+        ),
+        (partial(plant_of, friction=1e-3), "without friction and cycle"),
+        (partial(plant_of, drive_cycle=1e-3), "without friction and cycle"),
+        (partial(plant_of, acceleration_limit=5.0), "acceleration_limit of 5.0 rad/s²"),
         (partial(plant, pendulum(), joint_stiffness=0.0), "but is 0 N m/rad"),
         (partial(plant, pendulum(), joint_stiffness=[1e4, 1e4]), "joint_stiffness has 2 values"),
         (partial(plant, pendulum(), joint_stiffness=1e4, joint_damping=-1.0), "joint_damping"),

@@ -48,13 +48,13 @@ def test_it_starts_and_ends_at_rest_and_keeps_still_at_a_single_set_point(arm):
 
 
 def test_the_resolution_is_kept_and_changes_nothing(arm):
-    late = ac.ServoModel(kp=25.0, kv=150.0, interpolation="cubic", dead_time=[0.0123, 0.0567])
+    delayed = ac.ServoModel(kp=25.0, kv=150.0, interpolation="cubic", dead_time=[0.0123, 0.0567])
     uneven = ac.Limits.only(joint_acceleration=[[-1.0, 3.0], [-2.0, 0.5]])
     plants = [
         plant(arm, limit=limit, interpolation=interpolation)
         for limit, interpolation in product((None, 0.72, [3.0, 0.5]), ("linear", "step"))
     ]
-    for simulated in (*plants, ac.ServoPlant(arm, late, uneven)):
+    for simulated in (*plants, ac.ServoPlant(arm, delayed, uneven)):
         coarse = ac.simulate(taught_data(RANDOM), simulated, resolution=0.02)
         fine = ac.simulate(taught_data(RANDOM), simulated, resolution=0.001)
         n = len(coarse.t) - 1
@@ -204,20 +204,20 @@ def test_a_joint_may_be_faster_than_its_drive_could_keep_it(gravity, interpolati
             u = command @ t ** np.arange(4)
             return [x[1], np.clip(150 * (25 * (u - x[0]) - x[1]), low[0], high[0])]
 
-        found = solve_ivp(motion, (0, 0.02), [q[0], dq[0]], **tight).y[:, -1]
+        state = solve_ivp(motion, (0, 0.02), [q[0], dq[0]], **tight).y[:, -1]
         end = 200 * (number + 1) - 1
-        np.testing.assert_allclose([part.q[end, 0], part.dq[end, 0]], found, atol=1e-7)
-        q, dq = found[:1], found[1:]
+        np.testing.assert_allclose([part.q[end, 0], part.dq[end, 0]], state, atol=1e-7)
+        q, dq = state[:1], state[1:]
     assert part.saturated[0] > 0.01
     assert (part.ddq[:, 0].reshape(6, 200)[0] < 0).all()
 
 
 def test_a_plan_within_every_torque_limit_runs():
     """While it brakes, viscous friction and velocities take more than the drives could give."""
-    own = ac.load_arm("ur5e")
-    chain = own.chain.replace(viscous=[12.0, 12.0, 8.0, 2.0, 2.0, 1.0])
-    arm = SerialArm(name="stiff", chain=chain, limits=own.limits)
-    torque = 0.7 * own.limits.joint_torque
+    arm_with_friction = ac.load_arm("ur5e")
+    chain = arm_with_friction.chain.replace(viscous=[12.0, 12.0, 8.0, 2.0, 2.0, 1.0])
+    arm = SerialArm(name="stiff", chain=chain, limits=arm_with_friction.limits)
+    torque = 0.7 * arm_with_friction.limits.joint_torque
     limits = ac.Limits.only(joint_velocity=6.0, joint_torque=torque)
     path = ac.JointPath.spline(np.random.default_rng(3).uniform(-1.5, 1.5, (5, 6)))
     planned = ac.plan(path, arm, limits)
@@ -236,7 +236,7 @@ def test_saturation_by_default_is_in_what_is_limited():
     hung = pendulum(0.0)
     chain = hung.chain.replace(masses=None, centers=None, inertias=None)
     bare = SerialArm(name="bare", chain=chain, limits=ac.Limits())
-    for of, limits, model, expected in (
+    for plant_arm, limits, model, expected in (
         (hung, both, SERVO, "acceleration"),
         (hung, torque, SERVO, "torque"),
         (bare, torque, SERVO, "none"),
@@ -244,7 +244,7 @@ def test_saturation_by_default_is_in_what_is_limited():
         (hung, both, LAG, "none"),
         (hung, torque, LAG, "none"),
     ):
-        assert ac.ServoPlant(of, model, limits).saturation == expected
+        assert ac.ServoPlant(plant_arm, model, limits).saturation == expected
     target = taught_data([(0.0,), (1.0,), (1.0,)], 0.1)
     done = ac.simulate(target, ac.ServoPlant(hung, SERVO, torque))
     assert done.saturated_time[0] > 0.01 and done.saturated.any()
@@ -262,8 +262,8 @@ def test_the_range_of_the_demand_has_both_directions(arm):
     for servo, bounds, near in (*cases, (lag, ac.Limits.only(), 1e-2)):
         simulated = ac.ServoPlant(arm, servo, bounds)
         done = ac.simulate(taught_data(RANDOM, 0.05), simulated, resolution=2e-5)
-        seen = [done.demand.min(axis=0), done.demand.max(axis=0)]
-        np.testing.assert_allclose(done.demand_range, seen, rtol=near)
+        demand_range = [done.demand.min(axis=0), done.demand.max(axis=0)]
+        np.testing.assert_allclose(done.demand_range, demand_range, rtol=near)
         np.testing.assert_array_equal(done.peak_demand, np.abs(done.demand_range).max(axis=0))
 
 
@@ -303,8 +303,8 @@ def test_a_motion_that_does_not_settle_ends_with_what_is_left(arm):
     assert 60.0 < waited < 61.0
     # The slow one of both decay rates of s² + kv s + kp kv, and its part of a step.
     fast, slow = sorted(np.roots([1.0, 150.0, 1.5]).real)
-    left = (fast * np.exp(slow * waited) - slow * np.exp(fast * waited)) / (fast - slow)
-    np.testing.assert_allclose(done.unsettled, [0.0, left], rtol=2e-4)
+    remainder = (fast * np.exp(slow * waited) - slow * np.exp(fast * waited)) / (fast - slow)
+    np.testing.assert_allclose(done.unsettled, [0.0, remainder], rtol=2e-4)
     np.testing.assert_array_equal(done.unsettled, np.abs(done.q[-1] - (0, 1)))
     settled = ac.simulate(taught_data([(0, 0), (0, 1)]), plant(arm))
     assert settled.unsettled is None and settled.t[-1] < 5.0

@@ -127,17 +127,17 @@ def test_exact_figures_come_when_nothing_moves(opened):
     ((id, task, request),) = lane.given
     assert task == "figures" and request["text"] == JOB and request["run"] == "slow"
     answer(lane, duration=12.5)
-    told = tab.last("figures")
-    assert told["duration"] == 12.5 and told["rev"] == session.editor.rev
+    figures = tab.last("figures")
+    assert figures["duration"] == 12.5 and figures["rev"] == session.editor.rev
     tab.edit(MOVE)
-    late = figures_asked(lane)[1][0]
+    last_id = figures_asked(lane)[1][0]
     tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
     assert len(figures_asked(lane)) == 2, "one at a time"
     before = kinds(tab.frames).count("figures")
-    lane.deliver(Frame("figures", {"id": late}))
+    lane.deliver(Frame("figures", {"id": last_id}))
     assert kinds(tab.frames).count("figures") == before, "out of date"
-    asked = figures_asked(lane)
-    assert len(asked) == 3 and asked[2][2]["text"] == session.document.text
+    requests = figures_asked(lane)
+    assert len(requests) == 3 and requests[2][2]["text"] == session.document.text
     # What is known is not computed again.
     answer(lane, duration=13.5)
     tab.say("select", run="slow")
@@ -188,14 +188,17 @@ def test_another_configuration_of_the_full_run_is_announced(opened):
     for k, turn in enumerate((0.0, np.pi / 2), 1):
         tab.edit({"do": "set", "key": "limits.speed", "value": 0.1 + 0.01 * k}, gesture=k)
         assert "notice" not in kinds(tab.frames)
-        asked = figures_asked(lane)
-        assert len(asked) == k + 2 and asked[-1][2]["text"] == session.document.text
+        requests = figures_asked(lane)
+        assert len(requests) == k + 2 and requests[-1][2]["text"] == session.document.text
         before = session.display.planner.planned.start
         answer(lane, start=before + [0, 0, 0, 0, 0, turn])
     assert kinds(tab.frames).count("notice") == 1
-    told = tab.last("notice")["sentence"]
+    sentence = tab.last("notice")["sentence"]
     after = session.display.planner.planned.start
-    assert all(f"{np.degrees(q[5]):.1f}" in told for q in (before, after)) and "joint 6" in told
+    assert (
+        all(f"{np.degrees(q[5]):.1f}" in sentence for q in (before, after))
+        and "joint 6" in sentence
+    )
 
 
 class Nested(Resting):
@@ -248,8 +251,8 @@ def test_an_edit_during_any_tier_takes_its_place(opened, during, tier):
     heard = tab.edit(moved(1), gesture=1, final=tier != "moving")
     shown = [x for x in heard if x.kind in ("picture", "executed")]
     old = [x for x in shown if x.header["seq"] < tab.seq]
-    wanted = {"moving": [], "preview": [], "exact": ["picture preview", "executed preview"]}
-    assert tiers(old) == wanted[tier]
+    expected = {"moving": [], "preview": [], "exact": ["picture preview", "executed preview"]}
+    assert tiers(old) == expected[tier]
     assert shown[: len(old)] == old, "no older frame after a newer one"
     assert tiers(shown)[-2:] == ["picture exact", "executed exact"]
     assert tab.last("picture")["rev"] == session.editor.rev
@@ -314,9 +317,9 @@ def test_progress_of_exact_figures_is_told_with_its_step(opened, during, monkeyp
     _, tab, lane = opened(fast=Nested)
     step = {"id": lane.given[-1][0], "steps": ["compensated", "timing"], "share": 0.25}
     lane.deliver(Frame("progress", step))
-    told = tab.last("progress")
-    assert (told["tier"], told["share"]) == ("exact", 0.25)
-    assert told["steps"] == ["compensated", "timing (step 3 of 7)"]
+    message = tab.last("progress")
+    assert (message["tier"], message["share"]) == ("exact", 0.25)
+    assert message["steps"] == ["compensated", "timing (step 3 of 7)"]
     answer(lane)
     assert progress(tab.frames)[-1] == "done"
 
@@ -325,8 +328,8 @@ def test_a_killed_process_is_said_and_the_next_edit_has_figures(opened):
     _, tab, lane = opened(fast=Nested)
     id = lane.given[-1][0]
     lane.deliver(Frame("failed", {"id": id, "sentence": "It has ended before it gave an answer."}))
-    told = tab.last("progress")
-    assert told["state"] == "stopped" and "has ended" in told["steps"][0]
+    message = tab.last("progress")
+    assert message["state"] == "stopped" and "has ended" in message["steps"][0]
     tab.say("resume")
     assert len(lane.given) == 2 and tab.last("progress")["state"] == "working"
     tab.edit(moved(1), gesture=1)

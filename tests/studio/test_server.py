@@ -29,8 +29,8 @@ def test_a_page_talks_with_the_session(file):
         status, headers, body = studio.request("GET", f"/files/{number}")
         assert (status, body) == (200, b"x")
         assert headers["content-disposition"] == "attachment; filename*=UTF-8''a%20b.html"
-        status, told = studio.upload("part.csv", b"x [mm],y [mm]\n300,100\n350,120\n")
-        assert (status, told) == (200, "")
+        status, reply = studio.upload("part.csv", b"x [mm],y [mm]\n300,100\n350,120\n")
+        assert (status, reply) == (200, "")
         assert other.hear("document").header["path"]["kind"] == "file"
 
 

@@ -96,17 +96,17 @@ def test_uploads_are_drawings_or_other_documents_and_pages_know_which(session, t
 
 
 def test_pages_know_when_another_job_or_drawing_is_shown(session, tab):
-    seen = [tab.last("document")["id"]]
+    ids = [tab.last("document")["id"]]
     tab.edit(MOVE)
-    assert tab.last("document")["id"] == seen[0]
+    assert tab.last("document")["id"] == ids[0]
     for name, content in (("line.csv", CSV), ("job.yaml", JOB.encode())):
         session.open_upload(name, content, None)
-        assert tab.last("document")["id"] not in seen
-        seen.append(tab.last("document")["id"])
+        assert tab.last("document")["id"] not in ids
+        ids.append(tab.last("document")["id"])
     # A page that comes gets the last one only, before the picture of it.
     later = Tab(session)
     assert kinds(later.frames).count("document") == 1
-    assert later.last("document")["id"] == seen[-1]
+    assert later.last("document")["id"] == ids[-1]
 
 
 def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path):

@@ -77,14 +77,14 @@ def test_surprise_is_minus_two_log_of_the_density(lifted, dense):
     steps = np.kron(np.tril(np.ones((lifted.count, lifted.count)), -1)[:, :-1], np.eye(2))
     constant = np.tile(np.eye(2), (lifted.count, 1))
     wide = 1e-2
-    found = []
+    differences = []
     for penalty in (1e-3, 1e-1):
         spread = variance / penalty * steps @ steps.T + wide * constant @ constant.T
         covariance = dense @ spread @ dense.T + variance * np.eye(error.size)
         _sign, size = np.linalg.slogdet(covariance)
         expected = error.ravel() @ np.linalg.solve(covariance, error.ravel()) + size
-        found.append(lifted.surprise(error, penalty, variance) - expected)
-    assert found[0] == pytest.approx(found[1], abs=1e-2 + 1e-6 * abs(found[0]))
+        differences.append(lifted.surprise(error, penalty, variance) - expected)
+    assert differences[0] == pytest.approx(differences[1], abs=1e-2 + 1e-6 * abs(differences[0]))
 
 
 def test_what_is_expected_is_what_the_plant_does(lifted):
@@ -95,8 +95,8 @@ def test_what_is_expected_is_what_the_plant_does(lifted):
         cycle=lifted.cycle, q=q, trajectory=lifted.plan, method="x", start_time=lifted.start
     )
     done = ac.simulate(set_points, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3)
-    found = lifted.at_times(done.t, done.q, lifted.expected(q))
-    assert np.abs(found - lifted.expected(q)).max() < 3e-3 * np.ptp(q)
+    expected = lifted.at_times(done.t, done.q, lifted.expected(q))
+    assert np.abs(expected - lifted.expected(q)).max() < 3e-3 * np.ptp(q)
     # Differences of two motions are exact at the times of the drives' cycles.
     near = 1e-9 if servo.drive_cycle else 2e-2
     more = 1e-3 * rng.normal(size=q.shape).cumsum(axis=0)

@@ -30,14 +30,14 @@ def give_way(executed):
 def test_the_tool_counts_where_encoders_see_nothing(arm, set_points):
     plant = ac.ServoPlant(arm, SERVO)
     errors = {"encoders": [], "tracker": []}
-    for name, found in errors.items():
+    for name, distances in errors.items():
         lesson = set_points
         for _ in range(4):
             done = ac.simulate(lesson, plant)
             t, points = give_way(done)
             plan = lesson.trajectory
             due = arm.tool_position(plan(np.clip(t, 0, plan.duration)))
-            found.append(float(np.linalg.norm(points - due, axis=1).max()))
+            distances.append(float(np.linalg.norm(points - due, axis=1).max()))
             tool = (t, points) if name == "tracker" else None
             lesson = ac.learn(lesson, done, arm=arm, servo=SERVO, tool=tool)
     assert errors["tracker"][-1] < 0.1 * errors["tracker"][0]

@@ -289,8 +289,8 @@ def test_arms_by_their_dh_parameters(name):
 
 def test_the_ur5e_stretched_out():
     # All joints at zero: the arm lies along -x, as the controller shows it.
-    found = ac.load_arm("ur5e").tool_position(np.zeros(6))
-    np.testing.assert_allclose(found, [-0.8172, -0.2329, 0.0628], atol=1e-12)
+    position = ac.load_arm("ur5e").tool_position(np.zeros(6))
+    np.testing.assert_allclose(position, [-0.8172, -0.2329, 0.0628], atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ac.arm_names())
@@ -312,15 +312,15 @@ def test_every_arm_can_be_planned_with(name):
 @pytest.mark.parametrize("name", ac.arm_names())
 def test_every_number_has_a_unit_and_a_source(name):
     file = resources.files("armcontour.files.robots") / "library" / f"{name}.yaml"
-    left, numbers = [yaml.safe_load(file.read_text("utf-8"))], 0
-    while left:
-        data = left.pop()
+    queue, numbers = [yaml.safe_load(file.read_text("utf-8"))], 0
+    while queue:
+        data = queue.pop()
         assert not isinstance(data, int | float)
         if isinstance(data, dict) and "value" in data:
             assert data["unit"] and data["source"], data
             numbers += 1
         elif isinstance(data, dict):
-            left += data.values()
+            queue += data.values()
     assert numbers >= 6
 
 
@@ -387,10 +387,10 @@ def test_shapes_are_read_once_and_when_asked_for():
     # An arm goes to other processes before and after its shapes are read.
     for arm in (ac.load_arm("ur5e"), copy.copy(ac.load_arm("panda"))):
         before = pickle.loads(pickle.dumps(arm))
-        own = arm.shapes.shapes
+        shapes = arm.shapes.shapes
         for x in (before, pickle.loads(pickle.dumps(arm))):
-            assert [s.name for s in x.shapes.shapes] == [s.name for s in own]
-            np.testing.assert_array_equal(x.shapes.shapes[2].shape.points, own[2].shape.points)
+            assert [s.name for s in x.shapes.shapes] == [s.name for s in shapes]
+            np.testing.assert_array_equal(x.shapes.shapes[2].shape.points, shapes[2].shape.points)
 
 
 DATA = FilePath(__file__).parent / "data"
@@ -426,9 +426,9 @@ def test_a_file_of_the_field():
 
 
 def test_limits_of_all_or_some_joints(tmp_path):
-    off = "has_velocity_limits: false, max_velocity: 1, has_position_limits: false, "
-    off += "has_effort_limits: false, has_jerk_limits: true, max_jerk: 100"
-    limits = with_text(tmp_path, for_all(off)).limits
+    no_limits = "has_velocity_limits: false, max_velocity: 1, has_position_limits: false, "
+    no_limits += "has_effort_limits: false, has_jerk_limits: true, max_jerk: 100"
+    limits = with_text(tmp_path, for_all(no_limits)).limits
     assert limits.joint_velocity is None and limits.joint_torque is None
     assert limits.joint_lower is None and limits.joint_upper is None
     np.testing.assert_array_equal(limits.joint_jerk, [100] * 4)

@@ -45,12 +45,12 @@ def test_a_killed_replacement_never_looks_whole_and_loses_nothing(tmp_path, move
         return
     assert (out / "summary.json").exists() == (moves == 0)
     hidden = out / ".armcontour-next" / ".old"
-    found = {x: (p / x).read_text() for p in (out, hidden) for x in old if (p / x).exists()}
-    assert found == old
+    texts = {x: (p / x).read_text() for p in (out, hidden) for x in old if (p / x).exists()}
+    assert texts == old
     if moves:
         with pytest.raises(InvalidInput, match="was killed"):
             ResultFolder(out, force=True)
-        assert found == {
+        assert texts == {
             x: (p / x).read_text() for p in (out, hidden) for x in old if (p / x).exists()
         }
 
