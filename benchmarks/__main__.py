@@ -61,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = _update(options, lines, sessions)
         _write_pages(everything, options.baseline)
         return code
-    baselines = baseline.known(sessions)
+    baselines = baseline.baselines_by_name(sessions)
     measured, failed = _measured(lines, baselines, 1)
     best = [_judged(x) for x in measured.values()]
     print(*baseline.sentences(best, baselines), sep="\n")
@@ -79,7 +79,7 @@ def _update(options: argparse.Namespace, lines: list[Line], sessions: Sequence[S
         measured = replace(new, lines={name: Known.of(x) for name, x in measurements.items()})
         baseline.write(options.baseline, baseline.updated(sessions, measured))
 
-    _, failed = _measured(lines, baseline.known(sessions), options.times, keep)
+    _, failed = _measured(lines, baseline.baselines_by_name(sessions), options.times, keep)
     print(f"Written: {options.baseline}")
     return int(failed)
 

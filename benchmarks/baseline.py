@@ -118,7 +118,7 @@ def write(file: Path, sessions: Iterable[Session]) -> None:
     os.replace(fresh, file)
 
 
-def known(sessions: Iterable[Session]) -> dict[str, Known]:
+def baselines_by_name(sessions: Iterable[Session]) -> dict[str, Known]:
     """All lines of a baseline by name."""
     return {name: line for x in sessions for name, line in x.lines.items()}
 

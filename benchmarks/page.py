@@ -40,7 +40,7 @@ def filled(text: str, lines: Sequence[Line], sessions: Sequence[Session]) -> str
     Raises:
         KeyError: A mark names a line that does not exist.
     """
-    baselines = baseline.known(sessions)
+    baselines = baseline.baselines_by_name(sessions)
 
     def fill(mark: re.Match[str]) -> str:
         begin, kind, argument, _, end = mark.groups()

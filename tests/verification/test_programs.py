@@ -78,16 +78,16 @@ def test_every_contour_is_judged_while_at_work_as_by_hand(execution, program):
         assert span.work is not None
         inside = (execution.t >= span.work[0]) & (execution.t < span.work[1])
         t = execution.t[inside]
-        off = nearest(contour.path, ARM.tool_position(execution.q[inside]))
-        assert profile.max == pytest.approx(off.max(), rel=1e-6)
-        mean = trapezoid(off**2, t) / (t[-1] - t[0])
+        errors = nearest(contour.path, ARM.tool_position(execution.q[inside]))
+        assert profile.max == pytest.approx(errors.max(), rel=1e-6)
+        mean = trapezoid(errors**2, t) / (t[-1] - t[0])
         # Up to an interval between results at its ends.
         assert profile.rms == pytest.approx(np.sqrt(mean), rel=2e-3)
         assert span.work[0] <= profile.t[0] and profile.t[-1] == pytest.approx(span.work[1])
         assert span.work[0] <= profile.t_max <= span.work[1]
         assert span.s[0] <= profile.s_max <= span.s[1]
-        here = profile.s[np.isfinite(profile.s)]
-        assert here.min() >= span.s[0] - 1e-12 and here.max() <= span.s[1] + 1e-12
+        positions = profile.s[np.isfinite(profile.s)]
+        assert positions.min() >= span.s[0] - 1e-12 and positions.max() <= span.s[1] + 1e-12
         squares += profile.rms**2 * (profile.t[-1] - profile.t[0])
         times += profile.t[-1] - profile.t[0]
     assert evaluation.contour_error.rms == pytest.approx(np.sqrt(squares / times), rel=1e-12)
@@ -135,9 +135,9 @@ def test_a_program_of_one_contour_is_worth_what_its_path_is():
     assert first.corners == second.corners and len(first.corners) == 1
     assert first.limit_ratios == second.limit_ratios
     assert first.time_at_limit == second.time_at_limit
-    for found in (first, second):
-        assert found.end_time == found.settled > alone.set_points.trajectory.duration
-        assert [x.max for x in found.contours] == [found.contour_error.max]
+    for evaluation in (first, second):
+        assert evaluation.end_time == evaluation.settled > alone.set_points.trajectory.duration
+        assert [x.max for x in evaluation.contours] == [evaluation.contour_error.max]
 
 
 def test_the_objective_gives_corners_and_short_contours_are_judged_too(
@@ -195,8 +195,8 @@ def test_refuses_a_program_that_was_not_planned(execution, program, refuses):
     ):
         refuses(call, InvalidInput, words)
     planned, whole = plain.set_points.trajectory, Program(moves=(Contour(path=BEND),))
-    found = [ac.check(planned, ARM, LIMITS, x).path_deviation for x in (whole, BEND)]
-    assert found[0] == found[1]
+    deviations = [ac.check(planned, ARM, LIMITS, x).path_deviation for x in (whole, BEND)]
+    assert deviations[0] == deviations[1]
 
 
 def test_the_mean_speed_is_that_at_work_and_not_above_the_largest(execution, program):
