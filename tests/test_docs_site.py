@@ -72,7 +72,7 @@ def test_every_command_is_listed_and_quantities_of_options_have_their_units():
     assert [x.opts for x in GROUP.params if f"`{x.opts[0]}`" not in listed] == []
 
 
-def test_every_error_has_its_exit_code_its_attributes_and_what_mends_it():
+def test_every_error_has_its_exit_code_its_attributes_and_a_fix():
     page = read("reference/errors.md")
     table = rows(page)
     for error in vars(errors).values():

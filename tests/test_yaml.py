@@ -97,7 +97,7 @@ def test_hostile_texts_are_refused_in_one_sentence(names):
         assert message.startswith("x ") and message.isprintable() and len(message) <= 2000, name
 
 
-def test_texts_that_somebody_writes_are_read_as_yaml_1_2():
+def test_handwritten_texts_are_read_as_yaml_1_2():
     for end in ("!", "e", "e5!", "_", ":1"):
         text = "9" * 300_000 + end
         assert load(f"a: {text}", "job.yaml") == {"a": text}

@@ -127,7 +127,7 @@ def test_j42_the_next_set_points_are_those_of_learn(shown, robot, log, monkeypat
     assert content == (second / "optimal/set_points.csv").read_bytes()
 
 
-def test_j43_what_is_wrong_with_a_log_is_said_as_text(shown, robot):
+def test_j43_errors_of_a_log_are_shown_as_text(shown, robot):
     markup = "<img src=x onerror=alert(1)>"
     bad = write_table(
         robot.folder / f"{markup}.csv", robot.table(robot.execute())[:, :4], HEAD[:-17]

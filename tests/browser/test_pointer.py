@@ -26,7 +26,7 @@ def points(studio):
     return numbers(studio.text.partition("points:")[2].partition("limits:")[0])
 
 
-def test_j40_a_dragged_waypoint_snaps_and_says_what_it_gains(studio, judge):
+def test_j40_a_dragged_waypoint_snaps_and_shows_its_gain(studio, judge):
     before, original = studio.figure("duration"), studio.text
     handle = studio.handle("waypoint", 1)
     expect(label(studio)).to_be_hidden()

@@ -239,7 +239,7 @@ def test_a_tool_that_follows_contours_does_not_follow_rapids(tmp_path):
     refusals(lambda x: read_cell("ur5e", tmp_path / x, path=path), [("drill.ngc", words)])
 
 
-def test_what_a_file_says_of_the_tool_goes_before_the_cell(tmp_path):
+def test_the_tool_axis_of_a_file_takes_precedence_over_the_cell(tmp_path):
     file = tmp_path / "seam.csv"
     file.write_text("x,y,z,ax,ay,az\n0,0,0,0,0.1,-1\n50,0,0,0,0.1,-1\n")
     job = read_cell("ur5e", file, path={"units": "mm"})

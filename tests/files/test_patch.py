@@ -140,7 +140,7 @@ runs:
     assert continuities == {"plain": "curvature", "paper": "tangent", "free": None, "sharp": None}
 
 
-def test_a_drawing_is_placed_and_its_layers_keep_what_the_job_says_of_them(tmp_path):
+def test_a_drawing_is_placed_and_its_layers_keep_their_settings_in_the_job(tmp_path):
     (tmp_path / "part.csv").write_text("x,y,layer\n0,0,a\n40,0,a\n0,9,b\n40,9,b\n")
     path_keys = {"frame": {"position": [0.3, 0.2, 0]}, "layers": {"a": {"speed": 0.02}, "b": {}}}
     cell = {**JOB, "path": {**path_keys, "units": "mm"}}

@@ -166,7 +166,7 @@ def test_why_the_tool_stops_and_how_often():
     assert count_full_stops(bridge()) == {"rounding off": 2}
 
 
-def test_full_stops_of_a_shaped_path_say_why_they_are():
+def test_full_stops_of_a_shaped_path_are_counted_by_reason():
     lines = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (2, 1), (1.5, 1)]).segments
     outcome = ShapingOutcome(start="stops", durations={"stops": 1.0, "shaped": 1.0})
     for own_tolerance, reasons in (

@@ -118,7 +118,7 @@ def test_figure(bench, figure):
         )
 
 
-def test_every_figure_says_where_it_is_from_and_how_near_it_must_be():
+def test_every_figure_states_its_source_and_its_tolerance():
     assert len({x["id"] for x in FIGURES}) == len(FIGURES)
     for figure in FIGURES:
         assert FIELDS <= set(figure) <= FIELDS | OPTIONAL, figure["id"]

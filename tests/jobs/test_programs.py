@@ -258,7 +258,7 @@ def stops_said(sentences):
     return [x for x in sentences if "full stop" in x]
 
 
-def test_the_ends_of_an_arc_are_said_once_and_counted_by_contours():
+def test_stops_at_ends_of_arcs_are_reported_once_and_counted_by_contour():
     runs = ({}, {"compensation": ac.Inverse()}, {"compensation": ac.NoCompensation()})
     results = plans(BENT, *({**x, "rounding": None} for x in runs))
     for plan in results:
@@ -309,7 +309,7 @@ def test_set_points_of_a_drawing_change_no_faster_than_the_arm_may():
     assert (ahead < limits.joint_acceleration + limits.joint_jerk / 25.0).all()
 
 
-def test_stops_that_are_not_there_or_are_there_anyway_are_not_said():
+def test_only_stops_that_limits_of_jerk_add_are_reported():
     plain = ARM.limits.replace(speed=0.1)
     endless = plain.replace(joint_jerk=float("inf")).for_joints(2)
     for plan in plans(BENT, {"limits": plain}, {"limits": endless}):

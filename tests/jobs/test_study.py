@@ -314,7 +314,7 @@ def in_place(points, *position, **more):
     return {"points": points, "frame": {"position": [float(x) for x in position]}, **more}
 
 
-def test_the_worst_place_is_said_in_the_coordinates_of_the_drawing():
+def test_the_worst_place_is_reported_in_the_coordinates_of_the_drawing():
     error, message = refusal(PLANE, path=in_place(SQUARE, 0.6, 0.0, 0.0))
     # The corner that is farthest from the base, at (135, 0) mm, and nothing before it.
     far = np.hypot(0.64 - 0.135, 0.04)
@@ -324,7 +324,7 @@ def test_the_worst_place_is_said_in_the_coordinates_of_the_drawing():
     assert "which is (40, 40) mm before path.frame" in message
 
 
-def test_what_is_said_to_mend_it_does():
+def test_the_proposed_fix_works():
     # Too far from the base, and too near.
     for position in ([0.6, 0.0], [0.12, -0.02]):
         message = refusal(PLANE, path=in_place(SQUARE, *position, 0.0))[1]

@@ -41,7 +41,7 @@ def only(job_case):
     return ac.run(job_case).runs["one"]
 
 
-def test_a_speed_and_a_tolerance_above_the_runs_are_said_once():
+def test_a_speed_and_a_tolerance_above_the_runs_are_reported_once():
     values = (0.15, 0.5e-3), (0.05, 0.1e-3, 0.05), (0.12, 0.5e-3, 0.1)
     names = "MARK 1", "CUT 1", "MARK 2"
     moves = (Contour(path=drawn(*x), name=y) for x, y in zip(values, names, strict=True))
@@ -53,7 +53,7 @@ def test_a_speed_and_a_tolerance_above_the_runs_are_said_once():
     assert "of contour 1 is capped" in speed
 
 
-def test_what_is_not_capped_is_not_said():
+def test_limits_that_change_nothing_are_not_reported():
     assert warnings_of(job(drawn(0.1))) == warnings_of(job(drawn(0.02))) == ()
     # No corner tolerance is capped where there is no corner.
     single = ac.Path.polyline(
@@ -67,7 +67,7 @@ def test_what_is_not_capped_is_not_said():
     assert warnings_of(job(path_of(first, line((0.34, 0.2), (0.34, 0.24), tolerance=1e-4)))) == ()
 
 
-def test_a_demand_far_above_the_limit_is_said_and_by_whom():
+def test_a_demand_far_above_the_limit_is_warned_of_with_its_cause():
     slow_job = job(drawn())
     assert only(slow_job).warnings == ()
     result = only(dataclasses.replace(slow_job, servo=ac.ServoModel(kp=15.0, kv=40.0)))

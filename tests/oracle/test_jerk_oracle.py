@@ -28,7 +28,7 @@ KEPT = {
 }
 
 
-def test_a_line_and_the_oracle_take_what_the_closed_form_says():
+def test_plan_and_oracle_of_a_line_have_the_duration_of_the_closed_form():
     planned = ac.plan(LINE, limits=LIMITS, options=ac.Optimal(intervals=1000))
     assert 1 <= planned.duration / EXACT <= 1 + 1e-3
     pytest.importorskip("casadi")

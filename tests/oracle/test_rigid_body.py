@@ -127,7 +127,7 @@ def error(step, limit):
     return np.abs(done.q[:n] - expected[:, :3]).max()
 
 
-def test_bodies_move_as_pinocchio_says():
+def test_bodies_move_as_in_pinocchio():
     errors = [error(step, np.array([90.0, 60.0, 40.0])) for step in (8e-3, 4e-3, 2e-3)]
     # What is left is the integrator's, of fourth order: at the standard step, 1e-14 rad.
     assert errors[2] < 1e-10
@@ -143,7 +143,7 @@ def test_nominal_inertia_is_the_bare_arms():
 
 
 @pytest.mark.parametrize("options", [{}, {"joint_damping": 0.0}])
-def test_joints_with_springs_move_as_spong_and_pinocchio_say(options):
+def test_joints_with_springs_move_as_in_spong_and_pinocchio(options):
     whole = skew_arm().chain
     names = "joints rotations positions axes masses centers inertias armature viscous".split()
     first = {name: getattr(whole, name)[:2] for name in names}

@@ -401,7 +401,7 @@ processes = st.builds(
 
 @settings(max_examples=12)
 @given(st.lists(st.tuples(between, contours()), min_size=1, max_size=4), processes)
-def test_whatever_the_program_it_is_kept_or_refused_with_a_sentence(drawn, process):
+def test_any_program_is_planned_within_limits_or_refused_with_one_sentence(drawn, process):
     moves = [x for before, contour in drawn for x in (*before, contour)]
     try:
         program = plane(*moves, process=process)
@@ -550,7 +550,7 @@ def test_other_processes_give_the_same_plans(monkeypatch):
 
 
 @pytest.mark.parametrize("traced_first", [False, True])
-def test_what_cannot_be_traced_is_said_before_what_cannot_be_planned(monkeypatch, traced_first):
+def test_tracing_errors_come_before_planning_errors(monkeypatch, traced_first):
     """The first contours are too far out for a weak joint, the last one out of reach."""
     starts = np.linspace(0.3, 0.65, 10) if traced_first else [*[0.65] * 6, 2.0]
     lines = [Path.polyline([[x, 0.0], [x + 0.01, 0.0]]) for x in starts]

@@ -126,7 +126,7 @@ def test_a_payload_slows_the_arm():
     assert durations[0] < durations[1] < durations[2]
 
 
-def test_a_plan_says_which_torque_binds():
+def test_the_explanation_names_the_limiting_torque():
     arm = ur5e(viscous=VISCOUS, coulomb=COULOMB)
     limits = torque_only(arm)
     planned = ac.plan(ac.JointPath.spline(POINTS), arm, limits)
@@ -138,7 +138,7 @@ def test_a_plan_says_which_torque_binds():
     assert all(0.99 < x.share < 1 + 1e-9 for x in binding)
 
 
-def test_neighbours_tell_what_an_inflection_hides():
+def test_neighbours_bound_the_error_at_an_inflection():
     path = ac.JointPath.spline([(0.0, 0.0), (1.0, 1.0)], s=[0.0, 1.0])
     on = OnGrid(Grid(path, np.linspace(0, 1, 10), np.zeros(9, dtype=int)))
     s = on.grid.s

@@ -82,7 +82,7 @@ def test_a_warning_names_what_is_cut_too_early():
 
 @given(order=st.sampled_from(["nearest", "shortest"]), seed=st.integers(0, 10_000))
 @settings(max_examples=12)
-def test_whatever_is_cut_what_lies_inside_comes_before(order, seed):
+def test_inner_contours_are_cut_first_in_any_order(order, seed):
     rng = np.random.default_rng(seed)
     contours, inner = [], {}
     for i, center in enumerate(rng.permutation(16)[:6]):

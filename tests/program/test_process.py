@@ -46,7 +46,7 @@ def parents(*contours, up=UP):
     return find_nesting(contours, up).parents.tolist()
 
 
-def test_the_parent_is_the_smallest_contour_around_whatever_the_order():
+def test_the_parent_is_the_smallest_enclosing_contour_in_any_order():
     rings = [circle(0, 0, 0.01), circle(0, 0, 0.04), circle(0, 0, 0.02), circle(0.1, 0, 0.03)]
     assert parents(*rings, polyline([0.1, 0.0], [0.11, 0.0])) == [2, -1, 1, -1, 3]
     # Contours are seen from above also where their plane is tilted.

@@ -345,7 +345,7 @@ def test_an_angular_tolerance_of_zero_stops():
     np.testing.assert_allclose(followed.stops, [followed.corners.start[0], followed.corners.end[0]])
 
 
-def test_a_large_turn_makes_the_arc_smaller_and_says_so():
+def test_a_large_turn_makes_the_arc_smaller_and_is_reported():
     corner = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)])
     turning = corner.oriented(Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.5], [0, 0, 0]]))
     free, tight = (rounded(turning, 0.1, x).corners for x in (1.0, 0.02))

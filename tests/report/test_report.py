@@ -83,7 +83,7 @@ def test_the_first_screen_answers_before_any_figure(study, page):
     assert f"<b>{number(result.trajectory.duration, 's')}</b>" in front
 
 
-def test_what_is_not_kept_is_said_first(study):
+def test_the_report_begins_with_a_run_that_is_not_kept(study):
     # Without compensation, and nearer to the drawing than the servo can be.
     (loose,) = (x for x in study.job.runs if x.name == "uncompensated")
     strict = dataclasses.replace(study.job, runs=(dataclasses.replace(loose, accuracy=1e-6),))

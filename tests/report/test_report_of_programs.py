@@ -299,7 +299,7 @@ def test_the_sample_drawings_are_what_their_script_writes(tmp_path):
 
 
 @needs_dynamics
-def test_leads_and_pierces_are_told_apart(tmp_path):
+def test_leads_and_pierces_are_distinguished(tmp_path):
     switch, pierce = Switch(name="laser"), Pierce(time=0.1, height=4e-3)
     leads = {"lead_in": Lead(length=3e-3, active=True), "lead_out": Lead(length=2e-3)}
     process = Process(switch=switch, pierce=pierce, **leads)

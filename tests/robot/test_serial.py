@@ -164,7 +164,7 @@ def test_pinocchio_sees_the_same_arm():
         np.testing.assert_allclose(arm.jacobian(q), turn @ jacobian, atol=1e-12)
 
 
-def test_the_work_frame_and_the_tool_only_say_where_from_and_where_to(arm3, states):
+def test_work_frame_and_tool_only_define_the_two_ends_of_the_pose(arm3, states):
     q, dq, ddq = states
     work, tool = Frame.rpy([1, 2, 3], [0.3, 0.2, 0.1]), Frame.rpy([0.1, 0, 0.2], [0, 0.5, 0])
     moved = arm3.with_work(work)

@@ -116,7 +116,7 @@ BOXED = PLANE + "scene: {boxes: [{name: box, size: [1, 1 m, 1], at: [0, 0, 0]}]}
 
 
 @given(st.sampled_from(VALID), st.sampled_from([BOXED, CHAIN]), st.data())
-def test_whatever_a_page_sends_is_a_change_or_one_sentence(valid, text, draw):
+def test_any_message_of_a_page_is_a_change_or_one_sentence(valid, text, draw):
     fields = [x for x in valid if x != "do"] or ["do"]
     edit = {**valid, draw.draw(st.sampled_from(fields)): draw.draw(JSON)}
     state = state_of(text)

@@ -68,7 +68,7 @@ def test_points_are_on_the_path_with_their_times_and_speeds(shown, view):
     assert frame.header["plane"]["flat"] is True
 
 
-def test_colours_are_what_explain_says(shown):
+def test_colours_are_those_of_the_explanation(shown):
     planned, frame = shown
     bindings, a = planned.explanation.bindings, frame.arrays
     random = np.random.default_rng(3).uniform(0, planned.path.length, 200)

@@ -112,7 +112,7 @@ def test_large_bodies_are_refused_before_they_are_read():
 
 
 @pytest.mark.parametrize("headers", [[HOST], [], [HOST, (b"origin", b"null")]])
-def test_every_answer_tells_the_browser_to_be_strict(headers):
+def test_every_answer_has_headers_for_strict_browsers(headers):
     sent = dict(ask(headers)[0][0]["headers"])
     policy = sent[b"content-security-policy"].decode()
     assert "default-src 'none'" in policy and "unsafe" not in policy

@@ -79,7 +79,7 @@ def test_work_that_rests_goes_on_when_newer_work_comes():
     assert [x.header["id"] for x in heard.frames] == [1, 2]
 
 
-def test_errors_are_told_and_the_lane_goes_on():
+def test_errors_are_reported_and_the_lane_continues():
     def failing(error):
         def work(stale):
             raise error

@@ -75,7 +75,7 @@ def test_no_older_frame_is_shown_after_a_newer_one():
     assert values == [[1, 5], [1, 6], [2, 6], [2, None], [2, 7]]
 
 
-def test_a_document_that_is_told_again_makes_no_picture_old():
+def test_a_repeated_document_does_not_outdate_pictures():
     values = compute(
         f"""{STORE}
         listen("page", ["picture"]);
@@ -126,7 +126,7 @@ def test_zero_has_no_sign():
     assert values == ["0", "0", "−0.000002", "−12.35", "0.000", "−0.040", "0.0 mm"]
 
 
-def test_colours_tell_errors_of_several_magnitudes_apart():
+def test_colours_distinguish_errors_of_several_magnitudes():
     errors = np.geomspace(1e-7, 1e-3, 200).astype(np.float32)
     points = np.stack([np.arange(200), np.zeros(200)], axis=1)
     values = compute(

@@ -312,7 +312,7 @@ def test_an_outline_follows_a_drag_whose_plans_take_long(opened, monkeypatch):
     assert tiers(tab.edit(moved(5), gesture=1, final=False))[0] == "picture moving"
 
 
-def test_progress_of_exact_figures_is_told_with_its_step(opened, during, monkeypatch):
+def test_progress_of_exact_figures_is_sent_with_its_step(opened, during, monkeypatch):
     monkeypatch.setattr(planner, "OFTEN", -1e6)
     _, tab, lane = opened(fast=Nested)
     step = {"id": lane.given[-1][0], "steps": ["compensated", "timing"], "share": 0.25}
@@ -324,7 +324,7 @@ def test_progress_of_exact_figures_is_told_with_its_step(opened, during, monkeyp
     assert progress(tab.frames)[-1] == "done"
 
 
-def test_a_killed_process_is_said_and_the_next_edit_has_figures(opened):
+def test_a_killed_process_is_reported_and_the_next_edit_has_figures(opened):
     _, tab, lane = opened(fast=Nested)
     id = lane.given[-1][0]
     lane.deliver(Frame("failed", {"id": id, "sentence": "It has ended before it gave an answer."}))

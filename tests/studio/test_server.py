@@ -80,7 +80,7 @@ def test_what_cannot_be_served_ends_the_server(tmp_path, monkeypatch):
         require_server()
 
 
-def test_connections_that_say_nothing_or_never_all_stop_no_page(file):
+def test_silent_and_incomplete_connections_stop_no_page(file):
     with running(file) as studio, contextlib.ExitStack() as closing:
         for k in range(20 + 2 * MOST_CONNECTIONS):
             half = closing.enter_context(socket.create_connection(("127.0.0.1", studio.port)))

@@ -193,7 +193,7 @@ def test_the_recipe_has_the_requirements_of_the_project():
     assert requirements(build["requires"]) <= set(needed["host"])
 
 
-def test_the_recipe_says_what_the_project_says():
+def test_the_recipe_agrees_with_the_project_file():
     recipe, data = load(ROOT / release.RECIPE), project()
     about = recipe["about"]
     assert about["repository"] == about["homepage"] == data["urls"]["Repository"]

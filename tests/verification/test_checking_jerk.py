@@ -213,7 +213,7 @@ def test_the_tools_jerk_is_bounded_from_below():
         assert check.joint is None
 
 
-def test_digits_are_forgiven_and_few_samples_say_little():
+def test_rounding_is_tolerated_and_few_samples_prove_little():
     log = sampled(SMOOTH, times(1e-3), ["q"])
     log.q, log.resolution = np.round(log.q, 6), {"q": 1e-6}
     check = ac.check(log, ARM, LIMITS)

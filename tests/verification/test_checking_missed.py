@@ -103,7 +103,7 @@ def test_a_tool_held_otherwise_is_found(planned):
             assert turned_check["path_deviation"].ratio < 1
 
 
-def test_only_what_the_path_says_of_the_orientation_is_judged_as_far_as_digits_allow(planned):
+def test_only_the_specified_part_of_the_orientation_is_checked_within_rounding(planned):
     assert "orientation_deviation" in check(planned, path=HELD).not_judged
     assert "orientation_deviation" not in check(planned, path=LINE).not_judged
     for x, near, angle in ((0.0, 1e-5, 0.0), (0.1, 1e-4, np.arctan(0.1))):
@@ -134,7 +134,9 @@ def test_a_path_that_crosses_itself_may_hold_the_tool_in_two_ways():
     assert report["orientation_deviation"].value < np.radians(1)
 
 
-def test_it_needs_a_path_that_says_how(arm, mac, rounded, planned, refuses):
+def test_an_orientation_deviation_needs_a_path_with_orientation(
+    arm, mac, rounded, planned, refuses
+):
     for call, words in (
         (partial(check, planned, orientation_deviation=0.1), "a path with a tool orientation"),
         (partial(check, planned, path=LINE, orientation_deviation=0.1), "a tool orientation"),

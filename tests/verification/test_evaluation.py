@@ -66,7 +66,7 @@ def test_on_the_path_there_is_no_contour_error_and_a_delay_is_tracking_error(arm
     assert evaluation.tracking_error.rms == pytest.approx(expected, rel=1e-6)
 
 
-def test_the_delay_that_all_joints_share_is_told_apart_from_what_they_do_not(arm):
+def test_the_common_delay_of_the_joints_is_separated_from_the_rest(arm):
     limits = ac.Limits.only(joint_acceleration=2.0, speed=0.1)
     bent = ac.round_corners(ac.Path.polyline([(0.3, 0.2), (0.4, 0.2), (0.4, 0.25)]), tolerance=2e-3)
     plan = ac.plan(bent, arm, limits)

@@ -224,7 +224,7 @@ def test_written_set_points_are_within_the_limits(limited, arm, tmp_path):
         assert max(largest_shares(q, CYCLE, LIBFRANKA)) <= 1
 
 
-def test_programs_with_fewer_digits_say_what_rounding_needs(tmp_path):
+def test_programs_with_fewer_digits_report_the_effect_of_rounding(tmp_path):
     """URScript has 6 decimals, at 2 ms up to 500 rad/s³ of jerk; csv has 12."""
     arm = ac.load_arm("ur5e")
     start, end = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0], [0.3, -1.2, 1.2, -1.4, -1.6, 0.2]

@@ -113,7 +113,7 @@ def test_the_papers_job_and_a_short_line(arm, rounded, limits, light):
     assert contour_error(light, path, plan)[0] < 0.001
 
 
-def test_the_joints_do_at_t_what_the_plan_says_at_t(heavy):
+def test_the_joints_follow_the_plan_without_delay(heavy):
     dead_times = (0.0, 8e-3, [0.0, 1e-3, 2.5e-3, 4e-3, 0.0103, 0.02])
     for interpolation, dead in product(("linear", "step", "cubic"), dead_times):
         servo = SERVO.replace(interpolation=interpolation, dead_time=dead)

@@ -320,7 +320,7 @@ def largest_deviation(arm, servo, cycle, method="inverse", plant=None, **options
     return np.abs(done.q - SWING(done.t.clip(0, DURATION))).max()
 
 
-def test_the_joint_does_at_t_what_the_plan_says_at_t(arm):
+def test_the_joint_follows_the_plan_without_delay(arm):
     bounds = {"linear": 3e-5, "cubic": 2e-5, "step": 2e-4}
     for order, interpolation, dead in product(("second", "first"), bounds, DEAD_TIMES):
         servo = ac.ServoModel(**gains(order), interpolation=interpolation, dead_time=dead)

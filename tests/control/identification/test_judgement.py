@@ -116,7 +116,7 @@ def test_the_delay_that_joints_share_is_compensated_for_a_joint_without_a_model(
     assert errors[0] < errors[1] < errors[2]
 
 
-def test_one_program_is_provisional_and_the_file_says_so(good, tmp_path, capsys):
+def test_a_fit_of_one_program_is_marked_provisional_in_the_file(good, tmp_path, capsys):
     files = []
     for log in (*good.logs, robot_log(1)):
         files.append(tmp_path / f"{len(files)}.csv")

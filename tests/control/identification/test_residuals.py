@@ -45,7 +45,7 @@ def test_a_pattern_is_named_with_what_to_record(disturbance, words, record):
     assert words in two.note and record in two.note
 
 
-def test_the_sign_and_the_phase_of_velocity_are_told_from_each_other():
+def test_sign_and_phase_of_velocity_are_distinguished():
     u = program(3)
     log = ac.Log(t=T, command=u, measured=u)
     rate = np.gradient(u[:, 0], T)

@@ -172,7 +172,7 @@ def test_one_joint_at_its_limit_does_not_end_learning(ki, bars):
     assert errors[0] > 3.5e-4 and errors[1] <= bars[0] and errors[2] <= bars[1]
 
 
-def test_a_lesson_that_learned_nothing_says_so():
+def test_a_lesson_without_improvement_has_a_note():
     """Set-points that always move at the limit of velocity: no others have the same ends."""
     arm, servo = rods(), ac.ServoModel(kp=25.0, order="first")
     plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm, arm.limits)

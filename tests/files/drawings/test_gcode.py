@@ -379,7 +379,7 @@ def test_what_cannot_be_followed_is_refused_with_its_line():
     assert len(read("F60|G81 X1 Y1 Z-1 R1 Q0").contours) == 1
 
 
-def test_the_guide_s_example_is_what_the_guide_says():
+def test_the_example_of_the_guide_has_the_output_in_the_guide():
     guide = Path(__file__).parents[3] / "docs" / "guides" / "gcode.md"
     (text,) = re.findall(r"```text\n(.*?)```", guide.read_text(), re.DOTALL)
     program = read(text)

@@ -454,7 +454,7 @@ def random_transform(rng, similar):
 
 
 @given(seed=st.integers(0, 2**32 - 1), similar=st.booleans())
-def test_paths_are_what_svgpathtools_says(seed, similar):
+def test_paths_are_those_of_svgpathtools(seed, similar):
     rng = np.random.default_rng(seed)
     d = random_path_data(rng)
     text, matrix = random_transform(rng, similar)

@@ -132,7 +132,7 @@ HOSTILE = [
 ]
 
 
-def test_what_is_wrong_is_said_with_its_line_and_column():
+def test_errors_are_reported_with_line_and_column():
     refusals(lambda text: read(text.replace("|", "\n") + "\n" * (len(text) > 1)), WRONG)
     refusals(read, [(b"x,y\n0,\xff\n", "not UTF-8")], "points.csv")
     for text, words in HOSTILE:

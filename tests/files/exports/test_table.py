@@ -359,7 +359,7 @@ def bytes_of(place):
 
 
 @pytest.mark.filterwarnings("ignore:.*switched for ")
-def test_the_ending_or_the_class_says_the_format_and_bytes_are_the_same_twice(six, tmp_path):
+def test_the_format_follows_from_ending_or_class_and_bytes_are_reproducible(six, tmp_path):
     for form in PLAIN:
         first, second = (tmp_path / f"{x}{form.kind}" / f"part{form.ending}" for x in "ab")
         for place in (first, second):

@@ -157,7 +157,7 @@ def test_an_abb_module_has_a_name_that_rapid_takes(table, tmp_path):
         assert text.splitlines()[:2] == [f"MODULE {module}", about]
 
 
-def test_the_template_of_the_guide_does_what_it_says(table, tmp_path):
+def test_the_template_of_the_guide_writes_the_stated_program(table, tmp_path):
     guide = FilePath(__file__).parents[3] / "docs" / "guides" / "export.md"
     template = guide.read_text(encoding="utf-8").split("```jinja\n")[1].split("```")[0]
     exported = table(6, count=9)

@@ -360,7 +360,7 @@ def test_every_link_of_a_built_in_arm_has_a_hull(name):
     assert f"{name}.json" in text and license in ("BSD-3-Clause", "Apache-2.0")
 
 
-def test_the_planar_arm_has_capsules_that_are_said_to_be_assumed():
+def test_capsules_of_the_planar_arm_are_marked_as_assumed():
     arm = ac.load_arm("pmk3s")
     assert arm.shapes is not None and "assumed" in arm.shapes.source
     first, second = arm.shapes.shapes
@@ -473,7 +473,7 @@ limits:
     np.testing.assert_array_equal(one.joint_acceleration, [[-5, 5], [-2, 4]])
 
 
-def test_it_says_what_the_description_leaves_out(tmp_path):
+def test_a_file_of_joint_limits_completes_the_description(tmp_path):
     robot, file = tmp_path / "robot.urdf", tmp_path / "limits.yaml"
     robot.write_text(ROBOT.read_text().replace('<limit effort="80" velocity="2"/>', ""))
     file.write_text("joint_limits: {pan: {max_velocity: 1.0, max_effort: 10.0}}")

@@ -155,7 +155,7 @@ def test_random_descriptions_are_read_as_by_pinocchio(tmp_path, seed):
     refuse_differences(arm, text, held)
 
 
-def test_what_the_description_says_is_what_the_arm_has():
+def test_the_arm_has_the_values_of_its_description():
     arm = original_arm()
     limits = arm.limits
     np.testing.assert_array_equal(limits.joint_velocity, [2, 1.5, 2.5, 4])

@@ -131,7 +131,7 @@ def test_wrong_options_are_refused(arm, limits, refuses):
     refuses(lambda: ac.shape(path, arm, limits, ac.Optimal()), ac.InvalidInput, "Shaped")
 
 
-def test_a_stretch_that_is_too_short_bears_half_of_its_length(arm, limits):
+def test_corners_of_a_short_segment_use_half_of_its_length(arm, limits):
     # A vertex that was drawn twice does not keep the rest from being shaped.
     for gap in (2e-6, 2e-4):
         twice = ac.Path.polyline([*LINES[:2], (LINES[1][0] + gap, LINES[1][1]), *LINES[2:]])
@@ -144,7 +144,7 @@ def test_a_stretch_that_is_too_short_bears_half_of_its_length(arm, limits):
         assert (near <= gap / 2 + 1e-9).all(), gap
 
 
-def test_each_contour_has_the_tolerance_that_its_lines_bear_whatever_chords_of_curves(arm, limits):
+def test_the_tolerance_of_a_contour_depends_on_its_lines_and_not_on_chords_of_curves(arm, limits):
     short = ac.Path.polyline([(0.2, 0.2), (0.201, 0.2), (0.201, 0.21)])
     program = ac.Program(
         moves=(ac.Contour(path=ac.Path.polyline(LINES)), ac.Contour(path=short, name="notch"))

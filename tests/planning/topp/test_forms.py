@@ -73,7 +73,7 @@ def motions(path, count=20):
         yield x[..., None], u[..., None], np.stack(bounds, axis=1)
 
 
-def test_joint_motion_rises_no_more_than_its_form_says():
+def test_joint_motion_rises_within_the_bound_of_its_form():
     path = on_grid(200)
     (motion,) = optimal.constraints_of(PATH, UR5E, LIMITS)
     rows = motion.rows(path)
@@ -86,7 +86,7 @@ def test_joint_motion_rises_no_more_than_its_form_says():
         assert (rise_of(first * u + second * x) <= bound * (1 + 1e-9) + 1e-12).all()
 
 
-def test_sampled_coefficients_and_friction_rise_no_more_than_their_forms_say():
+def test_sampled_coefficients_and_friction_rise_within_the_bounds_of_their_forms():
     viscous = np.array([15.0, 15.0, 10.0, 3.0, 3.0, 2.0])
     chain = UR5E.chain.replace(viscous=viscous)
     arm = ac.SerialArm(name="rubbing", chain=chain, limits=UR5E.limits)

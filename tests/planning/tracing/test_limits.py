@@ -57,7 +57,7 @@ def test_joints_to_spare_keep_the_ranges_of_limits():
     assert ((q[:, 0] >= middle) & (q[:, 0] <= middle + 0.6)).all()
 
 
-def test_the_velocities_of_limits_tell_the_shortest_way(ur5e):
+def test_joint_velocities_of_the_limits_define_the_shortest_way(ur5e):
     for joint in range(6):
         velocity = np.full(6, 3.0)
         velocity[joint] = 0.01
@@ -87,7 +87,7 @@ def test_an_arm_in_the_plane_keeps_its_ranges(arm, refuses):
     np.testing.assert_allclose(turned(0.1 * FLAT.length), free(0.1 * FLAT.length) + [2 * np.pi, 0])
 
 
-def test_where_no_whole_turn_fits_the_nearest_one_is_told(ur5e):
+def test_without_a_fitting_turn_the_nearest_one_is_named(ur5e):
     for low, high, name in ((0.5, 0.6, "joint_lower"), (-1.0, -0.9, "joint_upper")):
         with pytest.raises(ac.Unreachable, match="joint 1 would be at") as caught:
             ac.trace(LINE, ur5e, limits=ranges(ur5e, 1, low, high))

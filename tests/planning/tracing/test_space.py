@@ -163,7 +163,7 @@ def test_threads_that_share_ways_change_no_bit(ur5e, monkeypatch):
             np.testing.assert_array_equal(alone, shared)
 
 
-def test_a_start_says_which_configuration_and_which_turn(ur5e):
+def test_a_start_selects_the_configuration_and_the_turn(ur5e):
     path = PATHS["held"]
     candidates = trace_all(path, ur5e)
     assert len(candidates) == 8
@@ -196,7 +196,7 @@ def test_with_joints_to_spare_a_start_that_holds_the_tool_is_kept(panda):
         assert count >= 1
 
 
-def test_a_start_that_leads_nowhere_is_told_of_one_that_does(ur5e, refuses):
+def test_the_refusal_of_a_start_names_one_that_works(ur5e, refuses):
     path = ac.Path.polyline([(0.8, 0, 0.3), (0.75, 0, 0.3)]).oriented(DOWN)
     pose = np.column_stack([DOWN, path(0.0)])
     random = np.random.default_rng(0)

@@ -74,7 +74,7 @@ def test_motion_with_friction_is_that_of_the_plant(arm, nominal, set_points, con
     assert simulated.held.any(axis=0).all() and not simulated.held.all(axis=0).any()
 
 
-def test_small_torques_move_the_simulated_robot_as_its_response_says(arm, set_points):
+def test_small_torques_move_the_simulated_robot_as_its_response_predicts(arm, set_points):
     drives = Drives(arm=arm, servo=SERVO)
     t = np.linspace(0, 2.0, 2001)
     command = commands(set_points, t)

@@ -61,7 +61,7 @@ def test_each_joint_has_its_own_order(execute):
     assert len(positions) > 50
 
 
-def test_joints_without_a_model_do_as_they_are_told(execute):
+def test_joints_without_a_model_follow_their_command(execute):
     servo = ac.ServoModel(order=("second", "unknown"), kp=(20.0, np.inf), kv=(90.0, np.inf))
     done = execute(servo)
     np.testing.assert_allclose(done.q[: len(Q), 1], Q[:, 1], atol=1e-12)

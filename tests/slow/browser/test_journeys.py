@@ -427,7 +427,7 @@ def test_j17_without_webgl_only_the_arm_is_missing(pages, job, judge):
     expect(studio.find("#view3d .readout summary")).to_contain_text("tool at")
 
 
-def test_j18_what_is_typed_wrongly_is_said_and_kept(studio):
+def test_j18_invalid_input_is_reported_and_kept(studio):
     before, speed = studio.text, studio.slider("limits.speed").locator("input[type=text]")
     studio.type("limits.speed", "5 parsecs")
     message = studio.find("#panel .refused")
@@ -495,7 +495,7 @@ def refused(pages, folder, change):
         yield studio
 
 
-def test_j20_a_first_job_that_is_refused_is_seen_and_told_as_such(pages, tmp_path):
+def test_j20_a_refused_first_job_is_shown_with_its_refusal(pages, tmp_path):
     with refused(pages, tmp_path, ("- [0.350, 0.100]", "- [0.9, 0.1]")) as studio:
         # The start is over, and there was no motion before.
         expect(studio.find("#messages .work")).to_be_hidden()
@@ -509,7 +509,7 @@ def test_j20_a_first_job_that_is_refused_is_seen_and_told_as_such(pages, tmp_pat
         expect(studio.handle("waypoint", 0)).to_be_in_viewport()
 
 
-def test_j20_what_came_too_early_is_told_until_a_path_is_shown(pages, tmp_path):
+def test_j20_early_messages_are_shown_until_there_is_a_path(pages, tmp_path):
     with refused(pages, tmp_path, ("arm: pmk3s", "arm: none")) as studio:
         # Sentences do not go by themselves.
         studio.page.add_init_script(
@@ -593,7 +593,7 @@ def test_j24_what_is_pressed_before_its_region_is_loaded_is_done_once_it_is(page
         studio.find("#undo").click()
 
 
-def test_j24_regions_that_cannot_be_loaded_are_told(pages):
+def test_j24_regions_that_cannot_be_loaded_are_reported(pages):
     studio = pages()
     studio.begin()
     studio.is_cut_off = True

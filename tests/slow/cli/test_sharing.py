@@ -31,7 +31,7 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_whoever_works_the_results_are_the_same(command, tmp_path, name):
+def test_results_do_not_depend_on_the_number_of_workers(command, tmp_path, name):
     distributed = pytest.importorskip("distributed")
     job = tmp_path / "job.yaml"
     job.write_text(JOB, encoding="utf-8")

@@ -152,7 +152,7 @@ SAID = dict(sections())
 
 
 @pytest.mark.parametrize("name", TROUBLES)
-def test_the_page_says_what_the_tool_says(name, tmp_path, monkeypatch):
+def test_the_page_quotes_the_messages_of_the_commands(name, tmp_path, monkeypatch):
     trouble = TROUBLES[name]
     monkeypatch.chdir(tmp_path)
     for file, content in (trouble.files | {"job.yaml": yaml.safe_dump(trouble.job)}).items():

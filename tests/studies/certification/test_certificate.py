@@ -249,7 +249,7 @@ def test_stops_at_sharp_corners_stay():
     assert certificate.cost < 0.03
 
 
-def test_what_binds_is_said(refuses):
+def test_the_refusal_names_the_limiting_requirement(refuses):
     held, lags = job(SHORT, servo=", interpolation: step"), LINE.replace("inverse", "none")
     acceleration, error = {"limit": "joint_acceleration"}, {"limit": "contour error"}
     for job_case, servo, slowest, words, data in (

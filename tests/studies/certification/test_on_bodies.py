@@ -195,7 +195,7 @@ def test_an_overshoot_at_one_place_lowers_the_speed_there_only(overshooting):
     assert "Reduced: speed by up to " in render_report(certificate.study, certificate=certificate)
 
 
-def test_a_certificate_for_servos_says_that_it_is_not_for_bodies():
+def test_a_servo_certificate_states_that_rigid_bodies_are_not_covered():
     job = OVERSHOOT.replace(", plant: rigid_body", "").replace("inverse_dynamics", "inverse")
     certificate = ac.certify(parse_job(job))
     assert certificate.simulate_rigid_bodies.startswith("Valid for independent joint servos only: ")

@@ -206,7 +206,7 @@ def test_rapids_of_a_certified_program_keep_their_speed():
         assert 0.99 * speed < fastest <= speed
 
 
-def test_a_certificate_says_what_limits_the_time(certified):
+def test_a_certificate_names_the_limits_of_the_duration(certified):
     data, run = certified.to_data(), certified.result
     assert sum(x.time for x in run.explanation.shares) == pytest.approx(certified.duration)
     assert data["time_limit"].value == run.explanation.longest[0]

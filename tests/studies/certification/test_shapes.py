@@ -64,7 +64,7 @@ def test_shape_and_servo_share_the_tolerance(certified):
     )
 
 
-def test_arcs_are_not_faster_and_that_is_said(job, certified):
+def test_a_note_reports_that_arcs_are_not_faster(job, certified):
     arcs = ac.certify(with_arcs(job), goal=ac.CertificateGoal(tolerance=TOLERANCE))
     assert arcs.shapes == {} and arcs.contours[0].shape == "arc"
     assert certified.duration <= arcs.duration

@@ -229,7 +229,7 @@ def test_an_arm_in_the_plane_is_placed_too(plane):
 
 
 @needs_dynamics
-def test_no_feasible_place_says_how_far_out_of_reach_it_is(square):
+def test_without_a_feasible_place_the_distance_out_of_reach_is_reported(square):
     with pytest.raises(Unreachable, match=r"None of 4 places is feasible \(4 by reach\)") as caught:
         ac.place(square, ac.PlaceSearch(over={"x": (1.0, 2.0, 4)}))
     # The corner of the path that is the farthest from the base.
@@ -283,7 +283,7 @@ def test_the_job_holds_the_question():
     assert other.moves.anchor.tolist() == [0.3, 0.2, 0.0]
 
 
-def test_a_best_place_at_the_end_of_a_range_is_said(square):
+def test_a_note_reports_a_best_place_at_the_end_of_a_range(square):
     wide = ac.place(square, ac.PlaceSearch(over={"x": (-0.2, 0.2, 3)}, refined=False))
     inside = wide.refined.values["x"] == 0.0
     assert inside == (not any("at the end of the range of x" in x for x in wide.notes))

@@ -120,7 +120,7 @@ def test_random_motions_keep_their_bounds_at_random_times():
                 assert distances_at_rest[x.first, x.second] >= x.low - 1e-9
 
 
-def test_the_nearest_pair_of_every_kind_is_told():
+def test_the_nearest_pair_of_every_kind_is_reported():
     tip = LinkShape(name="tip", link=6, shape=Sphere(radius=0.01), tool=True)
     upper = LinkShape(name="upper arm", link=2, shape=Sphere(radius=0.05))
     end = LinkShape(name="end", link=5, shape=Sphere(radius=0.05))

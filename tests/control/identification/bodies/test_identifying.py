@@ -135,7 +135,7 @@ def test_without_a_nominal_servo_friction_is_kept_and_gains_are_found(log, nomin
     np.testing.assert_allclose([x.coulomb.value for x in fit.joints], COULOMB, rtol=0.02)
 
 
-def test_what_joints_at_rest_do_not_tell_stays_nominal(arm, nominal):
+def test_parameters_of_joints_at_rest_stay_nominal(arm, nominal):
     servo = nominal_servo().replace(kp=KP)
     log = record(arm, servo, set_points(1, 2.2, joints=(0, 1, 2, 3, 4)), every=8)
     fit = identify_bodies(log, nominal, nominal_servo(), LOADED)
@@ -203,7 +203,7 @@ def test_joints_are_put_in_the_order_of_the_arm(log, nominal):
     assert arrange_joints(numbered, [f"joint {k}" for k in range(1, 7)]) is numbered
 
 
-def test_at_rest_nothing_is_told(nominal):
+def test_logs_at_rest_determine_nothing(nominal):
     t = np.arange(0, 3.0, 8e-3)
     still = np.tile(HOME, (len(t), 1))
     noise = np.random.default_rng(0).normal(0, NOISE, still.shape)
@@ -213,7 +213,7 @@ def test_at_rest_nothing_is_told(nominal):
     np.testing.assert_allclose(fit.servo_model().kp, 25.0, rtol=1e-12)
 
 
-def test_a_planar_arm_without_gravity_tells_no_more_than_the_scale_allows():
+def test_a_planar_arm_without_gravity_determines_parameters_up_to_a_scale():
     """Without gravity and drive inertias, only ratios of torques are told: a gain stays nominal."""
     fit, coulomb = planar(0.0)
     first = fit.joints[0].kp
