@@ -246,12 +246,12 @@ def spawned(
         taken = []
         for _ in range(times):
             called = [sys.executable, "-c", LAUNCH, *command()]
-            done = subprocess.run(
+            outcome = subprocess.run(
                 called, env={**os.environ, **environment()}, capture_output=True, text=True
             )
-            if done.returncode != 0:
-                raise RuntimeError(f"{' '.join(called[3:])}: {done.stderr.strip()[-500:]}")
-            taken.append(Taken(*(float(x) for x in done.stdout.split())))
+            if outcome.returncode != 0:
+                raise RuntimeError(f"{' '.join(called[3:])}: {outcome.stderr.strip()[-500:]}")
+            taken.append(Taken(*(float(x) for x in outcome.stdout.split())))
         return taken
 
     return run

@@ -186,8 +186,8 @@ def _run(program: Path, points: int, times: int) -> tuple[list[float], float, np
     text = f"{JOINTS} {WAYPOINTS} {points} {times}\n" + "\n".join(
         repr(float(x)) for values in numbers for x in np.ravel(values)
     )
-    done = subprocess.run([program], input=text, capture_output=True, text=True, check=True)
-    head, *rest = done.stdout.splitlines()
+    outcome = subprocess.run([program], input=text, capture_output=True, text=True, check=True)
+    head, *rest = outcome.stdout.splitlines()
     duration, *taken = (float(x) for x in head.split())
     return taken, duration, np.array([float(x) for x in rest])
 

@@ -44,8 +44,8 @@ def run(seed: int) -> Outcome:
     errors = []
     for method in ("none", None):
         set_points = ac.compensate(plan, servo, METHODS[method](), arm=arm, cycle=CYCLE)
-        done = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo))
-        errors.append(ac.evaluate(done, path).contour_error)
+        execution = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo))
+        errors.append(ac.evaluate(execution, path).contour_error)
     none, default = errors
     ratio = max(default.rms / none.rms, default.max / none.max)
     notes = [f"{ratio:.3f} of the error without compensation"] if ratio > 1 else []

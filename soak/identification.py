@@ -202,14 +202,14 @@ def record(
     set_points = SetPoints(cycle=CYCLE, q=q, trajectory=plan, method="none")
     limits = ac.Limits.only(joint_torque=np.full(len(HOME), 1e4))
     plant = ac.RigidBodyPlant(true, servo, limits, noise=OF_ROBOTS, seed=seed, controller=model)
-    done = ac.simulate(set_points, plant)
+    execution = ac.simulate(set_points, plant)
     n = int((len(q) - 1) * CYCLE / 1e-3) + 1
-    times = done.t[:n:every]
+    times = execution.t[:n:every]
     command = np.stack([np.interp(times, set_points.t, x) for x in q.T], axis=1)
     return Log(
         t=times,
         command=command,
-        measured=done.q[:n:every] + rng.normal(0, OF_ROBOTS, command.shape),
+        measured=execution.q[:n:every] + rng.normal(0, OF_ROBOTS, command.shape),
     )
 
 

@@ -138,14 +138,14 @@ class Bench:
         job = read_job(self.folder / "job.yaml")
         plan = run(job, simulate=False).runs["only"]
         plant = ServoPlant(job.arm, job.servo)
-        done = simulate(plan.set_points, plant)
+        execution = simulate(plan.set_points, plant)
         commands = np.column_stack(
             [
-                np.interp(done.t, plan.set_points.t, plan.set_points.q[:, k])
+                np.interp(execution.t, plan.set_points.t, plan.set_points.q[:, k])
                 for k in range(job.arm.dof)
             ]
         )
-        table = np.column_stack([done.t, commands, done.q])
+        table = np.column_stack([execution.t, commands, execution.q])
         np.savetxt(self.folder / "log.csv", table, "%.9f", ",", header="t,u1,u2,q1,q2", comments="")
 
     def prepare(self, name: str, earlier: bool) -> list[str]:

@@ -137,15 +137,15 @@ def repeat(task, plant, noise, clock, rng, runs):
     """Set-points of the last run, its execution, true errors of all runs [m], and lessons."""
     set_points, errors, lessons = task.set_points, [], []
     for run in range(runs + 1):
-        done = ac.simulate(set_points, plant(run))
-        errors.append(ac.evaluate(done, task.path).contour_error.rms)
+        execution = ac.simulate(set_points, plant(run))
+        errors.append(ac.evaluate(execution, task.path).contour_error.rms)
         if run == runs or (lessons and lessons[-1].finished):
             break
         set_points = ac.learn(
-            set_points, record(done, noise, clock, rng), arm=task.arm, servo=SERVO
+            set_points, record(execution, noise, clock, rng), arm=task.arm, servo=SERVO
         )
         lessons.append(set_points)
-    return set_points, done, np.array(errors), lessons
+    return set_points, execution, np.array(errors), lessons
 
 
 def teach(task, rng, seed, runs):

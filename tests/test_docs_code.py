@@ -128,7 +128,7 @@ def test_python_runs(page, folder):
         expected = [result.duration, result.contour_error.rms, result.contour_error.max]
         assert [float(x) for x in printed.split()] == expected
     if page == "docs/guides/identify.md":
-        assert names["found"]["joint 1"].kp.value == pytest.approx(25.0, rel=0.01)
+        assert names["identification"]["joint 1"].kp.value == pytest.approx(25.0, rel=0.01)
 
 
 def command_lines():

@@ -106,7 +106,7 @@ def test_the_table_of_poles(plans):
         pole, norm, *printed = numbers(line.replace(")^3", ""))
         poles = [float(pole)] * 3
         is_printed([float(pole_behaviour(SERVO, poles).demand[0])], [norm])
-        done = executed(plans[0.0], options=ac.PolePlacement(poles=poles))
-        error = ac.evaluate(done, ROUNDED).contour_error
-        demand = abs(done.demand).max(axis=0)
+        execution = executed(plans[0.0], options=ac.PolePlacement(poles=poles))
+        error = ac.evaluate(execution, ROUNDED).contour_error
+        demand = abs(execution.demand).max(axis=0)
         is_printed([*demand, error.rms * 1e3, error.max * 1e3], printed)

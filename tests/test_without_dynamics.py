@@ -93,9 +93,9 @@ def print_results(folder):
 def test_arms_in_space_need_no_pinocchio(tmp_path):
     pytest.importorskip("mujoco")
     command = [sys.executable, "-W", "ignore", "-c", BLOCKED, str(tmp_path)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    data = json.loads(done.stdout)
+    outcome = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert outcome.returncode == 0, outcome.stderr
+    data = json.loads(outcome.stdout)
     np.testing.assert_allclose(data["ur5e.urdf"], data["ur5e"], rtol=1e-6)
     for name in READY:
         duration, servo, bodies = data[name]

@@ -146,16 +146,16 @@ def test_j7_undo_and_redo_go_all_the_way_and_survive_a_reload(studio):
 
 
 def test_j9_results_are_saved_as_files(studio, judge, tmp_path):
-    done = studio.do("export", {"format": "csv"})
+    task_result = studio.do("export", {"format": "csv"})
     studio.wait(".task-result[data-task=export]", state="done")
-    name, content = studio.save_file(done.locator("button, a").first)
+    name, content = studio.save_file(task_result.locator("button, a").first)
     judgement = judge(studio)
     ac.export(judgement.set_points, tmp_path / "set_points.csv", arm=ac.load_arm("pmk3s"))
     assert name.endswith(".csv")
     assert content == (tmp_path / "set_points.csv").read_bytes()
-    done = studio.do("report")
+    task_result = studio.do("report")
     studio.wait(".task-result[data-task=report]", state="done")
-    name, content = studio.save_file(done.locator("button, a").first)
+    name, content = studio.save_file(task_result.locator("button, a").first)
     assert name.endswith(".html")
     assert b"5.326" in content
 
@@ -425,22 +425,24 @@ def test_j38_two_variants_are_compared_with_one_cursor(studio):
     studio.rest()
     after = studio.figure("duration")
     studio.tab("tasks")
-    done = studio.do("compare")
-    expect(done.locator("table caption")).to_have_text("Differences")
-    row = done.get_by_role("row").filter(has=studio.page.get_by_role("rowheader", name="motion"))
+    task_result = studio.do("compare")
+    expect(task_result.locator("table caption")).to_have_text("Differences")
+    row = task_result.get_by_role("row").filter(
+        has=studio.page.get_by_role("rowheader", name="motion")
+    )
     cells = [x.split() for x in row.locator("td").all_inner_texts()]
     numbers = [float(x) * {"s": 1.0, "ms": 1e-3}[unit] for x, unit in cells]
     assert numbers == pytest.approx([after, before, after - before], abs=1e-4)
-    expect(done.locator("[data-chart]")).to_have_count(2)
+    expect(task_result.locator("[data-chart]")).to_have_count(2)
     # A click in one chart moves the time of all.
-    plot = done.locator("[data-chart=variants-speed] .u-over")
+    plot = task_result.locator("[data-chart=variants-speed] .u-over")
     plot.scroll_into_view_if_needed()
     box = plot.bounding_box()
     studio.page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
     expect(studio.find("#playback")).not_to_have_attribute("data-time", "0")
     time = float(studio.told("#playback", "time"))
     assert 0 < time < after
-    legend = done.locator("[data-chart=variants-error]")
+    legend = task_result.locator("[data-chart=variants-error]")
     legend.scroll_into_view_if_needed()
     expect(legend).to_contain_text("now")
     expect(legend).to_contain_text("before")

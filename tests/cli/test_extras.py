@@ -198,5 +198,5 @@ main()
 def test_nothing_that_computes_is_loaded_before_the_address_is_printed(tmp_path):
     (tmp_path / "part.svg").write_text("<svg/>")
     line = [sys.executable, "-c", ADDRESS]
-    done = subprocess.run(line, capture_output=True, cwd=tmp_path, text=True)
-    assert done.stdout == "\n", (done.stdout, done.stderr)
+    outcome = subprocess.run(line, capture_output=True, cwd=tmp_path, text=True)
+    assert outcome.stdout == "\n", (outcome.stdout, outcome.stderr)

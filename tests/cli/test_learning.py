@@ -35,11 +35,13 @@ class Shop:
     def executed(self, set_points, number):
         """What a controller logs of set-points: t, commands, positions, at 125 Hz in degrees."""
         robot = loaded_robot(self.job, self.plan, number)
-        done = simulate(read_set_points(set_points, self.job, self.plan), robot)
-        t = np.arange(done.t[0] - 0.2, done.t[-1] + 0.2, 0.008)
+        execution = simulate(read_set_points(set_points, self.job, self.plan), robot)
+        t = np.arange(execution.t[0] - 0.2, execution.t[-1] + 0.2, 0.008)
         noise = 1e-6 * np.random.default_rng(number).standard_normal((len(t), 2))
-        u = np.stack([np.interp(t, done.set_points.t, x) for x in done.set_points.q.T], axis=1)
-        q = np.stack([np.interp(t, done.t, x) for x in done.q.T], axis=1) + noise
+        u = np.stack(
+            [np.interp(t, execution.set_points.t, x) for x in execution.set_points.q.T], axis=1
+        )
+        q = np.stack([np.interp(t, execution.t, x) for x in execution.q.T], axis=1) + noise
         return np.column_stack([t + BEGUN, u * DEGREES, q * DEGREES])
 
 

@@ -61,9 +61,9 @@ def test_runs_a_job(tmp_path, run, refused):
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(JOB))
     # The only run of a file in a process of its own.
     command = [sys.executable, "-m", "armcontour", "run", "job.yaml", "--out", "out"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert "Report: file://" in done.stdout
+    outcome = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert outcome.returncode == 0, outcome.stderr
+    assert "Report: file://" in outcome.stdout
     result = summary(tmp_path / "out")
     assert set(result["runs"]) == {"planned", "compensated"}
     for name in result["files"]:
@@ -232,10 +232,10 @@ DRAWING = "G21 G90 F1500\nG0 X5 Y5\nG1 X30 Y5\nG1 X30 Y20\nG1 X5 Y12\n"
 
 
 def call(*arguments):
-    done = CliRunner().invoke(app, arguments)
-    assert done.exception is None or isinstance(done.exception, InvalidInput | SystemExit)
-    message = done.output if done.exit_code == 0 else str(done.exception)
-    return done.exit_code, " ".join(message.split())
+    outcome = CliRunner().invoke(app, arguments)
+    assert outcome.exception is None or isinstance(outcome.exception, InvalidInput | SystemExit)
+    message = outcome.output if outcome.exit_code == 0 else str(outcome.exception)
+    return outcome.exit_code, " ".join(message.split())
 
 
 @pytest.mark.parametrize("cell", mark_all_but(cell_names(), ["pmk3s"]))
@@ -277,8 +277,8 @@ def test_a_command_imports_nothing_from_its_folder(tmp_path):
     main = "from armcontour.cli import main; main()"
     line = [sys.executable, "-P", "-c", main, "show", "line.csv"]
     environment = {x: y for x, y in os.environ.items() if x != "NUMBA_CACHE_DIR"}
-    done = subprocess.run(line, cwd=folder, env=environment, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    outcome = subprocess.run(line, cwd=folder, env=environment, capture_output=True, text=True)
+    assert outcome.returncode == 0, outcome.stderr
     assert not (tmp_path / "imported").exists() and not (folder / "compiled").exists()
 
 
@@ -286,11 +286,11 @@ GASKET = FilePath(__file__).parents[2] / "examples" / "drawings" / "gasket.dxf"
 
 
 def show(*arguments):
-    done = CliRunner().invoke(app, ["show", *map(str, arguments)])
-    if done.exception is not None and not isinstance(done.exception, SystemExit):
-        raise done.exception
-    assert done.exit_code == 0, done.output
-    return done.output
+    outcome = CliRunner().invoke(app, ["show", *map(str, arguments)])
+    if outcome.exception is not None and not isinstance(outcome.exception, SystemExit):
+        raise outcome.exception
+    assert outcome.exit_code == 0, outcome.output
+    return outcome.output
 
 
 def test_prints_or_chooses_layers_and_size():

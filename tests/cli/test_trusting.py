@@ -67,11 +67,11 @@ def test_trust_is_given_by_the_option_alone(folder):
         for words in ("robot.xacro", "a xacro file is a program", "--trust-xacro"):
             assert words in str(refused.exception), name
         assert not (folder / "out").exists(), name
-        done = armcontour(*line, "--trust-xacro")
+        outcome = armcontour(*line, "--trust-xacro")
         if name in LACKING:
-            assert LACKING[name] in str(done.exception)
+            assert LACKING[name] in str(outcome.exception)
         else:
-            assert done.exit_code == 0, done.exception
+            assert outcome.exit_code == 0, outcome.exception
         shutil.rmtree(folder / "out", ignore_errors=True)
 
 
@@ -83,8 +83,8 @@ def test_check_takes_packages_and_arguments(folder):
         '<xacro:include filename="$(find six)/$(arg kind).xacro"/></robot>'
     )
     options = ("--package", "six=parts", "--xacro-arg", "kind=robot")
-    done = armcontour(*LINES["check"], "--trust-xacro", *options)
-    assert done.exit_code == 0, done.exception
+    outcome = armcontour(*LINES["check"], "--trust-xacro", *options)
+    assert outcome.exit_code == 0, outcome.exception
     for arguments, words in (
         (options[:2], "--xacro-arg kind=VALUE"),
         (options[2:], "--package six=FOLDER"),

@@ -60,8 +60,8 @@ class Bench:
         if quantity == "T":
             return self.conventional_plan.duration
         end_time = self.conventional_plan.duration if quantity == "rms_of_the_motion" else 12.06
-        done = self.executed("conventional", "even", "none", 2e-4, None)
-        evaluation = ac.evaluate(done, self.objective, end_time=end_time)
+        execution = self.executed("conventional", "even", "none", 2e-4, None)
+        evaluation = ac.evaluate(execution, self.objective, end_time=end_time)
         error = evaluation.contour_error
         rms = {"rms": error.rms * MM, "rms_of_the_motion": error.rms * MM}
         return {**rms, "settled": evaluation.settled, "max": error.max * MM}[quantity]
@@ -76,8 +76,8 @@ class Bench:
         return self.figure(gains, "none", 2e-4, None, quantity)
 
     def figure(self, gains, compensation, cycle, poles, quantity):
-        done = self.executed("paper", gains, compensation, cycle, poles)
-        evaluation = ac.evaluate(done, self.rounded, limits=self.limits)
+        execution = self.executed("paper", gains, compensation, cycle, poles)
+        evaluation = ac.evaluate(execution, self.rounded, limits=self.limits)
         if quantity == "tracking_share":
             return 100 * evaluation.tracking_error.rms * MM / self.none(gains, "tracking")
         return {

@@ -187,8 +187,8 @@ class TestLaps:
             assert bool(needed <= limit) is feasible
         # The library stops there, and names the joint and what it would need.
         states = np.array([[0.0, 0.0], [step, 0.5]]), np.array([[velocity, 0.0], [velocity, 1.0]])
-        *_, done, joint, needed = run_laps(*states, 1.0, np.array([limit, limit]))
-        assert (done, joint) == (0, 0)
+        *_, laps_done, joint, needed = run_laps(*states, 1.0, np.array([limit, limit]))
+        assert (laps_done, joint) == (0, 0)
         assert_allclose(needed, 1.8, rtol=1e-12)
 
     def test_eq19_line_on_which_a_joint_turns_round_is_refused(self, arm):
@@ -236,13 +236,13 @@ class TestLaps:
         _, plain = plain_laps(knots)
         joint_path = ac.trace(rounded, arm)
         slopes = joint_path(np.linspace(0, rounded.breaks[1] * (1 - 1e-15), 201), 1)
-        _, _, _, shipped, done, *_ = run_laps(knots, slopes, 0.0, np.array([LIMIT, LIMIT]))
+        _, _, _, shipped, laps_done, *_ = run_laps(knots, slopes, 0.0, np.array([LIMIT, LIMIT]))
 
         def zigzag(acceleration):
             """Largest second difference of joint 1, which does not set the laps' times."""
             return np.abs(np.diff(acceleration[100:, 0], 2)).max()
 
-        assert done == 200
+        assert laps_done == 200
         # The differences change sign at every lap: +, -, +, -.
         assert (np.diff(np.sign(np.diff(plain[100:, 0]))) != 0).all()
         assert zigzag(plain) > 0.05

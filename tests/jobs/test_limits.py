@@ -224,10 +224,10 @@ def test_a_plan_carries_its_limits_to_all_that_comes_after_it():
     # Drives saturate at the limits of the plan, and explicit limits win over these.
     set_points = ac.compensate(plan, servo, ac.NoCompensation())
     for plant_limits, bound in ((None, 0.4), (ac.Limits(joint_acceleration=0.6), 0.6)):
-        done = ac.simulate(set_points, ac.ServoPlant(arm, servo, plant_limits))
-        np.testing.assert_array_equal(done.plant.acceleration, [bound, bound])
-        result = ac.evaluate(done, path, limits=plant_limits)
-        np.testing.assert_allclose(result.demand_ratio, done.peak_demand / bound)
+        execution = ac.simulate(set_points, ac.ServoPlant(arm, servo, plant_limits))
+        np.testing.assert_array_equal(execution.plant.acceleration, [bound, bound])
+        result = ac.evaluate(execution, path, limits=plant_limits)
+        np.testing.assert_allclose(result.demand_ratio, execution.peak_demand / bound)
     # The reserve is known, too: limits bind where they are used as far as the plan may.
     reserved = ac.explain(plan, arm)
     assert {x.name for x in reserved.bindings} >= {"joint 1 acceleration"}

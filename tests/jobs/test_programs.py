@@ -65,8 +65,8 @@ def test_automatic_leads_are_those_of_layers_and_of_the_new_order():
     process = Process(lead_in=Lead(), by_layer={"MARK": {"lead_in": line, "lead_out": Lead()}})
     alone = [job(Process(lead_in=Lead()), moves[0]), job(Process(lead_out=Lead()), moves[1])]
     (cut,), (mark,) = (prepare_and_round(x, x.runs[0])[0].contours for x in alone)
-    done = job(process, *moves)
-    first, second = prepare_and_round(done, done.runs[0])[0].contours
+    case = job(process, *moves)
+    first, second = prepare_and_round(case, case.runs[0])[0].contours
     assert first.work == pytest.approx(cut.at_work, abs=1e-12) and cut.at_work[0] > 1e-3
     assert second.work[0] == pytest.approx(3e-3, abs=1e-12)
     assert after(second) == pytest.approx(after(mark), abs=1e-12) and after(mark) > 1e-3
@@ -74,8 +74,8 @@ def test_automatic_leads_are_those_of_layers_and_of_the_new_order():
     contours = [Contour(path=SQUARE, name="outline"), Contour(path=hole, name="hole")]
     lengths = []
     for moves in (contours, contours[::-1]):
-        done = job(Process(lead_in=Lead(shape="arc")), *moves)
-        objective, _ = prepare_and_round(done, done.runs[0])
+        case = job(Process(lead_in=Lead(shape="arc")), *moves)
+        objective, _ = prepare_and_round(case, case.runs[0])
         assert [x.name for x in objective.contours] == ["hole", "outline"]
         lengths.append([x.at_work[0] for x in objective.contours])
     assert lengths[0] == lengths[1] and abs(lengths[0][0] - lengths[0][1]) > 1e-4
@@ -84,16 +84,16 @@ def test_automatic_leads_are_those_of_layers_and_of_the_new_order():
 @pytest.mark.parametrize("shape", ["line", "arc"])
 def test_automatic_leads_are_as_long_as_the_assigned_velocity_needs(shape):
     lead = Lead(shape=shape)
-    done = job(Process(lead_in=lead, lead_out=lead))
-    program, trajectory, speeds = planned(done)
+    case = job(Process(lead_in=lead, lead_out=lead))
+    program, trajectory, speeds = planned(case)
     np.testing.assert_allclose(speeds, 0.05, rtol=1e-3)
-    assert run(done).runs["compensated"].warnings == ()
+    assert run(case).runs["compensated"].warnings == ()
     # A tenth less does not do: they are not longer than they need.
     for i, contour in enumerate(program.contours):
         lengths = 0.9 * contour.work[0], 0.9 * after(contour)
         ends = (Lead(shape=shape, length=x) for x in lengths)
         shorter = Process(**dict(zip(("lead_in", "lead_out"), ends, strict=True)))
-        assert (planned(dataclasses.replace(done, process=shorter))[2][i] < 0.05 * (1 - 1e-4)).all()
+        assert (planned(dataclasses.replace(case, process=shorter))[2][i] < 0.05 * (1 - 1e-4)).all()
 
 
 def test_automatic_leads_reach_an_assigned_velocity_that_is_little_more_than_half_of_them_reach():
@@ -114,8 +114,8 @@ def test_automatic_leads_of_a_pierced_contour_are_found_without_the_way_down():
     pierced = {"pierce": ac.Pierce(time=0.2, height=height), "switch": Switch(name="laser")}
     for piercing in ({}, pierced):
         process, limits = Process(lead_in=lead, **piercing), arm.limits.replace(speed=0.05)
-        done = job(process, Contour(path=line), arm=arm, limits=limits)
-        _, program = prepare_and_round(done, done.runs[0])
+        case = job(process, Contour(path=line), arm=arm, limits=limits)
+        _, program = prepare_and_round(case, case.runs[0])
         lengths.append(program.contours[0].at_work[0])
     assert lengths[1] == pytest.approx(lengths[0] + height) and lengths[0] > 0
 
@@ -123,12 +123,12 @@ def test_automatic_leads_of_a_pierced_contour_are_found_without_the_way_down():
 def test_automatic_leads_stop_growing_where_the_speed_does():
     # A small circle: centripetal acceleration holds the tool below the assigned velocity.
     circle = Path.from_segments([Arc(start=[0.32, 0.2], center=[0.31, 0.2], angle=2 * np.pi)])
-    done = job(Process(lead_in=Lead(), lead_out=Lead()), Contour(path=circle, name="hole"))
-    program, trajectory, (ends,) = planned(done)
+    case = job(Process(lead_in=Lead(), lead_out=Lead()), Contour(path=circle, name="hole"))
+    program, trajectory, (ends,) = planned(case)
     np.testing.assert_allclose(ends, np.sqrt(0.09 * 0.01), rtol=2e-3)
     assert program.contours[0].work[0] < 0.01
     # No lead helps, which a warning says with the place.
-    (warning,) = run(done).runs["compensated"].warnings
+    (warning,) = run(case).runs["compensated"].warnings
     for words in ("2 places", "contour hole", "30 mm/s of 50 mm/s", "with a lead of"):
         assert words in warning
 
@@ -136,8 +136,8 @@ def test_automatic_leads_stop_growing_where_the_speed_does():
 def test_automatic_leads_go_as_far_as_the_arm_reaches_and_one_may_be_given():
     # Outward, to 10 mm before the end of what the arm reaches, 0.465 m from its base at 0.135 m.
     path = Path.polyline([[0.4, 0.0], [0.59, 0.0]])
-    done = job(Process(lead_in=Lead(), lead_out=Lead()), Contour(path=path, name="ray"))
-    program, _, ((on, work_end),) = planned(done)
+    case = job(Process(lead_in=Lead(), lead_out=Lead()), Contour(path=path, name="ray"))
+    program, _, ((on, work_end),) = planned(case)
     assert 0 < after(program.contours[0]) < 0.01
     assert on == pytest.approx(0.05, rel=1e-3) and 0 < work_end <= 0.05 * (1 + 1e-9)
     explicit = job(Process(lead_in=Lead(), lead_out=Lead(length=0.003)), Contour(path=BEND))

@@ -62,12 +62,14 @@ def straight(*points):
 
 
 def test_leads_along_a_line_go_on_along_the_tangents():
-    done = only(BEND, Process(lead_in=Lead(length=0.02), lead_out=Lead(length=0.01)))
+    prepared_contour = only(BEND, Process(lead_in=Lead(length=0.02), lead_out=Lead(length=0.01)))
     points = [[0.28, 0.2], [0.3, 0.2], [0.35, 0.2], [0.35, 0.25], [0.35, 0.26]]
-    np.testing.assert_allclose(done.path.vertices, points, atol=1e-15)
-    assert done.work == pytest.approx((0.02, 0.12), abs=1e-15)
-    assert done.path.tags[0] == "lead-in" and done.path.tags[-1] == "lead-out"
-    np.testing.assert_allclose(done.path.turns, [0, np.pi / 2, 0], atol=1e-9)
+    np.testing.assert_allclose(prepared_contour.path.vertices, points, atol=1e-15)
+    assert prepared_contour.work == pytest.approx((0.02, 0.12), abs=1e-15)
+    assert (
+        prepared_contour.path.tags[0] == "lead-in" and prepared_contour.path.tags[-1] == "lead-out"
+    )
+    np.testing.assert_allclose(prepared_contour.path.turns, [0, np.pi / 2, 0], atol=1e-9)
 
 
 @each("side, sign", [("left", 1.0), ("right", -1.0)])
@@ -99,14 +101,14 @@ def test_leads_in_a_tilted_plane_are_tangent_and_stay_in_it(yaw, tilt, shape, si
     flat = np.array([[0.0, 0, 0], [0.05, 0.01, 0], [0.05, 0.06, 0]])
     path = Path.polyline(flat @ turn.T + [0.4, 0, 0.3])
     up, lead = turn[:, 2], Lead(length=length, shape=shape, side=side)
-    done = only(path, Process(lead_in=lead, lead_out=lead, up=7 * up)).path
-    assert done.length == pytest.approx(path.length + 2 * length, abs=1e-12)
-    np.testing.assert_allclose(done.turns[[0, -1]], 0, atol=1e-9)
-    s = np.linspace(0, done.length, 50)
-    np.testing.assert_allclose((done(s) - path(0.0)) @ up, 0, atol=1e-12)
+    prepared_path = only(path, Process(lead_in=lead, lead_out=lead, up=7 * up)).path
+    assert prepared_path.length == pytest.approx(path.length + 2 * length, abs=1e-12)
+    np.testing.assert_allclose(prepared_path.turns[[0, -1]], 0, atol=1e-9)
+    s = np.linspace(0, prepared_path.length, 50)
+    np.testing.assert_allclose((prepared_path(s) - path(0.0)) @ up, 0, atol=1e-12)
     if shape == "arc":
         # To the left of the way that it comes in on is where up x tangent points.
-        beside = (done(0.0) - path(0.0)) @ np.cross(up, path(0.0, 1))
+        beside = (prepared_path(0.0) - path(0.0)) @ np.cross(up, path(0.0, 1))
         sign = 1 if side == "left" else -1
         assert beside == pytest.approx(sign * length / (np.pi / 2), abs=1e-12)
 
@@ -132,9 +134,9 @@ def test_leads_take_demands_of_segments_and_given_lengths():
     first = line([0.3, 0], [0.4, 0], speed=0.05, tolerance=1e-4)
     lead = Lead(length=0.01)
     drawn = path_of(first, line([0.4, 0], [0.5, 0], speed=0.08))
-    done = only(drawn, Process(lead_in=lead, lead_out=lead)).path
-    assert done.speeds.tolist() == [0.05, 0.05, 0.08, 0.08]
-    assert done.tolerances[0] == 1e-4 and np.isnan(done.tolerances[-1])
+    prepared_path = only(drawn, Process(lead_in=lead, lead_out=lead)).path
+    assert prepared_path.speeds.tolist() == [0.05, 0.05, 0.08, 0.08]
+    assert prepared_path.tolerances[0] == 1e-4 and np.isnan(prepared_path.tolerances[-1])
     process = Process(lead_in=Lead(), lead_out=Lead(length=0.02))
     assert process.automatic and not Process(lead_in=Lead(length=0.1)).automatic
     lengths = [Leads(before=0.03, after=0.5), Leads(before=0.0, after=0.5)]
@@ -197,9 +199,9 @@ def test_a_beginning_is_left_where_the_program_leads_to_it():
     to = Rapid(path=Path.polyline([[0.35, 0.25], corner]))
     on, rest = Event(name="spindle"), Dwell(duration=0.1)
     for between in ((to,), (to, on), (to, on, rest), (on,), (rest,), (Rapid(),)):
-        done = prepare(program(BEND, *between, SQUARE), Process())
-        np.testing.assert_allclose(done.contours[1].path(0.0), corner, atol=1e-15)
-        assert len(done.moves) == 2 + len(between)
+        prepared_program = prepare(program(BEND, *between, SQUARE), Process())
+        np.testing.assert_allclose(prepared_program.contours[1].path(0.0), corner, atol=1e-15)
+        assert len(prepared_program.moves) == 2 + len(between)
     with_event = Contour(path=SQUARE, events=(on,))
     np.testing.assert_allclose(only(with_event, Process()).path(0.0), corner, atol=1e-15)
     # What comes before all contours leads nowhere.
@@ -218,15 +220,17 @@ def test_a_closed_contour_whose_tool_ends_otherwise_stays_as_drawn():
         only(alike, process)
     # One along which the tool follows begins anywhere.
     follows = square.following_tangent([0, 0, 1])
-    done = only(follows, Process(begin=0.03, overlap=0.01)).path
-    s = np.linspace(0.0, done.length, 77)
-    np.testing.assert_allclose(done.orientation(s)[:, :, 0], done(s, 1), atol=1e-12)
+    prepared_path = only(follows, Process(begin=0.03, overlap=0.01)).path
+    s = np.linspace(0.0, prepared_path.length, 77)
+    np.testing.assert_allclose(
+        prepared_path.orientation(s)[:, :, 0], prepared_path(s, 1), atol=1e-12
+    )
 
 
 def test_an_overlap_of_thousands_of_turns_is_soon_there():
     tiny = Path.polyline([[0, 0], [1e-5, 0], [1e-5, 1e-5], [0, 0]])
-    done = only(tiny, Process(overlap=1000 * tiny.length))
-    assert done.path.length == pytest.approx(1001 * tiny.length)
+    prepared_contour = only(tiny, Process(overlap=1000 * tiny.length))
+    assert prepared_contour.path.length == pytest.approx(1001 * tiny.length)
 
 
 SWITCHED = [
@@ -270,37 +274,39 @@ def test_events_keep_their_points_through_all_that_is_done_to_their_contour(
     lead = Lead(length=lead, shape=shape) if lead > 1e-6 else None
     ends = {"lead_in": lead, "lead_out": lead, "switch": Switch()}
     process = Process(begin=begin, overlap=overlap, resume_at=resume_at, **ends)
-    done = only(Contour(path=SQUARE, events=events), process)
-    on, switch_off = (x for x in done.events if x.name == "tool")
+    prepared_contour = only(Contour(path=SQUARE, events=events), process)
+    on, switch_off = (x for x in prepared_contour.events if x.name == "tool")
     assert (on.value, switch_off.value) == (True, False)
-    assert (on.s, switch_off.s) == pytest.approx(done.work, abs=1e-12)
+    assert (on.s, switch_off.s) == pytest.approx(prepared_contour.work, abs=1e-12)
     # A place to resume within 1e-9 m of the start is the start; the rest is rounding.
     length = 0.2 + overlap - resume_at
-    assert done.work[1] - done.work[0] == pytest.approx(length, abs=1e-9 + 1e-15)
+    assert prepared_contour.work[1] - prepared_contour.work[0] == pytest.approx(
+        length, abs=1e-9 + 1e-15
+    )
     resumed_at = SQUARE((begin + resume_at) % 0.2)
-    events_by_name = {x.name: x for x in done.events if x.name != "tool"}
+    events_by_name = {x.name: x for x in prepared_contour.events if x.name != "tool"}
     for i, s in enumerate(places):
         event = events_by_name.pop(f"e{i}")
         # It was before the place to resume: then it is made up for there.
         passed = (s - begin) % 0.2 < resume_at - 1e-9
         point = resumed_at if passed else SQUARE(s)
         if abs((s - begin) % 0.2 - resume_at) > 1e-8:
-            np.testing.assert_allclose(done.path(event.s), point, atol=1e-9)
+            np.testing.assert_allclose(prepared_contour.path(event.s), point, atol=1e-9)
     assert not events_by_name
-    (rounded,) = round_corners(program(done), tolerance=tolerance).contours
-    for before, after in zip(done.events, rounded.events, strict=True):
-        off_by = np.linalg.norm(rounded.path(after.s) - done.path(before.s))
+    (rounded,) = round_corners(program(prepared_contour), tolerance=tolerance).contours
+    for before, after in zip(prepared_contour.events, rounded.events, strict=True):
+        off_by = np.linalg.norm(rounded.path(after.s) - prepared_contour.path(before.s))
         # On a corner's arc, by its share: the arc is off the corner by the tolerance, and along it
         # by less than as much again at right angles.
         assert off_by <= 2 * tolerance + 1e-9
-    assert [x.name for x in rounded.events] == [x.name for x in done.events]
+    assert [x.name for x in rounded.events] == [x.name for x in prepared_contour.events]
 
 
 def test_events_of_the_process_and_at_the_ends_stay_at_their_places():
     events = (Event(name="on", s=0.0), Event(name="off", s=0.2), Event(name="mid", s=0.06))
     process = Process(begin=0.05, overlap=0.03, lead_in=Lead(length=0.01))
-    done = only(Contour(path=SQUARE, events=events), process)
-    places = {x.name: x.s for x in done.events}
+    prepared_contour = only(Contour(path=SQUARE, events=events), process)
+    places = {x.name: x.s for x in prepared_contour.events}
     assert places == pytest.approx({"on": 0.01, "mid": 0.02, "off": 0.24}, abs=1e-12)
     process = Process(lead_in=Lead(length=0.01), events=(Event(name="glue", s=0.05),))
     for contour in prepare(program(BEND, SQUARE), process).contours:
@@ -327,11 +333,11 @@ def test_resumes_on_a_later_contour_with_what_was_switched_before():
         Contour(path=SQUARE, name="b", events=(Event(name="coolant", value=False, s=0.08),)),
         Contour(path=BEND, name="c"),
     )
-    done = prepare(Program(moves=moves), Process(resume_at=0.1 + 0.07))
-    assert kinds(done) == "Event Event Contour Contour"
-    before = {x.name: x.value for x in done.moves if isinstance(x, Event)}
+    prepared_program = prepare(Program(moves=moves), Process(resume_at=0.1 + 0.07))
+    assert kinds(prepared_program) == "Event Event Contour Contour"
+    before = {x.name: x.value for x in prepared_program.moves if isinstance(x, Event)}
     assert before == {"spindle": "reverse", "coolant": True}
-    b, c = done.contours
+    b, c = prepared_program.contours
     np.testing.assert_allclose(b.path(0.0), [0.36, 0.11], atol=1e-12)
     assert b.path.length == pytest.approx(0.13, abs=1e-12)
     assert [(x.name, x.value) for x in b.events] == [("coolant", False)]
@@ -341,8 +347,10 @@ def test_resumes_on_a_later_contour_with_what_was_switched_before():
 
 def test_resuming_at_an_end_within_a_contour_and_where_something_is_switched():
     drawn = program(BEND, Contour(path=SQUARE, name="b"))
-    done = only(drawn, Process(resume_at=BEND.length))
-    assert done.name == "b" and done.path.length == pytest.approx(0.2, abs=1e-15)
+    prepared_contour = only(drawn, Process(resume_at=BEND.length))
+    assert prepared_contour.name == "b" and prepared_contour.path.length == pytest.approx(
+        0.2, abs=1e-15
+    )
     for resume_at in (0.3, 0.31, 5.0):
         refused(
             (
@@ -352,11 +360,11 @@ def test_resuming_at_an_end_within_a_contour_and_where_something_is_switched():
             )
         )
     lead = Lead(length=0.02)
-    done = only(BEND, Process(lead_in=lead, resume_at=0.06))
+    prepared_contour = only(BEND, Process(lead_in=lead, resume_at=0.06))
     # Round the corner: the last centimetre before it and the first after it.
     points = [[0.34, 0.2], [0.35, 0.2], [0.35, 0.21], [0.35, 0.25]]
-    np.testing.assert_allclose(done.path.vertices, points, atol=1e-12)
-    assert done.work == pytest.approx((0.02, 0.06), abs=1e-12)
+    np.testing.assert_allclose(prepared_contour.path.vertices, points, atol=1e-12)
+    assert prepared_contour.work == pytest.approx((0.02, 0.06), abs=1e-12)
     short = only(BEND, Process(lead_in=lead, resume_at=0.01))
     np.testing.assert_allclose(short.path(0.0), [0.29, 0.2], atol=1e-12)
     values = (("spindle", True, 0.0), ("speed", 200.0, 0.02), ("speed", 0.0, 0.05))
@@ -379,25 +387,31 @@ def test_rapids_of_the_program_go_where_leads_and_overlaps_have_moved_the_ends()
     spindle_off = Event(name="spindle", value=False)
     moves = in_space(BEND), spindle_off, rapid, Event(name="spindle"), in_space(SQUARE)
     lead = Lead(length=0.01)
-    done = prepare(program(*moves), Process(lead_in=lead, lead_out=lead, approach=0.1, retract=0.1))
+    prepared_program = prepare(
+        program(*moves), Process(lead_in=lead, lead_out=lead, approach=0.1, retract=0.1)
+    )
     # Neither up nor down where the program's own rapid goes.
-    assert kinds(done) == "Rapid Contour Event Rapid Event Contour Rapid"
-    (start, a), (b, end) = (ends_of(x.path) for x in done.contours)
+    assert kinds(prepared_program) == "Rapid Contour Event Rapid Event Contour Rapid"
+    (start, a), (b, end) = (ends_of(x.path) for x in prepared_program.contours)
     expected = [start + [0, 0, 0.1], start], [a, up, over, b], [end, end + [0, 0, 0.1]]
-    for rapid_path, points in zip(rapids(done), expected, strict=True):
+    for rapid_path, points in zip(rapids(prepared_program), expected, strict=True):
         np.testing.assert_allclose(rapid_path.vertices, points, atol=1e-15)
 
 
 def test_rapids_of_the_program_keep_their_shape_where_leads_move_their_ends():
     rapid = Rapid(path=Path.polyline([[0.2, 0.2], [0.3, 0.1]]))
-    done = prepare(program(BEND, rapid, SQUARE), Process(lead_out=Lead(length=0.01)))
-    np.testing.assert_allclose(rapids(done)[0].vertices, [[0.2, 0.2], [0.3, 0.1]], atol=1e-15)
+    prepared_program = prepare(program(BEND, rapid, SQUARE), Process(lead_out=Lead(length=0.01)))
+    np.testing.assert_allclose(
+        rapids(prepared_program)[0].vertices, [[0.2, 0.2], [0.3, 0.1]], atol=1e-15
+    )
     lead = Lead(length=0.01)
     for x, leads in ((0.37, {"lead_in": lead, "lead_out": lead}), (0.36, {"lead_out": lead})):
         rapid = Rapid(path=straight(0.35, x))
-        done = prepare(program(straight(0.3, 0.35), rapid, straight(x, 0.4)), Process(**leads))
-        assert not rapids(done) and kinds(done) == "Contour Rapid Contour"
-        np.testing.assert_allclose(done.contours[1].path(0.0), [0.36, 0.1], atol=1e-15)
+        prepared_program = prepare(
+            program(straight(0.3, 0.35), rapid, straight(x, 0.4)), Process(**leads)
+        )
+        assert not rapids(prepared_program) and kinds(prepared_program) == "Contour Rapid Contour"
+        np.testing.assert_allclose(prepared_program.contours[1].path(0.0), [0.36, 0.1], atol=1e-15)
     over, lead = path_of(arc((0.35, 0.1), (0.4, 0.1), -np.pi)), Lead(length=0.01)
     moves = straight(0.3, 0.35), Rapid(path=over), straight(0.45, 0.5)
     (rapid,) = rapids(prepare(program(*moves), Process(lead_in=lead, lead_out=lead)))
@@ -419,19 +433,21 @@ def test_goes_down_and_up_where_no_rapid_of_the_program_links():
     np.testing.assert_allclose(up.orientation(0.01)[:, 2], [0, 0.6, -0.8], atol=1e-12)
     path, other = (Path.polyline([[0.4, y, 0.1], [0.45, y, 0.1]]) for y in (0, 0.1))
     for between in ((), (Rapid(),), (Event(name="x"),)):
-        done = prepare(program(path, *between, other), Process(approach=0.03, retract=0.02))
+        prepared_program = prepare(
+            program(path, *between, other), Process(approach=0.03, retract=0.02)
+        )
         expected = []
-        for begin, end in (ends_of(x.path) for x in done.contours):
+        for begin, end in (ends_of(x.path) for x in prepared_program.contours):
             expected += [begin + [0, 0, 0.03], begin], [end, end + [0, 0, 0.02]]
-        for rapid, points in zip(rapids(done), expected, strict=True):
+        for rapid, points in zip(rapids(prepared_program), expected, strict=True):
             np.testing.assert_allclose(rapid.vertices, points, atol=1e-15)
 
 
 def test_pierces_and_approaches_along_the_axis_of_a_tilted_tool():
     path = Path.polyline([[0.4, 0, 0.1], [0.45, 0, 0.1]]).pointing([0.6, 0, -0.8])
     pierce = {"pierce": ac.Pierce(time=0.1, height=0.01), "switch": Switch(name="laser")}
-    done = prepare(program(path), Process(approach=0.03, **pierce))
-    (contour,), (down,) = done.contours, rapids(done)
+    prepared_program = prepare(program(path), Process(approach=0.03, **pierce))
+    (contour,), (down,) = prepared_program.contours, rapids(prepared_program)
     np.testing.assert_allclose(contour.path.vertices[0], [0.394, 0, 0.108], atol=1e-15)
     np.testing.assert_allclose(down.vertices, [[0.382, 0, 0.124], [0.394, 0, 0.108]], atol=1e-15)
 
@@ -440,11 +456,11 @@ def test_a_tool_change_is_a_rest_between_the_spindle_off_and_on():
     spindle_off, on = (Event(name="spindle", value=x) for x in (False, True))
     first, second = (Event(name="tool", value=x) for x in (1.0, 2.0))
     drawn = program(first, on, BEND, spindle_off, second, on, SQUARE, spindle_off)
-    done = prepare(drawn, Process(tool_change=5.0))
-    assert kinds(done) == "Event Event Contour Event Event Dwell Event Contour Event"
+    prepared_program = prepare(drawn, Process(tool_change=5.0))
+    assert kinds(prepared_program) == "Event Event Contour Event Event Dwell Event Contour Event"
     # The first tool is mounted already.
-    assert [x.duration for x in done.moves if isinstance(x, Dwell)] == [5.0]
-    assert not done.notes
+    assert [x.duration for x in prepared_program.moves if isinstance(x, Dwell)] == [5.0]
+    assert not prepared_program.notes
     plain = prepare(drawn, Process())
     assert kinds(plain) == kinds(drawn) and ["1 tool change" in x for x in plain.notes] == [True]
     assert not prepare(program(first, on, BEND), Process()).notes
@@ -457,9 +473,14 @@ def test_a_tool_change_is_a_rest_between_the_spindle_off_and_on():
 def test_rapids_get_the_speed_that_nothing_else_gives_them():
     path, other = (Path.polyline([[0.4, y, 0.1], [0.45, y, 0.1]]) for y in (0, 0.1))
     moves = path, Rapid(path=Path.polyline([[0.45, 0, 0.1], [0.4, 0.1, 0.1]])), other
-    done = prepare(program(*moves), Process(retract=0.02, rapid_speed=0.5, approach_speed=0.1))
-    assert [x.speeds.tolist() for x in rapids(done)] == [[0.5], [0.1]]
-    assert done.rapid_speed == 0.5 and prepare(program(path), Process()).rapid_speed is None
+    prepared_program = prepare(
+        program(*moves), Process(retract=0.02, rapid_speed=0.5, approach_speed=0.1)
+    )
+    assert [x.speeds.tolist() for x in rapids(prepared_program)] == [[0.5], [0.1]]
+    assert (
+        prepared_program.rapid_speed == 0.5
+        and prepare(program(path), Process()).rapid_speed is None
+    )
 
 
 # --------------------------------------------------------------------------------- layers, orders
@@ -496,8 +517,8 @@ def test_the_nearest_order_is_that_of_a_search_by_hand(order):
     starts = np.array([[0, 0], [1, 0], [2.2, 0.1], [0.1, 1.3], [3, 3]]) * 0.1
     paths = [Path.polyline([x, x + [0.02, 0.01]]) for x in starts]
     contours = [Contour(path=paths[i], name=str(i)) for i in order]
-    done = prepare(program(*contours), Process(order="nearest"))
-    names = [x.name for x in done.contours]
+    prepared_program = prepare(program(*contours), Process(order="nearest"))
+    names = [x.name for x in prepared_program.contours]
     assert sorted(names) == sorted(x.name for x in contours) and names[0] == str(order[0])
     position, remaining = starts[order[0]] + [0.02, 0.01], set(order[1:])
     for name in names[1:]:
@@ -604,13 +625,15 @@ def test_contours_of_a_layer_have_values_of_their_own():
     process_values = {"overlap": 1e-3, "lead_in": Lead(length=2e-3, shape="arc"), "dwell": 0.5}
     process_values["switch"] = Switch(name="laser")
     process = Process(begin="drawn", **process_values, by_layer={"MARK": layer_values})
-    done = prepare(program(*(Contour(path=SQUARE, layer=x) for x in ("CUT", "MARK"))), process)
-    cut, mark = done.contours
+    prepared_program = prepare(
+        program(*(Contour(path=SQUARE, layer=x) for x in ("CUT", "MARK"))), process
+    )
+    cut, mark = prepared_program.contours
     assert cut.path.length == pytest.approx(SQUARE.length + 3e-3, abs=1e-12)
     assert mark.path.length == pytest.approx(2 * SQUARE.length, abs=1e-12)
     assert [x.value for x in cut.events] == [True, False]
     assert [x.value for x in mark.events] == [0.2, False]
-    assert kinds(done) == "Dwell Contour Contour"
+    assert kinds(prepared_program) == "Dwell Contour Contour"
     assert process.cuts and not process.of_layer("MARK").cuts
     assert process.of_layer("other") is process
 

@@ -189,14 +189,14 @@ def run(arm, q, cycle, kp, kv, limit, interpolation="linear"):
     servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation)
     set_points = ac.SetPoints(cycle=cycle, q=q, trajectory=still(), method="x")
     plant = ac.ServoPlant(arm, servo, ac.Limits.only(joint_acceleration=limit))
-    done = ac.simulate(set_points, plant, resolution=cycle)
-    np.testing.assert_allclose(done.q[-1], set_points.q[-1], atol=1e-8)
-    np.testing.assert_allclose(done.dq[-1], 0, atol=1e-8)
-    assert (done.saturated_time <= done.t[-1] * (1 + 1e-9)).all()
-    assert np.isfinite(done.peak_demand).all()
+    execution = ac.simulate(set_points, plant, resolution=cycle)
+    np.testing.assert_allclose(execution.q[-1], set_points.q[-1], atol=1e-8)
+    np.testing.assert_allclose(execution.dq[-1], 0, atol=1e-8)
+    assert (execution.saturated_time <= execution.t[-1] * (1 + 1e-9)).all()
+    assert np.isfinite(execution.peak_demand).all()
     # No joint ever moves faster than the limit lets it.
-    assert (np.abs(np.diff(done.dq, axis=0)) <= limit * cycle * (1 + 1e-9)).all()
-    return done
+    assert (np.abs(np.diff(execution.dq, axis=0)) <= limit * cycle * (1 + 1e-9)).all()
+    return execution
 
 
 gains = st.floats(1.0, 200.0)
@@ -250,8 +250,10 @@ def test_plans_at_the_very_limit(arm, signs, cycle, share, gain, lap):
     servo = ac.ServoModel(kp=kp, kv=kv)
     planned = ac.Trajectory(laws=(law,), method="hand")
     set_points = ac.compensate(planned, servo, ac.Inverse(), cycle=cycle)
-    done = run(arm, set_points.q, cycle, kp, kv, LIMIT)
-    np.testing.assert_allclose(done.q[:, 0], -done.q[:, 1], atol=1e-9)  # the two mirror each other
+    execution = run(arm, set_points.q, cycle, kp, kv, LIMIT)
+    np.testing.assert_allclose(
+        execution.q[:, 0], -execution.q[:, 1], atol=1e-9
+    )  # the two mirror each other
 
 
 @given(

@@ -106,9 +106,9 @@ def test_one_joint_converges_to_the_servo_plant(interpolation):
     ideal = by_servo(arm, swing(), interpolation=interpolation)
     errors = []
     for step in (4e-3, 1e-3, 2.5e-4, 6.25e-5):
-        done = run(arm, swing(), step=step, interpolation=interpolation)
-        n = min(len(done.t), len(ideal.t))
-        errors.append(np.abs(done.q[:n] - ideal.q[:n]).max())
+        execution = run(arm, swing(), step=step, interpolation=interpolation)
+        n = min(len(execution.t), len(ideal.t))
+        errors.append(np.abs(execution.q[:n] - ideal.q[:n]).max())
     # First order: the torque held over a step is half a step late.
     ratios = np.divide(errors[:-1], errors[1:])
     np.testing.assert_allclose(ratios[1:], 4, rtol=0.1)
@@ -126,8 +126,8 @@ def test_it_starts_and_stays_in_equilibrium_and_sags_as_predicted():
         0.3 - WEIGHT * np.cos(rest_angle) / (INERTIA * KV * KP), abs=1e-12
     )
     np.testing.assert_allclose(sagged.q, rest_angle, atol=1e-9)
-    done = run(pendulum(), swing(0.8), gravity_feedforward=False)
-    end = done.q[-1, 0]
+    execution = run(pendulum(), swing(0.8), gravity_feedforward=False)
+    end = execution.q[-1, 0]
     assert end - 0.8 == pytest.approx(-WEIGHT * np.cos(end) / (INERTIA * KV * KP), rel=1e-5)
     assert run(pendulum(), swing(0.8)).q[-1, 0] == pytest.approx(0.8, abs=1e-7)
 
@@ -137,8 +137,8 @@ def test_an_integrator_holds_the_weight_and_leaves_no_sag():
     for spring in (None, SPRING):
         sagging = {"gravity_feedforward": False, "joint_stiffness": spring}
         set_points = taught_data(swing(1.2))
-        done = ac.simulate(set_points, ac.RigidBodyPlant(pendulum(), servo, **sagging))
-        motor = done.q if spring is None else done.motor_q
+        execution = ac.simulate(set_points, ac.RigidBodyPlant(pendulum(), servo, **sagging))
+        motor = execution.q if spring is None else execution.motor_q
         assert motor[0, 0] == 0.0 and motor[-1, 0] == pytest.approx(1.2, abs=1e-6)
         assert run(pendulum(), swing(1.2), **sagging).q[-1, 0] < 1.2 - 1e-3
         still = ac.simulate(taught_data([[0.3]]), ac.RigidBodyPlant(pendulum(), servo, **sagging))
@@ -175,9 +175,9 @@ def test_integrators_do_not_see_acceleration_feedforward(feed):
     ideal = ac.simulate(set_points, ac.ServoPlant(arm, servo, ac.Limits()), resolution=CYCLE)
     for step in (1e-3, 2.5e-4):
         plant = ac.RigidBodyPlant(arm, servo, ac.Limits(joint_torque=1e12), step=step)
-        done = ac.simulate(set_points, plant, resolution=CYCLE)
-        n = min(len(done.t), len(ideal.t))
-        errors.append(np.abs(done.q[:n] - ideal.q[:n]).max())
+        execution = ac.simulate(set_points, plant, resolution=CYCLE)
+        n = min(len(execution.t), len(ideal.t))
+        errors.append(np.abs(execution.q[:n] - ideal.q[:n]).max())
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05) and errors[1] < 2e-5
 
 
@@ -187,8 +187,8 @@ def test_coulomb_friction_leaves_its_dead_band():
     arm = pendulum(gravity=WEIGHTLESS, coulomb=[coulomb])
     for to in (0.5, -0.5):
         still = np.full((1500, 1), to)  # 6 s: the joint must not creep through the band
-        done = run(arm, np.concatenate([swing(to), still]))
-        assert done.q[-1, 0] - to == pytest.approx(-np.sign(to) * band, rel=1e-3)
+        execution = run(arm, np.concatenate([swing(to), still]))
+        assert execution.q[-1, 0] - to == pytest.approx(-np.sign(to) * band, rel=1e-3)
         free = run(arm, swing(to), friction=False)
         assert free.q[-1, 0] == pytest.approx(to, abs=1e-7)
     # It moves once the servo asks for more than friction takes: 1/2 and 2 times that.
@@ -201,15 +201,15 @@ def test_torque_saturation_in_closed_form_and_with_gravity():
     limit = 3.0
     arm = pendulum(gravity=WEIGHTLESS)
     q = [[0.0]] + [[2.0]] * 300
-    done = run(arm, q, ac.Limits.only(joint_torque=limit), interpolation="step")
-    constant = (done.t >= 0.004) & (done.t <= 0.5)
-    since = done.t[constant] - 0.004
-    np.testing.assert_allclose(done.q[constant, 0], limit / INERTIA * since**2 / 2, atol=1e-12)
-    np.testing.assert_allclose(done.torque[constant, 0], limit)
-    np.testing.assert_allclose(done.ddq[constant, 0], limit / INERTIA, rtol=1e-9)
-    assert done.saturated[constant, 0].all()
-    assert done.peak_demand[0] == pytest.approx(KV * KP * 2.0, rel=1e-3)
-    assert done.saturated_time[0] == pytest.approx(done.saturated.sum() * 0.004, abs=0.02)
+    execution = run(arm, q, ac.Limits.only(joint_torque=limit), interpolation="step")
+    constant = (execution.t >= 0.004) & (execution.t <= 0.5)
+    since = execution.t[constant] - 0.004
+    np.testing.assert_allclose(execution.q[constant, 0], limit / INERTIA * since**2 / 2, atol=1e-12)
+    np.testing.assert_allclose(execution.torque[constant, 0], limit)
+    np.testing.assert_allclose(execution.ddq[constant, 0], limit / INERTIA, rtol=1e-9)
+    assert execution.saturated[constant, 0].all()
+    assert execution.peak_demand[0] == pytest.approx(KV * KP * 2.0, rel=1e-3)
+    assert execution.saturated_time[0] == pytest.approx(execution.saturated.sum() * 0.004, abs=0.02)
     free = run(arm, q, interpolation="step")
     assert free.saturated_time[0] == 0 and not free.saturated.any()
     assert np.abs(free.torque).max() > 100 * limit
@@ -227,12 +227,12 @@ def test_a_payload_changes_the_loop_gain_but_not_the_drives():
     load = Payload(mass=3.0, center=np.array([LENGTH, 0.0, 0.0]))
     light, loaded = (pendulum(gravity=WEIGHTLESS, payload=x) for x in (None, load))
     np.testing.assert_allclose(plant(loaded).nominal_inertia, INERTIA)
-    done = run(loaded, swing(), step=1e-4)
+    execution = run(loaded, swing(), step=1e-4)
     ratio = INERTIA / (INERTIA + 3.0 * LENGTH**2)
     n = len(swing())
     expected = by_servo(loaded, swing(), kv=KV * ratio)
-    np.testing.assert_allclose(done.q[:n], expected.q[:n], atol=3e-6)
-    assert np.abs(done.q[:n] - run(light, swing()).q[:n]).max() > 5e-4
+    np.testing.assert_allclose(execution.q[:n], expected.q[:n], atol=3e-6)
+    assert np.abs(execution.q[:n] - run(light, swing()).q[:n]).max() > 5e-4
     # Where it is given against gravity, the controller knows it.
     held = run(pendulum(payload=load), [[0.3]])
     np.testing.assert_allclose(held.q, 0.3, atol=1e-12)
@@ -270,10 +270,10 @@ def test_loops_are_scaled_by_the_arm_that_the_controller_knows():
     simulated = plant(drives, controller=nominal, step=1e-4)
     np.testing.assert_allclose(simulated.nominal_inertia, INERTIA)
     assert simulated.arm is drives
-    done = ac.simulate(taught_data(swing()), simulated, resolution=0.004)
+    execution = ac.simulate(taught_data(swing()), simulated, resolution=0.004)
     expected = by_servo(drives, swing(), kv=KV * INERTIA / (INERTIA + 0.3))
     n = len(swing())
-    np.testing.assert_allclose(done.q[:n], expected.q[:n], atol=3e-6)
+    np.testing.assert_allclose(execution.q[:n], expected.q[:n], atol=3e-6)
     servo = ac.ServoModel(kp=KP, kv=KV, inertia=0.7)
     np.testing.assert_allclose(
         ac.RigidBodyPlant(drives, servo, controller=nominal).nominal_inertia, 0.7
@@ -340,8 +340,8 @@ def test_the_resolution_changes_nothing():
     # What is listed fits together: velocities are the integral of accelerations.
     np.testing.assert_allclose(np.diff(fine.dq, axis=0), fine.ddq[:-1] * 2.5e-4, atol=1e-12)
     # A step that does not fit is shortened: 14 steps an interval, every other listed.
-    done = run(pendulum(), swing(), step=3e-4, resolution=1e-3)
-    assert 0.004 / done.t[1] == pytest.approx(7)
+    execution = run(pendulum(), swing(), step=3e-4, resolution=1e-3)
+    assert 0.004 / execution.t[1] == pytest.approx(7)
 
 
 @pytest.mark.parametrize("name", ["pmk3s", "ur5e", "panda"])
@@ -352,11 +352,11 @@ def test_arms_of_the_library(name):
     assert ((middle >= low) & (middle <= high)).all()
     # Stretched, some joints turn about one line, where arms without drives are light.
     q = middle + 0.8 + swing(np.full(arm.dof, 0.02), duration=2.0)
-    done = run(arm, q, friction=False)
-    np.testing.assert_allclose(done.q[-1], q[-1], atol=2e-6)
-    needed = arm.dynamics.torque(done.q, done.dq, done.ddq)
+    execution = run(arm, q, friction=False)
+    np.testing.assert_allclose(execution.q[-1], q[-1], atol=2e-6)
+    needed = arm.dynamics.torque(execution.q, execution.dq, execution.ddq)
     # ddq is the mean over the step that follows: half a step off.
-    np.testing.assert_allclose(done.torque, needed, atol=0.02 * np.abs(needed).max() + 1e-3)
+    np.testing.assert_allclose(execution.torque, needed, atol=0.02 * np.abs(needed).max() + 1e-3)
 
 
 def test_an_execution_locks_its_torques_and_has_both_or_neither(refuses):
@@ -365,11 +365,11 @@ def test_an_execution_locks_its_torques_and_has_both_or_neither(refuses):
     fields |= {"arm": pendulum(), "set_points": taught_data([[0.0]])}
     fields |= {"demand_range": np.ones((2, 1)), "saturated_time": np.zeros(1)}
     torque = np.array([[2.0]])
-    done = ac.Execution(**fields, torque=torque, torque_demand=[[-3.0]])
+    execution = ac.Execution(**fields, torque=torque, torque_demand=[[-3.0]])
     torque[:] = 0
-    assert done.torque.tolist() == [[2.0]] and done.saturated.all()
+    assert execution.torque.tolist() == [[2.0]] and execution.saturated.all()
     with pytest.raises(ValueError, match="read-only"):
-        done.torque[0] = 1
+        execution.torque[0] = 1
     assert not ac.Execution(**fields, torque=[[2.0]], torque_demand=[[2.0]]).saturated.any()
     assert ac.Execution(**fields).torque is None
     refuses(lambda: ac.Execution(**fields, torque=torque), ac.InvalidInput, "torque_demand")
@@ -475,12 +475,12 @@ def test_late_and_cubic_commands_are_those_of_the_servo_plant():
     for interpolation, dead in product(("linear", "step", "cubic"), (0.0, 0.0123, [0.008, 0.0321])):
         prompt = ac.ServoModel(kp=KP, kv=KV, interpolation=interpolation)
         servo = prompt.replace(dead_time=dead)
-        done = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo)).q[:1000]
+        positions = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo)).q[:1000]
         exact = ac.simulate(set_points, ac.ServoPlant(arm, servo, ac.Limits.only())).q[:1000]
-        assert np.abs(done - exact).max() < 3e-4, (interpolation, dead)
+        assert np.abs(positions - exact).max() < 3e-4, (interpolation, dead)
         if np.any(dead):
             other = ac.simulate(set_points, ac.ServoPlant(arm, prompt, ac.Limits.only())).q[:1000]
-            assert np.abs(done - other).max() > 3e-3, (interpolation, dead)
+            assert np.abs(positions - other).max() > 3e-3, (interpolation, dead)
 
 
 SPRING = 2e4
@@ -508,8 +508,8 @@ def test_stiff_springs_are_rigid_joints():
     q = swing(0.3, 0.4)
     rigid, errors = run(pendulum(), q), []
     for stiffness in (2e4, 2e5):
-        done = run(pendulum(), q, joint_stiffness=stiffness)
-        errors.append(np.abs(done.q[: len(q)] - rigid.q[: len(q)]).max())
+        execution = run(pendulum(), q, joint_stiffness=stiffness)
+        errors.append(np.abs(execution.q[: len(q)] - rigid.q[: len(q)]).max())
     assert errors[0] / errors[1] == pytest.approx(10, rel=0.05)
     assert errors[1] < 1e-4
 
@@ -542,10 +542,10 @@ def test_springs_keep_energy_and_dampers_take_it():
 def test_friction_acts_at_the_motor():
     coulomb = 4.0
     arm = pendulum(gravity=WEIGHTLESS, coulomb=[coulomb])
-    done = run(arm, np.concatenate([swing(), np.full((100, 1), 0.5)]), joint_stiffness=SPRING)
-    assert done.motor_q[-1, 0] - 0.5 == pytest.approx(-coulomb / STIFFNESS, rel=1e-3)
+    execution = run(arm, np.concatenate([swing(), np.full((100, 1), 0.5)]), joint_stiffness=SPRING)
+    assert execution.motor_q[-1, 0] - 0.5 == pytest.approx(-coulomb / STIFFNESS, rel=1e-3)
     # The torque that holds the motor does not go through the spring.
-    assert done.q[-1, 0] == pytest.approx(done.motor_q[-1, 0], abs=1e-7)
+    assert execution.q[-1, 0] == pytest.approx(execution.motor_q[-1, 0], abs=1e-7)
 
 
 def test_steps_too_long_for_springs_are_errors(fails):
@@ -557,8 +557,8 @@ def test_steps_too_long_for_springs_are_errors(fails):
     )
     # Rigid, the same step is stable.
     assert run(arm, swing(), step=4e-3).q[-1, 0] == pytest.approx(0.5, abs=1e-6)
-    done = run(arm, swing(), joint_stiffness=SPRING, step=1e-3)
-    assert done.q[-1, 0] == pytest.approx(0.5, abs=1e-5)
+    execution = run(arm, swing(), joint_stiffness=SPRING, step=1e-3)
+    assert execution.q[-1, 0] == pytest.approx(0.5, abs=1e-5)
     for stiffness, damping in ((1e10, None), (1e12, None), (1.0, 1e12)):
         springs = {"joint_stiffness": stiffness, "joint_damping": damping}
         fails(partial(run, arm, swing(), **springs), "at most 50", joint=ANY)

@@ -92,5 +92,5 @@ def test_commands_end_without_garbage_collection():
     report = "import atexit, gc, sys; atexit.register(lambda: print(gc.get_freeze_count() > 0))"
     command = "sys.argv = ['armcontour', 'arms']; from armcontour.cli import main; main()"
     call = [sys.executable, "-c", f"{report}; {command}"]
-    done = subprocess.run(call, capture_output=True, text=True, check=True)
-    assert "ur5e" in done.stdout and done.stdout.endswith("\nTrue\n")
+    outcome = subprocess.run(call, capture_output=True, text=True, check=True)
+    assert "ur5e" in outcome.stdout and outcome.stdout.endswith("\nTrue\n")

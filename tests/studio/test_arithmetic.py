@@ -44,10 +44,10 @@ def compute(script, arguments=None):
         f"globalThis.fetch = async () => ({{ json: () => ({palette.PALETTE_FILE.read_text()}) }});"
     )
     command, code = [NODE, "--input-type=module", "-"], start + script
-    done = subprocess.run(
+    outcome = subprocess.run(
         command, input=code, cwd=STATIC, capture_output=True, text=True, check=True
     )
-    return json.loads(done.stdout)
+    return json.loads(outcome.stdout)
 
 
 def test_the_page_has_links_and_tool_where_the_library_has_them():

@@ -97,14 +97,14 @@ def test_what_moves_is_planned_on_a_coarser_grid_until_it_rests(opened):
     _, tab, _ = opened(PAPER.replace("cycle: 0.2 ms", "cycle: 4 ms"))
     fine = figure(tab.last("picture"), "duration")
     same = {"do": "set", "key": "servo.kp", "value": "25 1/s"}
-    heard = tab.edit(same, final=False)
-    assert tiers(heard) == ["picture moving", "executed moving"]
-    coarse = figure(heard[0].header, "duration")
+    frames = tab.edit(same, final=False)
+    assert tiers(frames) == ["picture moving", "executed moving"]
+    coarse = figure(frames[0].header, "duration")
     assert coarse == pytest.approx(fine, rel=1e-3) and coarse != fine
-    assert any("600 intervals" in x for x in heard[0].header["notes"])
-    heard = tab.edit(same)
-    assert tiers(heard) == ["picture preview", "executed preview"]
-    assert figure(heard[1].header, "duration") == fine and not heard[1].header["notes"]
+    assert any("600 intervals" in x for x in frames[0].header["notes"])
+    frames = tab.edit(same)
+    assert tiers(frames) == ["picture preview", "executed preview"]
+    assert figure(frames[1].header, "duration") == fine and not frames[1].header["notes"]
 
 
 def test_older_answers_never_come_after_newer_ones(opened):
@@ -248,8 +248,8 @@ FINE = JOB.replace("runs:", "cycle: 1 ms\nruns:")
 def test_an_edit_during_any_tier_takes_its_place(opened, during, tier):
     session, tab, _ = opened(FINE, fast=Nested)
     during(tier, lambda: tab.edit(moved(2), gesture=2))
-    heard = tab.edit(moved(1), gesture=1, final=tier != "moving")
-    shown = [x for x in heard if x.kind in ("picture", "executed")]
+    frames = tab.edit(moved(1), gesture=1, final=tier != "moving")
+    shown = [x for x in frames if x.kind in ("picture", "executed")]
     old = [x for x in shown if x.header["seq"] < tab.seq]
     expected = {"moving": [], "preview": [], "exact": ["picture preview", "executed preview"]}
     assert tiers(old) == expected[tier]
@@ -261,13 +261,13 @@ def test_an_edit_during_any_tier_takes_its_place(opened, during, tier):
 def test_a_refusal_during_a_preview_is_of_the_newest_state_and_goes_with_it(opened, during):
     _, tab, _ = opened(fast=Nested)
     during("preview", lambda: tab.edit(FAR, gesture=2))
-    heard = tab.edit(moved(1), gesture=1)
-    (refusal,) = (x.header for x in heard if x.kind == "refusal")
+    frames = tab.edit(moved(1), gesture=1)
+    (refusal,) = (x.header for x in frames if x.kind == "refusal")
     assert refusal["seq"] == tab.seq and refusal["error"] == "Unreachable" and refusal["tier"] == 1
-    assert not tiers(heard), "the plan before is given up"
-    heard = tab.say("undo")
-    assert tiers(heard)[:2] == ["picture preview", "executed preview"]
-    assert "refusal" not in kinds(heard)
+    assert not tiers(frames), "the plan before is given up"
+    frames = tab.say("undo")
+    assert tiers(frames)[:2] == ["picture preview", "executed preview"]
+    assert "refusal" not in kinds(frames)
 
 
 def progress(frames):
@@ -280,15 +280,15 @@ def test_a_slow_plan_has_an_outline_and_progress_and_is_stopped_and_resumed(
     _, tab, lane = opened(fast=Nested)
     monkeypatch.setattr(planner, "SLOW", -1.0)
     during("preview", lambda: tab.say("cancel", id="#"))
-    heard = tab.edit(moved(1), gesture=1)
-    assert tiers(heard) == ["picture outline"]
-    assert progress(heard)[-2:] == ["working", "stopped"]
+    frames = tab.edit(moved(1), gesture=1)
+    assert tiers(frames) == ["picture outline"]
+    assert progress(frames)[-2:] == ["working", "stopped"]
     assert lane.cancelled == [lane.given[-1][0]], "its figures are stopped, too"
     lane.deliver(Frame("cancelled", {"id": lane.cancelled[0]}))
     count = len(lane.given)
-    heard = tab.say("resume")
-    assert tiers(heard)[-2:] == ["picture preview", "executed preview"]
-    assert len(lane.given) == count + 1 and set(progress(heard)) == {"working"}
+    frames = tab.say("resume")
+    assert tiers(frames)[-2:] == ["picture preview", "executed preview"]
+    assert len(lane.given) == count + 1 and set(progress(frames)) == {"working"}
     answer(lane)
     assert progress(tab.frames)[-1] == "done"
     # Progress of a state that is not shown any more goes.
@@ -303,8 +303,8 @@ def test_an_outline_follows_a_drag_whose_plans_take_long(opened, monkeypatch):
     slow = SimpleNamespace(monotonic=time.monotonic, thread_time=lambda: next(looks))
     monkeypatch.setattr(planner, "time", slow)
     for _ in range(2):
-        heard = tab.edit(moved(next(looks)), final=False)
-        assert tiers(heard)[0] == "picture moving", "one late plan may be late by chance"
+        frames = tab.edit(moved(next(looks)), final=False)
+        assert tiers(frames)[0] == "picture moving", "one late plan may be late by chance"
     assert tiers(tab.edit(moved(3), final=False)) == ["picture outline"]
     # Quick plans end this.
     slow.thread_time = lambda: 0.0

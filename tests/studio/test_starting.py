@@ -128,9 +128,9 @@ def test_a_file_opened_before_opens_no_other_folder(opened, tmp_path):
     opened(inside)
     session, tab = opened()
     tab.say("open_recent", id=start(tab)["recent"][0]["id"])
-    heard = tab.edit({"do": "text", "text": re.sub(r"points:.*", f"file: {outside}", JOB)})
+    frames = tab.edit({"do": "text", "text": re.sub(r"points:.*", f"file: {outside}", JOB)})
 
-    assert heard[-1].kind == "refusal" and "may be read" in heard[-1].header["sentence"]
+    assert frames[-1].kind == "refusal" and "may be read" in frames[-1].header["sentence"]
     assert session.document.text == JOB
 
 
@@ -141,8 +141,8 @@ def test_a_new_job_does_not_lose_what_is_not_saved(opened):
         tab.say("new", card="drawing", arm=arm)
         session.document.apply(FASTER, "speed")
         texts.append(session.document.text)
-    heard = tab.say("new", card="empty", arm="ur5e")
-    assert any(x.kind == "notice" and "not saved" in x.header["sentence"] for x in heard)
+    frames = tab.say("new", card="empty", arm="ur5e")
+    assert any(x.kind == "notice" and "not saved" in x.header["sentence"] for x in frames)
     drafts = start(tab)["recent"]
     assert [x["where"] for x in drafts] == ["not saved"] * 2
     for x, text in zip(drafts, reversed(texts), strict=True):

@@ -96,12 +96,12 @@ def test_errors_that_the_servo_model_does_not_explain_are_bounded_along_and_acro
     plan = ac.plan(path, arm, ac.Limits.only(joint_acceleration=2.0, speed=0.1))
     model_error = np.array([1e-4, 3e-4, 2e-4, 1e-4, 5e-4, 1e-4])[: arm.dof]
     servo = ac.ServoModel(kp=25.0, order="first", model_error=model_error)
-    done = ac.simulate(ac.compensate(plan, servo, ac.Inverse()), ac.ServoPlant(arm, servo))
-    evaluation = ac.evaluate(done, path)
+    execution = ac.simulate(ac.compensate(plan, servo, ac.Inverse()), ac.ServoPlant(arm, servo))
+    evaluation = ac.evaluate(execution, path)
     along, across = 0.0, 0.0
     unit = np.diff(path([0.0, path.length]), axis=0)[0] / path.length
     for signs in product((-1, 1), repeat=arm.dof):
-        moved = arm.tool_position(done.q + signs * model_error) - done.tool
+        moved = arm.tool_position(execution.q + signs * model_error) - execution.tool
         ahead = moved @ unit
         along = max(along, np.abs(ahead).max())
         across = max(across, np.linalg.norm(moved - ahead[:, None] * unit, axis=1).max())
@@ -110,7 +110,7 @@ def test_errors_that_the_servo_model_does_not_explain_are_bounded_along_and_acro
     assert evaluation.model_error[0] == pytest.approx(along, rel=2e-3)
     assert evaluation.model_error[1] > across * (1 - 2e-3)
     assert f"{evaluation.model_error[1] * 1e3:.4g} mm" in str(evaluation)
-    plain = ac.simulate(done.set_points, ac.ServoPlant(arm, servo.replace(model_error=None)))
+    plain = ac.simulate(execution.set_points, ac.ServoPlant(arm, servo.replace(model_error=None)))
     assert ac.evaluate(plain, path).model_error is None
 
 
@@ -135,10 +135,12 @@ def test_the_tool_is_settled_when_it_stays_slow_and_errors_are_covered_until_the
     # It runs at 50 mm/s, creeps at 0.5 mm/s, runs again until 1.2 s, and creeps.
     speed = np.where((T < 0.4) | ((T > 0.8) & (T <= 1.2)), 0.05, 5e-4)
     x = 0.3 + np.concatenate([[0], np.cumsum(speed[1:] * np.diff(T))])
-    done = by_hand(arm, T, ALONG)
-    law = LapLaw(breaks=np.array([0.0, 0.5]), q=done.q[:2], dq=done.dq[:1], ddq=done.dq[:1])
+    execution = by_hand(arm, T, ALONG)
+    law = LapLaw(
+        breaks=np.array([0.0, 0.5]), q=execution.q[:2], dq=execution.dq[:1], ddq=execution.dq[:1]
+    )
     short = ac.Trajectory(laws=(law,), method="hand")
-    set_points = ac.SetPoints(cycle=0.1, q=done.q[:1], trajectory=short, method="hand")
+    set_points = ac.SetPoints(cycle=0.1, q=execution.q[:1], trajectory=short, method="hand")
     creeping = by_hand(arm, T, np.stack([x, np.full_like(x, 0.2)], axis=1))
     evaluation = ac.evaluate(replace(creeping, set_points=set_points), LINE)
     assert evaluation.settled == pytest.approx(1.2, abs=0.011)
@@ -147,22 +149,29 @@ def test_the_tool_is_settled_when_it_stays_slow_and_errors_are_covered_until_the
     for tool in (np.tile((0.3, 0.2), (len(T), 1)), creeping.tool):
         evaluation = ac.evaluate(by_hand(arm, T, tool), LINE)
         assert evaluation.duration == evaluation.settled == evaluation.end_time == 2.0
-    evaluation = ac.evaluate(replace(done, set_points=set_points), LINE)
+    evaluation = ac.evaluate(replace(execution, set_points=set_points), LINE)
     assert evaluation.duration == 0.5 and evaluation.end_time == evaluation.settled == 2.0
 
 
 def test_the_largest_error_counts_until_the_joints_rest_and_the_mean_until_the_tool_is_slow(arm):
     # It runs along the line for 1 s, and creeps sideways at 0.5 mm/s for another second.
     tool = np.stack([0.3 + 0.1 * np.minimum(T, 1.0), 0.2 + 5e-4 * np.maximum(T - 1.0, 0.0)], axis=1)
-    done = by_hand(arm, T, tool)
-    laws = (LapLaw(breaks=np.array([0.0, 1.0]), q=done.q[:2], dq=done.dq[:1], ddq=done.dq[:1]),)
-    plan = replace(done.set_points, trajectory=ac.Trajectory(laws=laws, method="hand"))
-    evaluation = ac.evaluate(replace(done, set_points=plan), LINE)
+    execution = by_hand(arm, T, tool)
+    laws = (
+        LapLaw(
+            breaks=np.array([0.0, 1.0]),
+            q=execution.q[:2],
+            dq=execution.dq[:1],
+            ddq=execution.dq[:1],
+        ),
+    )
+    plan = replace(execution.set_points, trajectory=ac.Trajectory(laws=laws, method="hand"))
+    evaluation = ac.evaluate(replace(execution, set_points=plan), LINE)
     assert evaluation.end_time == evaluation.settled == pytest.approx(1.0, abs=0.011)
     error = evaluation.contour_error
     assert error.max == pytest.approx(5e-4, rel=1e-3) and error.t_max == T[-1]
     assert error.rms < 5e-6
-    until_end = ac.evaluate(replace(done, set_points=plan), LINE, end_time=1.5).contour_error
+    until_end = ac.evaluate(replace(execution, set_points=plan), LINE, end_time=1.5).contour_error
     assert (until_end.max, until_end.t_max) == (pytest.approx(2.5e-4, rel=0.03), 1.5)
     assert until_end.rms == pytest.approx(2.5e-4 / 3, rel=0.03)
 
@@ -170,17 +179,17 @@ def test_the_largest_error_counts_until_the_joints_rest_and_the_mean_until_the_t
 def test_ratios_to_the_limits_are_counted_in_their_own_direction(arm):
     demand = np.zeros((len(T), 2))
     demand[50] = (1.44, -0.36)
-    done = by_hand(arm, T, ALONG, demand)
+    execution = by_hand(arm, T, ALONG, demand)
     limits = ac.Limits.only(joint_acceleration=[0.72, 0.36], speed=0.1)
-    evaluation = ac.evaluate(done, LINE, limits=limits)
+    evaluation = ac.evaluate(execution, LINE, limits=limits)
     np.testing.assert_allclose(evaluation.demand, (1.44, 0.36))
     np.testing.assert_allclose(evaluation.demand_ratio, (2.0, 1.0))
     assert evaluation.speed_ratio == pytest.approx(0.5, rel=1e-3)
     np.testing.assert_allclose(evaluation.saturated, (0.25, 0.0))  # of 2 s
-    free = ac.evaluate(done, LINE, limits=ac.Limits.only())
+    free = ac.evaluate(execution, LINE, limits=ac.Limits.only())
     np.testing.assert_array_equal(free.demand_ratio, 0)
     assert np.isnan(free.speed_ratio)
-    by_arm = ac.evaluate(done, LINE)
+    by_arm = ac.evaluate(execution, LINE)
     np.testing.assert_allclose(by_arm.demand_ratio, (2.0, 0.5))
     demand = np.zeros((len(T), 2))
     demand[100], demand[120] = (0.9, 0.3), (-0.6, -0.6)
@@ -234,7 +243,7 @@ def test_the_objective_has_its_own_error(arm, objective, rounded):
 
 
 def test_refused(arm, refuses):
-    done = by_hand(arm, T, ALONG)
+    execution = by_hand(arm, T, ALONG)
     three = ac.Limits.only(joint_acceleration=[1, 2, 3])
     for path, options, words in (
         (LINE, {"end_time": 0.0}, "above zero"),
@@ -242,7 +251,7 @@ def test_refused(arm, refuses):
         (LINE, {"limits": three}, "joint_acceleration has 3 values"),
         (ac.Path.polyline([(0, 0, 0), (1, 0, 0)]), {}, "the path has 3"),
     ):
-        refuses(partial(ac.evaluate, done, path, **options), ac.InvalidInput, words)
+        refuses(partial(ac.evaluate, execution, path, **options), ac.InvalidInput, words)
 
 
 def test_a_tool_that_is_turned_is_off_by_that_angle():

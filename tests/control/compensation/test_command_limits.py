@@ -246,9 +246,9 @@ def test_learning_keeps_the_limits(square, arm, limited):
     robot = ac.ServoPlant(arm, SERVO.replace(kp=9.0), saturation="none")
     set_points, errors = limited, []
     for _ in range(3):
-        done = ac.simulate(set_points, robot, resolution=CYCLE)
-        errors.append(ac.evaluate(done, square[0]).contour_error.rms)
-        set_points = ac.learn(set_points, done, arm=arm, servo=SERVO)
+        execution = ac.simulate(set_points, robot, resolution=CYCLE)
+        errors.append(ac.evaluate(execution, square[0]).contour_error.rms)
+        set_points = ac.learn(set_points, execution, arm=arm, servo=SERVO)
         assert set_points.command_limits is not None
         assert max(largest_shares(set_points.q, CYCLE, LIBFRANKA)) <= 1 + 1e-9
     assert errors[-1] < errors[0]

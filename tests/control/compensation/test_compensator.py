@@ -69,10 +69,10 @@ def test_jumps_of_acceleration_ask_for_little_more_wherever_they_are(arm, interp
         half = 0.3 + phase * 4e-3
         plan = laps([0, half, 2 * half], [(0.0, 0.0), half * a], [a, -a])
         set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=4e-3)
-        done = ac.simulate(set_points, plant, resolution=4e-3 / 16)
-        assert (np.abs(done.demand_range) < bound * np.abs(a)).all()
+        execution = ac.simulate(set_points, plant, resolution=4e-3 / 16)
+        assert (np.abs(execution.demand_range) < bound * np.abs(a)).all()
         # Values of the exact command would ask for up to 1.31 and 1.44, and leave up to 8e-6 rad.
-        assert np.abs(done.q - plan.with_rests(done.t)).max() < 2e-6
+        assert np.abs(execution.q - plan.with_rests(execution.t)).max() < 2e-6
 
 
 def test_rests_and_ends_are_the_plans():
@@ -136,8 +136,8 @@ def test_the_inverse_undoes_the_servo(arm):
     errors = []
     for cycle in (8e-3, 4e-3, 2e-3):
         set_points = ac.compensate(trajectory, UNEVEN, ac.Inverse(), cycle=cycle)
-        done = ac.simulate(set_points, plant, resolution=cycle)
-        errors.append(np.abs(done.q - trajectory(done.t.clip(0, 1.0))).max())
+        execution = ac.simulate(set_points, plant, resolution=cycle)
+        errors.append(np.abs(execution.q - trajectory(execution.t.clip(0, 1.0))).max())
     # Means over intervals, and lines between them, leave errors of second order in the period. They
     # are made up for but next to both ends.
     assert errors[0] / errors[1] > 5 and errors[1] / errors[2] > 5
@@ -169,8 +169,12 @@ def test_joints_of_several_orders_are_compensated_by_the_inverse(refuses):
     assert set_points.method == "inverse"
     errors = {}
     for method in ("inverse", "none"):
-        done = ac.simulate(ac.compensate(plan, servo, METHODS[method]()), ac.ServoPlant(arm, servo))
-        errors[method] = np.abs(done.q - plan(np.clip(done.t, 0, plan.duration))).max(axis=0)
+        execution = ac.simulate(
+            ac.compensate(plan, servo, METHODS[method]()), ac.ServoPlant(arm, servo)
+        )
+        errors[method] = np.abs(execution.q - plan(np.clip(execution.t, 0, plan.duration))).max(
+            axis=0
+        )
     assert (errors["inverse"] < 0.02 * errors["none"]).all()
     call = partial(ac.compensate, plan, servo, ac.PolePlacement())
     refuses(call, ac.InvalidInput, "order second, delay", "take the compensation inverse")

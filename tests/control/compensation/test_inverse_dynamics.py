@@ -64,15 +64,15 @@ def strong(arm, servo=SERVO, **options):
 def largest_deviation(arm, servo=SERVO, plan=SWING, plant=None, **options):
     """Largest distance of a joint from the plan, at any time until rest."""
     plant = plant or strong(arm, servo)
-    done = ac.simulate(compensate(plan, arm, servo, **options), plant)
-    return np.abs(done.q - plan(done.t.clip(0, plan.duration))).max()
+    execution = ac.simulate(compensate(plan, arm, servo, **options), plant)
+    return np.abs(execution.q - plan(execution.t.clip(0, plan.duration))).max()
 
 
 def contour_error(arm, rounded, plan, cycle=CYCLE):
     """RMS and largest contour error on rigid bodies [mm]."""
     plant = ac.RigidBodyPlant(arm, SERVO)
-    done = ac.simulate(compensate(plan, arm, cycle=cycle), plant, resolution=1e-3)
-    error = ac.evaluate(done, rounded).contour_error
+    execution = ac.simulate(compensate(plan, arm, cycle=cycle), plant, resolution=1e-3)
+    error = ac.evaluate(execution, rounded).contour_error
     return error.rms * 1e3, error.max * 1e3
 
 
@@ -160,10 +160,10 @@ def test_the_arm_stands_at_both_ends_although_it_sags(heavy):
     assert (
         np.abs(set_points.q[0] - START).max() > 1e-3 < np.abs(set_points.q[-1] - START - SIZE).max()
     )
-    done = ac.simulate(set_points, plant)
-    np.testing.assert_allclose(done.q[0], START, atol=1e-9)
-    np.testing.assert_allclose(done.q[-1], START + SIZE, atol=1e-6)
-    assert np.abs(done.q - SWING(done.t.clip(0, DURATION))).max() < 3e-5
+    execution = ac.simulate(set_points, plant)
+    np.testing.assert_allclose(execution.q[0], START, atol=1e-9)
+    np.testing.assert_allclose(execution.q[-1], START + SIZE, atol=1e-6)
+    assert np.abs(execution.q - SWING(execution.t.clip(0, DURATION))).max() < 3e-5
     fed = compensate(SWING, loaded)
     np.testing.assert_array_equal(fed.q[[0, -1]], [START, SWING([DURATION], side="left")[0]])
 
@@ -186,13 +186,13 @@ def test_integrators_are_compensated_as_exactly_as_drives_without(
             ki=ki, interpolation=interpolation, velocity_feedforward=feed, dead_time=2.5e-3
         )
         set_points = compensate(SWING, rough, servo, gravity_feedforward=gravity)
-        done = ac.simulate(set_points, strong(rough, servo, gravity_feedforward=gravity))
-        error = np.abs(done.q - SWING(done.t.clip(0, DURATION)))
-        errors.append(error[done.t < DURATION].max())
+        execution = ac.simulate(set_points, strong(rough, servo, gravity_feedforward=gravity))
+        error = np.abs(execution.q - SWING(execution.t.clip(0, DURATION)))
+        errors.append(error[execution.t < DURATION].max())
     assert errors[1] < share * errors[0]
     np.testing.assert_allclose(set_points.q[[0, -1]], [START, START + SIZE], atol=1e-12)
     assert 1e-4 < set_points.truncated.max()
-    assert (error[done.t >= DURATION].max(axis=0) < set_points.truncated + 2 * errors[0]).all()
+    assert (error[execution.t >= DURATION].max(axis=0) < set_points.truncated + 2 * errors[0]).all()
 
 
 def test_every_joint_stands_still_first(heavy):

@@ -106,8 +106,8 @@ def test_default_poles_cancel_the_zero_and_all_joints_trail_alike(arm):
     gap = {}
     for method in ("pole_placement", "none"):
         set_points = ac.compensate(alike, UNEVEN, METHODS[method](), cycle=2e-4)
-        done = ac.simulate(set_points, plant, resolution=2e-4)
-        gap[method] = np.abs(np.diff(done.q, axis=1)).max()
+        execution = ac.simulate(set_points, plant, resolution=2e-4)
+        gap[method] = np.abs(np.diff(execution.q, axis=1)).max()
     assert gap["pole_placement"] < 1e-4 < 1e-2 < gap["none"]
 
 
@@ -123,8 +123,8 @@ def demand_over_acceleration(arm, poles, accelerations, times, kv=150.0):
     # Up to the end of the motion only: there the velocity jumps to zero.
     count = round(times[-1] / 2e-4) + 1
     cut = ac.SetPoints(cycle=2e-4, q=set_points.q[:count], trajectory=motion, method="cut")
-    done = ac.simulate(cut, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=2e-4)
-    return np.abs(done.demand[:count]).max() / np.abs(a).max()
+    execution = ac.simulate(cut, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=2e-4)
+    return np.abs(execution.demand[:count]).max() / np.abs(a).max()
 
 
 def test_l1_norm_of_the_triple_pole_at_minus_50(arm):
@@ -161,8 +161,10 @@ def test_velocity_error_vanishes_when_the_poles_sum_to_minus_kv(arm, servo):
     ramp = laps([0.0, 1.0], [(1.0, 1.0)], [(0.0, 0.0)], (0.0, 0.0))
     for poles, vanishes in (([-50] * 3, True), ([-30, -50, -70], True), ([-75] * 3, False)):
         set_points = place(ramp, servo, cycle=1e-3, poles=poles)
-        done = ac.simulate(set_points, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-3)
-        lag = 0.99 - done.q[990, 0]
+        execution = ac.simulate(
+            set_points, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-3
+        )
+        lag = 0.99 - execution.q[990, 0]
         m1, m2, g = poles
         # Coefficient with which velocity enters the error, from F G at low frequency.
         assert abs(lag - 150 * (150 + g + m1 + m2) / (g * m1 * m2)) < 1e-5
@@ -236,13 +238,15 @@ def test_demands_are_those_of_the_plant(arm):
         servo = ac.ServoModel(kp=[25.0, 60.0], kv=[150.0, 40.0], interpolation=interpolation)
         low, high = extreme_demands(servo.for_joints(2), q, 0.01)
         set_points = ac.SetPoints(cycle=0.01, q=q, trajectory=still, method="x")
-        done = ac.simulate(set_points, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-5)
-        n = np.searchsorted(done.t, 0.39 - 1e-9)
+        execution = ac.simulate(
+            set_points, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-5
+        )
+        n = np.searchsorted(execution.t, 0.39 - 1e-9)
         # A held command jumps, and so does the demand: the plant lists what is before, the other
         # both.
-        np.testing.assert_allclose(np.maximum(-low, high), done.peak_demand, rtol=2e-5)
-        assert (done.demand[:n].min(axis=0) >= low * (1 + 1e-5)).all()
-        assert (done.demand[:n].max(axis=0) <= high * (1 + 1e-5)).all()
+        np.testing.assert_allclose(np.maximum(-low, high), execution.peak_demand, rtol=2e-5)
+        assert (execution.demand[:n].min(axis=0) >= low * (1 + 1e-5)).all()
+        assert (execution.demand[:n].max(axis=0) <= high * (1 + 1e-5)).all()
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
@@ -255,16 +259,16 @@ def test_the_fastest_poles_just_do_not_saturate(arm, plan, interpolation):
     for share, saturates in ((1.0, False), (1.03, True)):
         placed = np.column_stack([share * poles[:, :2], poles[:, 2]])
         set_points = ac.compensate(plan, servo, ac.PolePlacement(poles=placed))
-        done = ac.simulate(set_points, ac.ServoPlant(arm, servo, arm.limits))
-        assert (done.peak_demand > 0.72).any() == saturates
+        execution = ac.simulate(set_points, ac.ServoPlant(arm, servo, arm.limits))
+        assert (execution.peak_demand > 0.72).any() == saturates
 
 
 def test_the_fastest_poles_follow_better_and_stop_at_the_interval(arm, plan, rounded, limits):
     rms = []
     for poles in (None, fastest_poles(SERVO, plan, limits)):
         set_points = ac.compensate(plan, SERVO, ac.PolePlacement(poles=poles))
-        done = ac.simulate(set_points, ac.ServoPlant(arm, SERVO, arm.limits))
-        rms.append(ac.evaluate(done, rounded, limits=limits).contour_error.rms)
+        execution = ac.simulate(set_points, ac.ServoPlant(arm, SERVO, arm.limits))
+        rms.append(ac.evaluate(execution, rounded, limits=limits).contour_error.rms)
     assert rms[1] < rms[0] / 5
     loose = ac.Limits.only(joint_acceleration=100.0)
     poles = fastest_poles(SERVO, plan, loose, cycle=0.02)
@@ -313,11 +317,11 @@ def gains(order):
 def largest_deviation(arm, servo, cycle, method="inverse", plant=None, **options):
     """Largest distance of a joint from the plan that it shall follow, at any time."""
     set_points = ac.compensate(SWING, servo, METHODS[method](**options), cycle=cycle)
-    done = ac.simulate(
+    execution = ac.simulate(
         set_points, ac.ServoPlant(arm, plant or servo, ac.Limits.only()), resolution=1e-3
     )
-    assert done.t[0] == set_points.start_time == set_points.t[0]
-    return np.abs(done.q - SWING(done.t.clip(0, DURATION))).max()
+    assert execution.t[0] == set_points.start_time == set_points.t[0]
+    return np.abs(execution.q - SWING(execution.t.clip(0, DURATION))).max()
 
 
 def test_the_joint_follows_the_plan_without_delay(arm):

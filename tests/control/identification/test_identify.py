@@ -95,8 +95,8 @@ def test_what_is_written_is_what_is_judged(fed):
     q = np.tile(log.command, 2)
     rest = ac.Trajectory(laws=(ac.dwell_law(q[0], log.t[-1]),), method="rest")
     set_points = ac.SetPoints(cycle=4e-3, q=q, trajectory=rest, method="none")
-    done = ac.simulate(set_points, ac.ServoPlant(arm, both, ac.Limits()))
-    moved = np.interp(log.t, done.t, done.q[:, 0])
+    execution = ac.simulate(set_points, ac.ServoPlant(arm, both, ac.Limits()))
+    moved = np.interp(log.t, execution.t, execution.q[:, 0])
     some = predictions[1].used[:, 0]
     assert np.std((log.measured[:, 0] - moved)[some]) == pytest.approx(
         predictions[1].rms[0], rel=0.01

@@ -88,10 +88,10 @@ def hal():
     plan = ac.plan(path, arm, limits, ac.Optimal(reserve=0.02))
     robot = ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0, drive_cycle=CYCLE))
     first = ac.compensate(plan, ac.ServoModel(kp=20.0, kv=120.0), cycle=4e-3)
-    done = ac.simulate(first, robot, resolution=CYCLE)
+    execution = ac.simulate(first, robot, resolution=CYCLE)
     times = first.start_time + np.arange(len(first.q)) * first.cycle
-    u = np.stack([np.interp(done.t, times, x) for x in first.q.T], axis=1)
-    return path, plan, robot, log_of(done.t, u, done.q)
+    u = np.stack([np.interp(execution.t, times, x) for x in first.q.T], axis=1)
+    return path, plan, robot, log_of(execution.t, u, execution.q)
 
 
 def test_a_log_of_a_first_run_that_saturates_compensates_the_next_one(hal):

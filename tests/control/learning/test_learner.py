@@ -96,11 +96,11 @@ def test_a_recording_with_the_noise_of_encoders_is_learned_from(set_points, path
     robot = ac.ServoPlant(arm, robot, ac.Limits.only(joint_acceleration=30.0).for_joints(2))
     errors, rng = [], np.random.default_rng(5)
     for _ in range(2):
-        done = ac.simulate(set_points, robot)
-        q = done.q + rng.normal(scale=noise, size=done.q.shape)
-        run = ac.Recording(t=done.t, q=q, in_plan_time=True)
+        execution = ac.simulate(set_points, robot)
+        q = execution.q + rng.normal(scale=noise, size=execution.q.shape)
+        run = ac.Recording(t=execution.t, q=q, in_plan_time=True)
         set_points = ac.learn(set_points, run, arm=arm, servo=SERVO)
-        errors.append(ac.evaluate(done, path).contour_error.rms)
+        errors.append(ac.evaluate(execution, path).contour_error.rms)
         # The noise of encoders moves the tool by less than it does the joints.
         assert set_points.noise < noise
     assert errors[1] < 0.1 * errors[0]
@@ -165,9 +165,9 @@ def test_one_joint_at_its_limit_does_not_end_learning(ki, bars):
     set_points = ac.compensate(plan, servo, ac.InverseDynamics(), arm=nominal, cycle=4e-3)
     errors = []
     for _ in range(3):
-        done = ac.simulate(set_points, robot)
-        errors.append(ac.evaluate(done, path).contour_error.rms)
-        set_points = ac.learn(set_points, done, arm=nominal, servo=servo)
+        execution = ac.simulate(set_points, robot)
+        errors.append(ac.evaluate(execution, path).contour_error.rms)
+        set_points = ac.learn(set_points, execution, arm=nominal, servo=servo)
     # Measured: 0.40, 0.08 and 0.03 mm; with integrators, 0.40, 0.11 and 0.06 mm.
     assert errors[0] > 3.5e-4 and errors[1] <= bars[0] and errors[2] <= bars[1]
 
@@ -178,10 +178,12 @@ def test_a_lesson_without_improvement_has_a_note():
     plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm, arm.limits)
     q = np.linspace(*plan([0.0, plan.duration]), int(plan.duration / 4e-3) + 2)
     set_points = SetPoints(cycle=4e-3, q=q, trajectory=plan, method="none")
-    done = ac.simulate(set_points, ac.ServoPlant(arm, servo.replace(kp=22.0), saturation="none"))
+    execution = ac.simulate(
+        set_points, ac.ServoPlant(arm, servo.replace(kp=22.0), saturation="none")
+    )
     rate = np.abs(q[1] - q[0]) / set_points.cycle
     none = ac.Limits(joint_velocity=(1 + 1e-7) * rate)
-    lesson = ac.learn(set_points, done, arm=arm, servo=servo, limits=none)
+    lesson = ac.learn(set_points, execution, arm=arm, servo=servo, limits=none)
     assert lesson.finished and "joint_velocity" in lesson.reason
     np.testing.assert_array_equal(lesson.q, set_points.q)
 
@@ -213,10 +215,10 @@ def test_the_controller_may_know_another_arm(arm, set_points):
     robot = ac.RigidBodyPlant(
         loaded, SERVO, ac.Limits.only(joint_torque=1e3).for_joints(2), controller=bare
     )
-    done = ac.simulate(right, robot)
+    execution = ac.simulate(right, robot)
     errors = {}
     for controller in (bare, None):
-        lesson = ac.learn(right, done, arm=loaded, servo=SERVO, controller=controller)
+        lesson = ac.learn(right, execution, arm=loaded, servo=SERVO, controller=controller)
         residual = lesson.lifted.expected(right.q) - lesson.lifted.planned - lesson.runs[0].error
         errors[controller] = np.abs(residual).max()
     assert errors[bare] < 0.02 * errors[None]

@@ -94,8 +94,10 @@ def test_what_is_expected_is_what_the_plant_does(lifted):
     set_points = SetPoints(
         cycle=lifted.cycle, q=q, trajectory=lifted.plan, method="x", start_time=lifted.start
     )
-    done = ac.simulate(set_points, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3)
-    expected = lifted.at_times(done.t, done.q, lifted.expected(q))
+    execution = ac.simulate(
+        set_points, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3
+    )
+    expected = lifted.at_times(execution.t, execution.q, lifted.expected(q))
     assert np.abs(expected - lifted.expected(q)).max() < 3e-3 * np.ptp(q)
     # Differences of two motions are exact at the times of the drives' cycles.
     near = 1e-9 if servo.drive_cycle else 2e-2
@@ -105,10 +107,10 @@ def test_what_is_expected_is_what_the_plant_does(lifted):
         ac.ServoPlant(arm, servo, saturation="none"),
         resolution=1e-3,
     )
-    n = min(len(done.t), len(moved.t))
-    rows = np.searchsorted(done.t[:n] + 1e-9, lifted.t)
+    n = min(len(execution.t), len(moved.t))
+    rows = np.searchsorted(execution.t[:n] + 1e-9, lifted.t)
     inside = rows < n
-    change = (moved.q[:n] - done.q[:n])[rows[inside]]
+    change = (moved.q[:n] - execution.q[:n])[rows[inside]]
     assert np.abs(lifted.respond(more)[inside] - change).max() < near * np.ptp(more)
 
 
@@ -126,11 +128,15 @@ def test_expected_motion_is_that_of_a_plant_with_feed_forward(kind):
         **more,
     ).for_joints(2)  # fmt: skip
     set_points = ac.compensate(plan, servo, ac.NoCompensation(), cycle=4e-3)
-    done = ac.simulate(set_points, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3)
+    execution = ac.simulate(
+        set_points, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3
+    )
     lifted = Lifted(set_points, Nominal(arm=arm, servo=servo))
-    inside = (lifted.t >= done.t[0]) & (lifted.t <= done.t[-1])
-    expected = np.stack([np.interp(lifted.t[inside], done.t, x) for x in done.q.T], axis=1)
-    lag = np.abs(done.q - plan.with_rests(done.t)).max()
+    inside = (lifted.t >= execution.t[0]) & (lifted.t <= execution.t[-1])
+    expected = np.stack(
+        [np.interp(lifted.t[inside], execution.t, x) for x in execution.q.T], axis=1
+    )
+    lag = np.abs(execution.q - plan.with_rests(execution.t)).max()
     # Steps are sampled once per millisecond.
     near = 0.015 if kind == "step" else 3e-3
     assert np.abs(lifted.expected(set_points.q)[inside] - expected).max() < near * lag

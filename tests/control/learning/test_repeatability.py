@@ -27,16 +27,18 @@ class Robot:
 
     def run(self, set_points):
         """A log, and the RMS error that repeats [rad]."""
-        done = ac.simulate(set_points, self.plant)
-        phase = np.pi * done.t[:, None] / self.plan.duration * np.arange(TERMS)
-        q = done.q + SIZE / np.sqrt((TERMS + 1) / 2) * np.cos(phase) @ self.random.normal(
+        execution = ac.simulate(set_points, self.plant)
+        phase = np.pi * execution.t[:, None] / self.plan.duration * np.arange(TERMS)
+        q = execution.q + SIZE / np.sqrt((TERMS + 1) / 2) * np.cos(phase) @ self.random.normal(
             size=(TERMS, 2)
         )
-        command = np.stack([np.interp(done.t, set_points.t, x) for x in set_points.q.T], axis=1)
-        t = np.sort(done.t + self.random.normal(scale=2e-4, size=len(q)))
+        command = np.stack(
+            [np.interp(execution.t, set_points.t, x) for x in set_points.q.T], axis=1
+        )
+        t = np.sort(execution.t + self.random.normal(scale=2e-4, size=len(q)))
         increasing = np.append(True, np.diff(t) > 0)
-        inside = (done.t >= 0) & (done.t <= self.plan.duration)
-        error = (done.q - self.plan.with_rests(done.t))[inside]
+        inside = (execution.t >= 0) & (execution.t <= self.plan.duration)
+        error = (execution.q - self.plan.with_rests(execution.t))[inside]
         log = ac.Log(t=t[increasing] + 5.0, command=command[increasing], measured=q[increasing])
         return log, float(np.sqrt(np.mean(error**2)))
 
@@ -90,20 +92,22 @@ class BadLogs(Robot):
     """A robot whose logs of runs after the second one are bad; none of its errors differ."""
 
     def log(self, set_points, k, kind):
-        done = ac.simulate(set_points, self.plant)
-        q = done.q + self.random.normal(scale=1e-5, size=done.q.shape)
+        execution = ac.simulate(set_points, self.plant)
+        q = execution.q + self.random.normal(scale=1e-5, size=execution.q.shape)
         mask = np.ones(len(q), dtype=bool)
         if kind == "outliers":
             q += (self.random.random(q.shape) < 2.5e-3) * 0.02
         elif kind == "lost":
             mask = self.random.random(len(q)) > 0.05
         elif k >= 1 and kind == "gap":
-            mask = ~((done.t > 0.3) & (done.t < 0.36))
+            mask = ~((execution.t > 0.3) & (execution.t < 0.36))
         elif k >= 2 and kind == "offset":
             q += [1e-3, -1e-3]
-        command = np.stack([np.interp(done.t, set_points.t, x) for x in set_points.q.T], axis=1)
-        error = ac.evaluate(done, self.plan.path).contour_error.rms
-        return ac.Log(t=done.t[mask] + 5.0, command=command[mask], measured=q[mask]), error
+        command = np.stack(
+            [np.interp(execution.t, set_points.t, x) for x in set_points.q.T], axis=1
+        )
+        error = ac.evaluate(execution, self.plan.path).contour_error.rms
+        return ac.Log(t=execution.t[mask] + 5.0, command=command[mask], measured=q[mask]), error
 
     def best(self, kind):
         """Least RMS contour error that learning ends with after four runs, and the last lesson."""

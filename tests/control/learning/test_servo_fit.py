@@ -23,9 +23,9 @@ def runs_of(set_points, robot, noise, count, servo=SERVO):
     """Lessons, and true RMS contour errors of the runs [mm], that of the last lesson included."""
     arm, path, lessons, errors = robot.arm, set_points.trajectory.path, [], []
     for k in range(count):
-        done = ac.simulate(set_points, robot)
-        errors.append(1e3 * ac.evaluate(done, path).contour_error.rms)
-        set_points = ac.learn(set_points, log_of(done, noise, k), arm=arm, servo=servo)
+        execution = ac.simulate(set_points, robot)
+        errors.append(1e3 * ac.evaluate(execution, path).contour_error.rms)
+        set_points = ac.learn(set_points, log_of(execution, noise, k), arm=arm, servo=servo)
         lessons.append(set_points)
         if set_points.finished:
             break
@@ -68,10 +68,10 @@ def test_a_right_model_is_kept():
     arm, set_points = with_set_points()
     strong = ac.Limits.only(joint_torque=1e3).for_joints(2)
     for noise in (0.0, 1e-6, 1e-4):
-        done = ac.simulate(
+        execution = ac.simulate(
             set_points, ac.RigidBodyPlant(arm, SERVO, strong, controller=arm, noise=noise)
         )
-        lesson = ac.learn(set_points, done, arm=arm, servo=SERVO)
+        lesson = ac.learn(set_points, execution, arm=arm, servo=SERVO)
         assert lesson.misfits == (0.0, 0.0) and lesson.delay == 0.0
         np.testing.assert_array_equal(lesson.servo.kp, [25.0, 25.0])
 
@@ -107,8 +107,8 @@ def one_moves(servo, true, noise=1e-5):
     arm = rods()
     plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 0.9)]), arm, arm.limits)
     set_points = ac.compensate(plan, servo, ac.Inverse())
-    done = ac.simulate(set_points, ac.ServoPlant(arm, true, saturation="none"))
-    return ac.learn(set_points, log_of(done, noise), arm=arm, servo=servo)
+    execution = ac.simulate(set_points, ac.ServoPlant(arm, true, saturation="none"))
+    return ac.learn(set_points, log_of(execution, noise), arm=arm, servo=servo)
 
 
 def test_a_joint_that_stands_still_keeps_its_servo():
@@ -150,7 +150,7 @@ def test_learning_starts_from_any_servo(servo):
     robot = ac.ServoPlant(arm, ac.ServoModel(**LOOPS), saturation="none")
     errors = []
     for k in range(2):
-        done = ac.simulate(set_points, robot)
-        errors.append(ac.evaluate(done, set_points.trajectory.path).contour_error.rms)
-        set_points = ac.learn(set_points, log_of(done, 1e-5, k), arm=arm, servo=servo)
+        execution = ac.simulate(set_points, robot)
+        errors.append(ac.evaluate(execution, set_points.trajectory.path).contour_error.rms)
+        set_points = ac.learn(set_points, log_of(execution, 1e-5, k), arm=arm, servo=servo)
     assert errors[1] < max(errors[0] / 30, 2e-6)

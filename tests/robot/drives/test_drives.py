@@ -140,11 +140,11 @@ def test_without_masses_the_response_is_that_of_the_servo(options):
     change = 0.1 * np.sin(np.outer(T, [6.0, 9.0])) * np.sin(np.pi * T)[:, None]
     plan = ac.plan(ac.JointPath.spline([(0.1, 0.2), (0.4, 0.6)]), arm)
     data = SetPoints(cycle=CYCLE, q=change, trajectory=plan, method="none")
-    done = ac.simulate(data, ac.ServoPlant(arm, servo))
-    times = regular_times(0.0, done.t[-1], 1e-3)
+    execution = ac.simulate(data, ac.ServoPlant(arm, servo))
+    times = regular_times(0.0, execution.t[-1], 1e-3)
     response = respond_along(lambda t, order: 0 * t, times, arm, servo)
     q = response.to_torque(command_at(change, times, servo) * response.gain)
-    np.testing.assert_allclose(q, done.q[: len(times)], atol=2e-5)
+    np.testing.assert_allclose(q, execution.q[: len(times)], atol=2e-5)
 
 
 def test_weights_of_set_points_give_the_command():

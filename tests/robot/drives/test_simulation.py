@@ -58,17 +58,17 @@ def test_motion_with_friction_is_that_of_the_plant(arm, nominal, set_points, con
         "no feed-forward": {"gravity_feedforward": False},
     }
     options = options.get(controller, {})
-    done = executed(arm, set_points, **options)
+    execution = executed(arm, set_points, **options)
     drives = Drives(arm=arm, servo=SERVO, **options)
-    t = done.t[: len(set_points) * 4]
+    t = execution.t[: len(set_points) * 4]
     # Half a cycle of the drives, which keep their torque for 0.25 ms.
     lag = 1.25e-4
-    near = done.q[: len(t)] + 1e-3 * (t > 0.1)[:, None]
+    near = execution.q[: len(t)] + 1e-3 * (t > 0.1)[:, None]
     simulated = simulate(drives, commands(set_points, t - lag), t, near, lag=lag)
     command = commands(set_points, t)
-    moved = np.abs(command - done.q[: len(t)]).max()
+    moved = np.abs(command - execution.q[: len(t)]).max()
     assert moved > 5e-3
-    assert np.abs(simulated.q - done.q[: len(t)]).max() < 1e-3 * moved
+    assert np.abs(simulated.q - execution.q[: len(t)]).max() < 1e-3 * moved
     # Friction holds each joint for a while, and never exceeds what it can give.
     assert (np.abs(simulated.friction) <= COULOMB * (1 + 1e-12)).all()
     assert simulated.held.any(axis=0).all() and not simulated.held.all(axis=0).any()

@@ -49,7 +49,7 @@ def test_against_an_integrator(plan, gains, interpolation, limit):
         acceleration_limit=limit,
     )  # fmt: skip
     set_points = SetPoints(cycle=CYCLE, q=Q, trajectory=plan, method="none")
-    done = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=CYCLE)
+    execution = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=CYCLE)
     for j in range(2):
 
         def law(t, s, j=j, middle=0.0):
@@ -79,8 +79,8 @@ def test_against_an_integrator(plan, gains, interpolation, limit):
             if np.abs(T - b).min() < 1e-9 and b <= T[-1] + 1e-9:
                 positions.append(state[0])
         near = 2e-8 if np.isfinite(limit) else 1e-10
-        np.testing.assert_allclose(done.q[: len(T), j], positions[: len(T)], atol=near)
-        assert (done.saturated_time[j] > 0.02) == np.isfinite(limit)
+        np.testing.assert_allclose(execution.q[: len(T), j], positions[: len(T)], atol=near)
+        assert (execution.saturated_time[j] > 0.02) == np.isfinite(limit)
 
 
 @pytest.mark.parametrize("limit", [math.inf, 1.5])
@@ -93,7 +93,7 @@ def test_a_drive_with_a_cycle_is_its_program(plan, limit):
     )  # fmt: skip
     set_points = SetPoints(cycle=CYCLE, q=Q, trajectory=plan, method="none")
     # Results that fall in the middle of cycles.
-    done = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=CYCLE / 2)
+    execution = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=CYCLE / 2)
     for j in range(2):
         times = (np.arange(-2, 100)) * drive_cycle
         u = np.interp(times - dead_time, T, Q[:, j])
@@ -106,13 +106,13 @@ def test_a_drive_with_a_cycle_is_its_program(plan, limit):
             z = 80.0 * (error + 6.0 * x) + 0.3 * ddu[k] - rub
             a = np.clip(z, -limit, limit)
             x -= drive_cycle * (z - a) / 80.0
-            for t in np.arange(len(done.t)) * CYCLE / 2 - k * drive_cycle:
+            for t in np.arange(len(execution.t)) * CYCLE / 2 - k * drive_cycle:
                 if -1e-9 < t < drive_cycle - 1e-9:
                     positions.append(q + w * t + a * t * t / 2)
             q, w = q + w * drive_cycle + a * drive_cycle**2 / 2, w + a * drive_cycle
         n = min(len(positions), 2 * len(Q))
-        np.testing.assert_allclose(done.q[:n, j], positions[:n], atol=1e-12)
-        assert (done.saturated_time[j] > 0.02) == np.isfinite(limit)
+        np.testing.assert_allclose(execution.q[:n, j], positions[:n], atol=1e-12)
+        assert (execution.saturated_time[j] > 0.02) == np.isfinite(limit)
 
 
 @pytest.mark.parametrize("drive_cycle", [0.0, 4e-3])
@@ -125,9 +125,9 @@ def test_the_integrator_does_not_wind_up(plan, drive_cycle):
             servo = ac.ServoModel(
                 kp=4.0, kv=80.0, ki=ki, drive_cycle=drive_cycle, acceleration_limit=limit
             )
-            done = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=CYCLE)
-            assert (done.saturated_time > 0.2).all()
-            assert done.q.max() - 1 == pytest.approx(overshoot, abs=0.01)
+            execution = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=CYCLE)
+            assert (execution.saturated_time > 0.2).all()
+            assert execution.q.max() - 1 == pytest.approx(overshoot, abs=0.01)
 
 
 def test_results_between_samples_are_those_of_a_finer_run(plan):
@@ -163,12 +163,12 @@ def test_set_points_compensate_the_cascade(plan, interpolation, feed):
             velocity_feedforward=feed[0], acceleration_feedforward=feed[1], dead_time=6e-3,
         )  # fmt: skip
         set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=cycle)
-        done = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=1e-3)
-        inside = (done.t > 0) & (done.t < plan.duration)
-        errors.append(np.abs(done.q[inside] - plan(done.t[inside])).max())
+        execution = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=1e-3)
+        inside = (execution.t > 0) & (execution.t < plan.duration)
+        errors.append(np.abs(execution.q[inside] - plan(execution.t[inside])).max())
         if set_points.truncated is not None:
-            after = done.t > plan.duration
-            error = np.abs(done.q[after] - set_points.q[-1]).max(axis=0)
+            after = execution.t > plan.duration
+            error = np.abs(execution.q[after] - set_points.q[-1]).max(axis=0)
             assert (error < set_points.truncated).all() and (error > set_points.truncated / 3).any()
     assert errors[1] < 1.2 * errors[0] + 1e-9
     assert errors[2] < errors[1] / 3
@@ -188,9 +188,9 @@ def test_set_points_compensate_drives_with_a_cycle(plan, drive_cycle, feed):
             drive_cycle=drive_cycle,
         )
         set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=1e-3)
-        done = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=1e-3)
-        inside = (done.t > 0) & (done.t < plan.duration)
-        errors.append(np.abs(done.q[inside] - plan(done.t[inside])).max())
+        execution = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=1e-3)
+        inside = (execution.t > 0) & (execution.t < plan.duration)
+        errors.append(np.abs(execution.q[inside] - plan(execution.t[inside])).max())
     # Accelerations that are held for 8 ms are 20 µrad off between the cycles.
     assert (
         errors[1]
@@ -209,11 +209,11 @@ def test_response_is_that_of_a_sine():
     q = 0.01 * (np.sin(w * t) * ramp)[:, None] * [1.0, 0.5]
     rest = ac.Trajectory(laws=(ac.dwell_law(q[0], t[-1]),), method="rest")
     set_points = ac.SetPoints(cycle=1e-3, q=q, trajectory=rest, method="none")
-    done = ac.simulate(set_points, ac.ServoPlant(ARM, servo, ac.Limits()), resolution=1e-3)
+    execution = ac.simulate(set_points, ac.ServoPlant(ARM, servo, ac.Limits()), resolution=1e-3)
     settled = t > 1.9
     gain = servo.response([1j * w])[0, 0] * np.exp(1j * w * t[settled])
     # Acceleration feed-forward of lines is half an interval late, 1e-4 of the amplitude.
-    np.testing.assert_allclose(done.q[: len(t)][settled, 0], 0.01 * gain.imag, atol=2e-5)
+    np.testing.assert_allclose(execution.q[: len(t)][settled, 0], 0.01 * gain.imag, atol=2e-5)
     # The cascade settles as its slowest pole.
     poles = np.roots([1.0, 80.0, 80.0 * 18.0, 80.0 * 12.0 * 6.0])
     assert servo.slowest == pytest.approx(-poles.real.max(), rel=1e-9)

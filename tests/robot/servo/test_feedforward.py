@@ -75,7 +75,7 @@ def test_the_response_is_that_of_the_differential_equation(kind, limit, arm, pla
     servo = servo_of(kind)
     set_points = SetPoints(cycle=CYCLE, q=q, trajectory=plan, method="none")
     limits = None if first else ac.Limits(joint_acceleration=[limit, limit])
-    done = ac.simulate(set_points, ac.ServoPlant(arm, servo, limits), resolution=CYCLE)
+    execution = ac.simulate(set_points, ac.ServoPlant(arm, servo, limits), resolution=CYCLE)
     f, g = (float(getattr(servo, name)) for name in FEED)
     kp, kv = 20.0, 90.0
     edges = np.union1d(np.arange(30) * CYCLE, np.arange(30) * CYCLE + LATE)
@@ -96,10 +96,10 @@ def test_the_response_is_that_of_the_differential_equation(kind, limit, arm, pla
             state = step.y[:, -1]
             if np.abs(end / CYCLE - np.round(end / CYCLE)) < 1e-6:
                 positions.append(state[0])
-        n = min(len(positions), len(done.q))
+        n = min(len(positions), len(execution.q))
         assert n > 25
-        np.testing.assert_allclose(done.q[:n, j], positions[:n], atol=2e-8)
-    assert first or done.saturated.any() == (limit < 100)
+        np.testing.assert_allclose(execution.q[:n, j], positions[:n], atol=2e-8)
+    assert first or execution.saturated.any() == (limit < 100)
 
 
 def test_the_transfer_function():
@@ -128,16 +128,16 @@ def test_compensated_joints_follow_the_plan_as_well_as_without_feedforward(kind,
     plain = servo.replace(**dict.fromkeys(FEED, 0.0))
     errors, alone = [], []
     for model in (plain, servo):
-        set_points, done = follow(plan, arm, model, arm.limits, method)
-        inside = (done.t > 0) & (done.t < plan.duration)
-        errors.append(np.abs(done.q[inside] - plan(done.t[inside])).max())
+        set_points, execution = follow(plan, arm, model, arm.limits, method)
+        inside = (execution.t > 0) & (execution.t < plan.duration)
+        errors.append(np.abs(execution.q[inside] - plan(execution.t[inside])).max())
         # The motion starts and ends at rest, where the plan does.
         assert (set_points.q[0] == plan(0.0)).all() and (
             set_points.q[-1] == plan(plan.duration)
         ).all()
-        np.testing.assert_allclose(done.q[-1], plan(plan.duration), atol=1e-7)
-        _, done = follow(plan, arm, model.replace(dead_time=0.0), arm.limits, "none")
-        alone.append(np.abs(done.q - plan(np.clip(done.t, 0, plan.duration))).max())
+        np.testing.assert_allclose(execution.q[-1], plan(plan.duration), atol=1e-7)
+        _, execution = follow(plan, arm, model.replace(dead_time=0.0), arm.limits, "none")
+        alone.append(np.abs(execution.q - plan(np.clip(execution.t, 0, plan.duration))).max())
     # Lines have steps in their slope, which feed-forward follows.
     assert errors[1] < (2.5 if method == "inverse" else 1.01) * errors[0]
     # Without compensation, feed-forward leaves a small share of the deviation of the plain servo.
@@ -161,8 +161,8 @@ def test_rigid_bodies_follow_with_feedforward_and_its_compensation():
     servo, errors = ac.ServoModel(kp=25.0, kv=150.0, velocity_feedforward=1.0), []
     for method in ("inverse_dynamics", "none"):
         set_points = ac.compensate(plan, servo, METHODS[method](), arm=arm)
-        done = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo))
-        errors.append(ac.evaluate(done, path).contour_error.rms)
+        execution = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo))
+        errors.append(ac.evaluate(execution, path).contour_error.rms)
     assert errors[0] < min(1e-6, 0.1 * errors[1])
 
 
@@ -250,8 +250,8 @@ def test_the_inverse_of_a_lag_with_feedforward_is_never_worse_than_none(kp, arm,
         errors = []
         for method in ("inverse", "none"):
             set_points = ac.compensate(plan, servo, METHODS[method](), arm=arm)
-            done = ac.simulate(set_points, ac.ServoPlant(arm, servo))
-            errors.append(ac.evaluate(done, path).contour_error)
+            execution = ac.simulate(set_points, ac.ServoPlant(arm, servo))
+            errors.append(ac.evaluate(execution, path).contour_error)
         assert errors[0].rms < 0.1 * errors[1].rms
         assert errors[0].max < 0.5 * errors[1].max
 
@@ -276,8 +276,8 @@ def test_a_slow_transient_is_cut_off_with_a_bound_of_the_error_that_remains(kind
     assert set_points.t[-1] < 1.2 * plan.duration + 2 * CYCLE
     np.testing.assert_array_equal(set_points.q[-1], end)
     assert (np.abs(np.diff(set_points.q, axis=0)[-3:]) < 1e-2 * np.ptp(set_points.q, axis=0)).all()
-    done = ac.simulate(set_points, ac.ServoPlant(arm, servo), resolution=1e-3)
-    error = np.abs(done.q - end)[done.t > plan.duration + CYCLE].max(axis=0)
+    execution = ac.simulate(set_points, ac.ServoPlant(arm, servo), resolution=1e-3)
+    error = np.abs(execution.q - end)[execution.t > plan.duration + CYCLE].max(axis=0)
     assert (error > 1e-5).all()
     # The inverse has errors of its own, of interpolation.
     simulation_error = 1e-5 if kind != "held" else 2e-4

@@ -38,10 +38,10 @@ def test_each_joint_has_its_own_order(execute):
         acceleration_feedforward=(4e-3, 0.0),
         friction=(2e-4, 0.0),
     )
-    done = execute(servo)
+    execution = execute(servo)
     n = len(Q)
-    delayed = np.interp(done.t[:n] - dead_times[1], T, Q[:, 1])
-    np.testing.assert_allclose(done.q[:n, 1], delayed, atol=1e-12)
+    delayed = np.interp(execution.t[:n] - dead_times[1], T, Q[:, 1])
+    np.testing.assert_allclose(execution.q[:n, 1], delayed, atol=1e-12)
     state, positions = Q[0, 0], [Q[0, 0]]
     edges = np.union1d(T, np.arange(-2, n) * CYCLE + dead_times[0])
     for begin, end in zip(edges[2:-1], edges[3:], strict=True):
@@ -57,14 +57,14 @@ def test_each_joint_has_its_own_order(execute):
         state = solve_ivp(law, (begin, end), [state], rtol=1e-10, atol=1e-13).y[0, -1]
         if abs(end / CYCLE - round(end / CYCLE)) < 1e-6:
             positions.append(state)
-    np.testing.assert_allclose(done.q[: len(positions), 0], positions, atol=1e-10)
+    np.testing.assert_allclose(execution.q[: len(positions), 0], positions, atol=1e-10)
     assert len(positions) > 50
 
 
 def test_joints_without_a_model_follow_their_command(execute):
     servo = ac.ServoModel(order=("second", "unknown"), kp=(20.0, np.inf), kv=(90.0, np.inf))
-    done = execute(servo)
-    np.testing.assert_allclose(done.q[: len(Q), 1], Q[:, 1], atol=1e-12)
+    execution = execute(servo)
+    np.testing.assert_allclose(execution.q[: len(Q), 1], Q[:, 1], atol=1e-12)
 
 
 @pytest.mark.parametrize("drive_cycle", [1e-3, 8e-3])
@@ -78,7 +78,7 @@ def test_drives_hold_their_acceleration_for_a_cycle(drive_cycle, execute):
         drive_cycle=drive_cycle,
         acceleration_limit=(np.inf, limit),
     )
-    done = execute(servo)
+    execution = execute(servo)
     for j, bound in enumerate((np.inf, limit)):
         q, w, positions = Q[0, j], 0.0, []
         for m in range(int(T[-1] / drive_cycle)):
@@ -93,8 +93,8 @@ def test_drives_hold_their_acceleration_for_a_cycle(drive_cycle, execute):
             ):
                 positions.append(q + t * w + t * t * a / 2)
             q, w = q + drive_cycle * w + drive_cycle**2 * a / 2, w + drive_cycle * a
-        np.testing.assert_allclose(done.q[: len(positions), j], positions, atol=1e-12)
-        assert (done.saturated_time[j] > 0) == np.isfinite(bound)
+        np.testing.assert_allclose(execution.q[: len(positions), j], positions, atol=1e-12)
+        assert (execution.saturated_time[j] > 0) == np.isfinite(bound)
 
 
 def test_a_cycle_does_not_hold_back_joints_that_only_delay(execute):
@@ -102,19 +102,19 @@ def test_a_cycle_does_not_hold_back_joints_that_only_delay(execute):
     servo = ac.ServoModel(
         order=("delay", "first"), kp=(np.inf, 20.0), dead_time=(dead_time, 0.0), drive_cycle=1e-3
     )
-    done = execute(servo)
+    execution = execute(servo)
     n = len(Q)
-    np.testing.assert_allclose(done.q[:n, 0], np.interp(T - dead_time, T, Q[:, 0]), atol=1e-12)
+    np.testing.assert_allclose(execution.q[:n, 0], np.interp(T - dead_time, T, Q[:, 0]), atol=1e-12)
     q, positions = Q[0, 1], []
     for m in range(4 * (n - 1)):
         positions.append(q)
         q += 1e-3 * 20.0 * (np.interp(m * 1e-3, T, Q[:, 1]) - q)
-    np.testing.assert_allclose(done.q[: n - 1, 1], positions[::4], atol=1e-12)
+    np.testing.assert_allclose(execution.q[: n - 1, 1], positions[::4], atol=1e-12)
 
 
 def test_a_log_of_uneven_times_is_followed_as_by_the_plant(execute):
     servo = ac.ServoModel(kp=20.0, kv=90.0, dead_time=5.3e-3, velocity_feedforward=0.9)
-    done = execute(servo)
+    execution = execute(servo)
     more = np.sort(np.concatenate([T, T[:-1] + np.random.default_rng(0).uniform(0, CYCLE, 59)]))
     every = JointServo(
         kp=np.array([20.0, 5.0]), kv=90.0, velocity_feedforward=0.9, dead_time=5.3e-3
@@ -122,7 +122,7 @@ def test_a_log_of_uneven_times_is_followed_as_by_the_plant(execute):
     for j in range(2):
         command = LoggedCommand(more, np.interp(more, T, Q[:, j]))
         response = follow(command, every, Q[0, j], 0.0)[0]
-        np.testing.assert_allclose(response[np.isin(more, T)], done.q[: len(T), j], atol=1e-12)
+        np.testing.assert_allclose(response[np.isin(more, T)], execution.q[: len(T), j], atol=1e-12)
 
 
 @pytest.mark.parametrize("feed", [0.0, 0.9])
@@ -139,10 +139,12 @@ def test_set_points_compensate_the_cycle_of_drives(kind, feed):
             )
             set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=cycle)
             # What the joints do between cycles is not compensated.
-            done = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=cycle)
-            inside = (done.t > 0) & (done.t < plan.duration)
-            inside &= np.abs(done.t / 2e-3 - np.round(done.t / 2e-3)) < 1e-6
-            errors.append(np.abs(done.q - plan(np.clip(done.t, 0, plan.duration)))[inside].max())
+            execution = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=cycle)
+            inside = (execution.t > 0) & (execution.t < plan.duration)
+            inside &= np.abs(execution.t / 2e-3 - np.round(execution.t / 2e-3)) < 1e-6
+            errors.append(
+                np.abs(execution.q - plan(np.clip(execution.t, 0, plan.duration)))[inside].max()
+            )
         assert errors[1] < errors[0] + 3e-5
 
 
@@ -154,9 +156,9 @@ def test_jumps_of_acceleration_do_not_saturate_a_drive_with_a_cycle():
     plan = ac.plan(path, arm, limits, ac.Optimal(reserve=0.02))
     servo = ac.ServoModel(kp=25.0, kv=150.0, drive_cycle=1e-3)
     set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=CYCLE)
-    done = ac.simulate(set_points, ac.ServoPlant(arm, servo))
-    assert np.all(np.abs(done.demand) < limits.joint_acceleration)
-    assert ac.evaluate(done, path).contour_error.rms < 2e-8
+    execution = ac.simulate(set_points, ac.ServoPlant(arm, servo))
+    assert np.all(np.abs(execution.demand) < limits.joint_acceleration)
+    assert ac.evaluate(execution, path).contour_error.rms < 2e-8
 
 
 @pytest.mark.parametrize("feed", [0.0, 0.9])
@@ -170,9 +172,11 @@ def test_set_points_compensate_dry_dry_friction(kind, feed):
     for friction in (0.0, 1e-4):
         servo = ac.ServoModel(kp=20.0, velocity_feedforward=feed, friction=friction, **kind)
         set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=CYCLE)
-        done = ac.simulate(set_points, ac.ServoPlant(ARM, servo))
-        inside = (done.t > 0.1) & (done.t < plan.duration - 0.1)
-        errors.append(np.abs((done.q - plan(np.clip(done.t, 0, plan.duration)))[inside]).mean())
+        execution = ac.simulate(set_points, ac.ServoPlant(ARM, servo))
+        inside = (execution.t > 0.1) & (execution.t < plan.duration - 0.1)
+        errors.append(
+            np.abs((execution.q - plan(np.clip(execution.t, 0, plan.duration)))[inside]).mean()
+        )
     assert errors[1] < errors[0] + 0.1 * 1e-4
 
 

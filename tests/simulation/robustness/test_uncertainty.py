@@ -129,13 +129,13 @@ def test_a_spread_is_what_the_plant_does(planar, runs):
     load = ac.Payload(mass=0.9, center=arm.chain.payload.center)
     true_arm = arm.with_dynamics(payload=load)
     plant = ac.RigidBodyPlant(true_arm, servo.replace(kp=[26.25, 23.75]), LIMITS, **COARSE)
-    done = ac.simulate(set_points, plant, resolution=1e-3)
+    execution = ac.simulate(set_points, plant, resolution=1e-3)
     # A spread is of samples.
-    result = ac.evaluate(dataclasses.replace(done, plant=None), path)
+    result = ac.evaluate(dataclasses.replace(execution, plant=None), path)
     assert sampled.max[0] == pytest.approx(
         max(result.contour_error.max, result.coverage_error.max), rel=1e-9
     )
-    errors_at_tool = path.project(done.tool).distance
+    errors_at_tool = path.project(execution.tool).distance
     assert sampled.rms[0] == pytest.approx(np.sqrt(np.mean(errors_at_tool**2)), rel=1e-9)
     assert sampled.worst_deviations == {
         "payload": 0.4,
@@ -147,7 +147,9 @@ def test_a_spread_is_what_the_plant_does(planar, runs):
     # The same execution over time.
     ((t, errors_at_tool, tool),) = trace_on_bodies(runs, errors)
     assert (
-        errors_at_tool.max() == sampled.max[0] and (tool == done.tool).all() and (t == done.t).all()
+        errors_at_tool.max() == sampled.max[0]
+        and (tool == execution.tool).all()
+        and (t == execution.t).all()
     )
 
 

@@ -92,8 +92,8 @@ def identified():
         u += [0.0, -1.2, 1.4, -1.0, -1.5, 0.2]
         rest = ac.Trajectory(laws=(ac.dwell_law(u[0], t[-1]),), method="rest")
         set_points = ac.SetPoints(cycle=4e-3, q=u, trajectory=rest, method="shaking")
-        done = ac.simulate(set_points, robot)
-        q = np.stack([np.interp(t, done.t, x) for x in done.q.T], axis=1)
+        execution = ac.simulate(set_points, robot)
+        q = np.stack([np.interp(t, execution.t, x) for x in execution.q.T], axis=1)
         q += 1e-5 * random.standard_normal(q.shape)
         logs.append(ac.Log(t=t, command=u, measured=q, interpolation="linear"))
     return render_identification(ac.identify(logs))

@@ -65,7 +65,7 @@ def test_nothing_is_imported_from_the_folder(hostile, name):
     if name == "program":
         # Commands set it themselves.
         environment["NUMBA_CACHE_DIR"] = ""
-    done = subprocess.run(line, cwd=hostile, env=environment, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    outcome = subprocess.run(line, cwd=hostile, env=environment, capture_output=True, text=True)
+    assert outcome.returncode == 0, outcome.stderr
     assert not (hostile.parent / "imported").exists()
     assert not (hostile / "compiled").exists()

@@ -92,8 +92,8 @@ def test_compiled_code_is_interrupted(name, tmp_path):
 
 
 def test_an_ignored_signal_stays_ignored():
-    done = subprocess.run([sys.executable, "-c", IGNORES], capture_output=True, text=True)
-    assert done.stdout == "7\n", done.stderr
+    outcome = subprocess.run([sys.executable, "-c", IGNORES], capture_output=True, text=True)
+    assert outcome.stdout == "7\n", outcome.stderr
 
 
 def test_farewells_are_called_and_may_return_a_sentence(tmp_path):
@@ -130,9 +130,9 @@ def test_output_that_cannot_be_written_is_refused():
         pytest.skip("this system has no /dev/full")
     command = [sys.executable, "-m", "armcontour", "schema"]
     with open("/dev/full", "w") as stream:
-        done = subprocess.run(command, stdout=stream, stderr=subprocess.PIPE, text=True)
-    assert done.returncode == 1
-    assert done.stderr.startswith("Error: ") and done.stderr.count("\n") == 1
+        outcome = subprocess.run(command, stdout=stream, stderr=subprocess.PIPE, text=True)
+    assert outcome.returncode == 1
+    assert outcome.stderr.startswith("Error: ") and outcome.stderr.count("\n") == 1
 
 
 def test_a_pipe_that_ends_early_has_its_exit_code():

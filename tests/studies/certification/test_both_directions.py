@@ -46,14 +46,14 @@ def written(certificate):
 def test_the_tool_keeps_the_speed_of_every_segment(method):
     job = job_of_own_speeds(method)
     certificate = ac.certify(job)
-    done = executed(certificate)
+    execution = executed(certificate)
     # On a line along x the place is x; a tool that is off the path is somewhere as near as that.
-    x, distances = done.tool[:, 0], np.abs(done.tool[:, 1] - 0.2)
+    x, distances = execution.tool[:, 0], np.abs(execution.tool[:, 1] - 0.2)
     around = [np.searchsorted(ENDS[1:-1], y) for y in (x - distances, x + distances)]
     assigned = np.max([np.array(SPEEDS)[i] for i in around], axis=0)
-    assert (done.tool_speed / assigned).max() <= 1.001
+    assert (execution.tool_speed / assigned).max() <= 1.001
     # Nothing is held back needlessly far.
-    assert (done.tool_speed / assigned).max() > 0.999
+    assert (execution.tool_speed / assigned).max() > 0.999
     assert certificate.duration < 1.15 * certificate.uncertified.duration
     contour = written(certificate)
     assert contour["speed_ratio"] == certificate.contours[0].speed_ratio <= 1.001
