@@ -67,10 +67,10 @@ def test_tabs_of_laps_polylines_and_resumed_programs():
     plain = gaps(cut(CIRCLE, TWO))
     lap = CIRCLE.length
     # The overlap ends within the first tab of the fourth lap.
-    cut_program = cut(CIRCLE, TWO, passes=3, overlap=plain[0][0] + 5e-4)
+    cut_contour = cut(CIRCLE, TWO, passes=3, overlap=plain[0][0] + 5e-4)
     expected = [(a + k * lap, b + k * lap) for k in range(3) for a, b in plain]
-    np.testing.assert_allclose(gaps(cut_program), expected, atol=1e-12)
-    last = cut_program.events[-2]
+    np.testing.assert_allclose(gaps(cut_contour), expected, atol=1e-12)
+    last = cut_contour.events[-2]
     assert last.value is False and last.s == pytest.approx(3 * lap + plain[0][0], abs=1e-12)
     angles = np.linspace(0, 2 * np.pi, 361)
     path = Path.polyline(0.05 * np.column_stack([np.cos(angles), np.sin(angles)]))
