@@ -150,8 +150,8 @@ def batch(
         if remaining:
             if not isinstance(opened, InProcess):
                 # Otherwise several processes would compile the same functions.
-                for x in {x.dimension for x in parsed.bases}:
-                    warm("plane" if x == 2 else "space", compiling)
+                for dimension in {x.dimension for x in parsed.bases}:
+                    warm("plane" if dimension == 2 else "space", compiling)
             _work(parsed, remaining, opened, results, progress or (lambda tally: None))
         return Batch(plan=parsed, folder=results.folder, rows=results.finish())
 

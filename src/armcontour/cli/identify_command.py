@@ -20,16 +20,7 @@ DONE, DOUBTFUL, PROVISIONAL = 0, 1, 9
 
 
 def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
-    """Identify servos or an arm with masses, print the result, and return the exit code.
-
-    Args:
-        logs: CSV files, or bags of ROS.
-        options: Options of the command; the folder gets servo.yaml (if a joint has a model), with
-            masses robot.yaml, and report.html and summary.json.
-
-    Raises:
-        InvalidInput: A file or option that cannot be used.
-    """
+    """Identify servos or an arm with masses, print the result, and return the exit code."""
     from armcontour.cli.check_command import named_arm
     from armcontour.core.checks import raise_if
 

@@ -26,19 +26,7 @@ Study = TypeVar("Study", "JudgedStudy", "LearningStudy")
 
 
 def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -> None:
-    """Learn a run of a job from a log, or evaluate the log; print and write the result.
-
-    Args:
-        file: A job file, or a drawing.
-        job_options: Options that replace values of the job.
-        options: Options of the command. The folder gets summary.json and, unless the log is only
-            evaluated, the set-points of the next run and report.html.
-
-
-    Raises:
-        ArmContourError: An invalid job, or a log that is not of its set-points; then nothing is
-            written.
-    """
+    """Learn a run of a job from a log, or evaluate the log; print and write the result."""
     _refuse_missing(options)
     window = read_window(options.start, options.end)
     if options.judge_only:

@@ -94,13 +94,8 @@ def reduce_garbage_collection() -> None:
 
 
 def import_path(*refused: str) -> list[str]:
-    """Import path without relative folders, the current folder and further excluded folders.
-
-    Files in these folders could replace modules of Python and of libraries.
-
-    Args:
-        refused: Further excluded folders.
-    """
+    """Import path without relative folders, the current folder and further excluded folders."""
+    # Files in these folders could replace modules of Python and of libraries.
     package_parent = os.path.dirname(os.path.dirname(os.path.dirname(__file__)))
 
     def is_kept(folder: str) -> bool:
@@ -162,11 +157,7 @@ def serve() -> None:
 
 
 def tell(value: Any) -> None:
-    """Report a value to the parent process before the result.
-
-    Args:
-        value: The report, picklable. Only work of `ProcessPool.submit_reporting` may report.
-    """
+    """Report a picklable value to the parent of a `submit_reporting` call before the result."""
     if _Serving.answers is not None:
         _write(_Serving.answers, pickle.dumps((None, value)))
 
@@ -174,17 +165,7 @@ def tell(value: Any) -> None:
 def call(
     child: subprocess.Popen[bytes], work: Callable[[], Any], heard: Callable[[Any], None]
 ) -> Any:
-    """Run work in a child process, where its arrays are read-only.
-
-    Args:
-        child: The process.
-        work: The work, picklable.
-        heard: Called with each report of the process before its result.
-
-    Raises:
-        ProcessEnded: The process ended before it returned a result.
-        RuntimeError: The work failed.
-    """
+    """Run work in a child process, where its arrays are read-only; `heard` takes its reports."""
     assert child.stdin is not None and child.stdout is not None
     packed = pickle.dumps(pack(work))
     try:
@@ -213,10 +194,8 @@ def _write(pipe: IO[bytes], data: bytes) -> None:
 
 
 def pack(value: Any) -> Packed:
-    """Pickle a value; its arrays are read-only after `unpack`, like checked arrays.
-
-    Kernels are compiled for read-only arrays.
-    """
+    """Pickle a value; its arrays are read-only after `unpack`, like checked arrays."""
+    # Kernels are compiled for read-only arrays.
     buffers: list[pickle.PickleBuffer] = []
     data = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)
     return data, tuple(bytes(x.raw()) for x in buffers)

@@ -106,11 +106,7 @@ def robot_yaml(
 
 
 def robot_servo_yaml(identification: BodyIdentification) -> str:
-    """The key `servo` of a job file, with identified values.
-
-    Raises:
-        InvalidInput: A gain is neither specified nor identified.
-    """
+    """The key `servo` of a job file, with identified values."""
     servo = identification.servo_model()
     lines = [
         f"# Identified from {identification.source} by armcontour {__version__}: goes into a job "
@@ -130,11 +126,7 @@ def robot_servo_yaml(identification: BodyIdentification) -> str:
 
 
 def read_servo(file: FilePath, dof: int) -> ServoModel:
-    """The key `servo` of a YAML file, such as a job file or an identified servo.yaml.
-
-    Raises:
-        InvalidInput: Not YAML, no key `servo`, or values that make no servo.
-    """
+    """The key `servo` of a YAML file, such as a job file or an identified servo.yaml."""
     data = load(read_text(file, "servo file"), file.name)
     if not isinstance(data, dict) or not isinstance(data.get("servo"), dict):
         raise InvalidInput(
@@ -202,11 +194,7 @@ SINGLE = {
 
 
 def servo_yaml(identification: Identification) -> str:
-    """The key `servo` of a job file, with identified values.
-
-    Raises:
-        InvalidInput: The logs determine the servo of no joint.
-    """
+    """The key `servo` of a job file, with identified values."""
     servo = identification.servo_model()
     lines = [
         f"# Identified from {identification.source} by armcontour {__version__}: goes into a job "
@@ -220,11 +208,7 @@ def servo_yaml(identification: Identification) -> str:
 
 
 def servo_values(identification: Identification) -> dict[str, Any]:
-    """The values of the key `servo` of a job file, as `servo_yaml` writes them.
-
-    Raises:
-        InvalidInput: As `servo_yaml`.
-    """
+    """The values of the key `servo` of a job file, as `servo_yaml` writes them."""
     return dict(load(servo_yaml(identification), "servo")["servo"])
 
 

@@ -16,7 +16,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.file_access import read_text
 from armcontour.core.text import count_noun, list_some, show
-from armcontour.files.csv_table import MOST_NAMED, CsvTable, last_digit, read_table
+from armcontour.files.csv_table import MAX_NAMED, CsvTable, last_digit, read_table
 from armcontour.files.exports.table import (
     SetPointTable,
     check_export_cycle,
@@ -174,7 +174,7 @@ def _raise_other_joints(
     heading: str, joints: Sequence[str], joint_names: Sequence[str], title: str
 ) -> None:
     """Raise the error for joints with names that the arm does not have."""
-    have, arm = (list_some([show(x) for x in y], MOST_NAMED) for y in (joints, joint_names))
+    have, arm = (list_some([show(x) for x in y], MAX_NAMED) for y in (joints, joint_names))
     fix = "give the arm of the file with --arm"
     if len(joints) >= len(joint_names):
         fix = (
@@ -195,34 +195,19 @@ SAME_TIME = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoredRun:
-    """A run of a result folder, of `run`, `demo`, `certify` or `learn`.
-
-    Args:
-        folder: The result folder.
-        name: Name of the run.
-        title: Name of the job.
-        joint_names: Names of the joints.
-        cycle: Cycle, which is also the time between rows of the plan [s].
-        events: Events with their times from the start of the plan.
-        analog: Names of analog outputs, whose values a result does not have.
-        plain: Whether set-points are those of the plan, without compensation.
-    """
+    """A run of a result folder, of `run`, `demo`, `certify` or `learn`."""
 
     folder: FilePath
     name: str
     title: str
     joint_names: tuple[str, ...]
-    cycle: float
-    events: tuple[TimedEvent, ...]
-    analog: tuple[str, ...] = ()
-    plain: bool = False
+    cycle: float  # Cycle, which is also the time between rows of the plan [s]
+    events: tuple[TimedEvent, ...]  # Events with their times from the start of the plan
+    analog: tuple[str, ...] = ()  # Names of analog outputs, whose values a result does not have
+    plain: bool = False  # Whether set-points are those of the plan, without compensation
 
     def set_points(self, **options: Any) -> SetPointTable:
-        """The table of the set-points.
-
-        Raises:
-            InvalidInput: The file is missing or was changed, or as in `make_table`.
-        """
+        """The table of the set-points."""
         stored = self._read("set_points.csv")
         start = float(stored.t[0])
         return tabulate(
@@ -236,17 +221,7 @@ class StoredRun:
         )
 
     def reference(self, cycle: float | None = None, **options: Any) -> SetPointTable:
-        """The table of the plan, every `cycle`.
-
-        Args:
-            cycle: Time between samples [s], a whole multiple of the cycle, as the
-                result has no times between; the cycle by default.
-            options: As in `set_points`.
-
-        Raises:
-            InvalidInput: The file is missing or was changed, the cycle is no multiple or longer
-                than the motion, or as in `make_table`.
-        """
+        """The table of the plan, every `cycle`."""
         step = self.cycle if cycle is None else cycle
         every = round(step / self.cycle)
         if every < 1 or abs(step - every * self.cycle) > 1e-9 * step:
@@ -293,11 +268,7 @@ class StoredRun:
 
 
 def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
-    """Read a run of a result folder.
-
-    Raises:
-        InvalidInput: No result, no such run, or files that were changed.
-    """
+    """Read a run of a result folder."""
     location = FilePath(folder)
     file = verify_file(location, SUMMARY)
     try:

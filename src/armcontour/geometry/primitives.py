@@ -186,12 +186,13 @@ def _circle_through(
 def tabulate(segments: Iterable[Line | Arc]) -> Segments:
     """Lines and arcs as a table of segments."""
     listed = list(checks.check_sequence("segments of a path", segments, object, "Lines and Arcs"))
-    for i, x in enumerate(listed):
-        if not isinstance(x, (Line, Arc)):
+    for i, segment in enumerate(listed):
+        if not isinstance(segment, (Line, Arc)):
             raise InvalidInput(
-                f"Segment {i + 1} must be a Line or an Arc, not a {type(x).__name__}.", index=i
+                f"Segment {i + 1} must be a Line or an Arc, not a {type(segment).__name__}.",
+                index=i,
             )
-        checks.check_type(f"Segment {i + 1}", x.segment_limits, SegmentLimits)
+        checks.check_type(f"Segment {i + 1}", segment.segment_limits, SegmentLimits)
     rows = [_line(x, i) if isinstance(x, Line) else _arc(x, i) for i, x in enumerate(listed)]
     if not rows:
         raise InvalidInput("A path needs at least one segment.")

@@ -75,10 +75,7 @@ class JointPath(Checked):
         return format_table(
             f"Joint path: {number(self.length, 'm')}, {count_noun(self.dof, 'joint')}, "
             f"{count_noun(len(self.breaks) - 1, 'interval')}",
-            [
-                ("inner stops", f"{len(self.stops)}"),
-                *joint_rows(ends),
-            ],
+            [("inner stops", f"{len(self.stops)}"), *joint_rows(ends)],
         )
 
     __repr__ = short_repr

@@ -29,19 +29,11 @@ SINGULAR_MARGIN = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tube(Checked):
-    """A uniform round tube that replaces a link of unknown mass and inertia.
+    """A uniform round tube that replaces a link of unknown mass and inertia."""
 
-    Args:
-        outer_diameter: Outer diameter [m].
-        wall: Thickness of the wall [m].
-        density: Density of the material [kg/m³].
-
-    Raises:
-        InvalidInput: A value is not above zero, or the wall is thicker than the outer radius.
-    """
-
-    outer_diameter: Size
-    wall: Size
+    outer_diameter: Size  # Outer diameter [m]
+    wall: Size  # Thickness of the wall [m]
+    # Density of the material [kg/m³].
     density: Annotated[float, Quantity("kg/m^3", sign="positive")]
 
     def _check_together(self) -> None:

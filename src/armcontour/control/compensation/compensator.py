@@ -36,9 +36,6 @@ class CompensationOptions(Options):
             per joint. Set-points of a joint that exceeds one are the nearest ones within them (mean
             square), at rest at both ends of the plan; they begin earlier and end later by up to
             1 s. `SetPoints.limit_cost` is the error that this causes.
-
-    Raises:
-        InvalidInput: A value of the wrong type.
     """
 
     method: ClassVar[str]
@@ -72,9 +69,6 @@ class PolePlacement(CompensationOptions):
     Args:
         poles: Two regulator poles and the observer pole [1/s], (3,), or three per joint, (dof, 3);
             by default all joints lag as the one with the smallest K_v.
-
-    Raises:
-        InvalidInput: A value of the wrong type.
     """
 
     method = "pole_placement"
@@ -94,9 +88,6 @@ class InverseDynamics(CompensationOptions):
             a job the value of its experiment.
         controller: The arm model of the controller, for example without a payload that was
             identified later; by default the nominal arm.
-
-    Raises:
-        InvalidInput: A value of the wrong type.
     """
 
     method = "inverse_dynamics"
@@ -251,18 +242,7 @@ def _set_points(
 def set_point_count(
     duration: float, servo: ServoModel, cycle: float, options: CompensationOptions
 ) -> float:
-    """Approximate number of set-points of a motion.
-
-    Args:
-        duration: Duration of the motion [s].
-        servo: Servo model whose delay is compensated, with values per joint.
-        cycle: Cycle [s].
-        options: As in `compensate`.
-
-    Raises:
-        InvalidInput: The poles are not valid.
-        CompensationError: The poles are not stable.
-    """
+    """Approximate number of set-points of a motion."""
     total = duration
     if not isinstance(options, NoCompensation):
         total += float(servo.dead_time.max()) + cycle

@@ -69,7 +69,7 @@ UNITS = {
 # malicious.
 DEEPEST = 50
 EXPLODE = "explode it into lines and arcs in the CAD program"
-MOST_COPIES = 200_000
+MAX_COPIES = 200_000
 OFF, FROZEN = "off", "frozen"
 # Reasons for omitted entities.
 HIDDEN = "Skipped on layers that are off or frozen"
@@ -105,12 +105,10 @@ ADDRESS = re.compile(r"\(#\d+\)")
 def read_dxf(
     data: bytes, *, source: str, options: ReadOptions, progress: Progress | None = None
 ) -> Program:
-    """Read the contours of a DXF drawing.
-
-    Lines and arcs are kept; ellipses and splines become arcs within the chord tolerance. If all
-    points have z = 0, the program is in the plane, otherwise in space. A contour is named after
-    the handle of its first entity; in a block, the handle of the INSERT comes before.
-    """
+    """Read the contours of a DXF drawing."""
+    # Lines and arcs are kept; ellipses and splines become arcs within the chord tolerance. If all
+    # points have z = 0, the program is in the plane, otherwise in space. A contour is named after
+    # the handle of its first entity; in a block, the handle of the INSERT comes before.
     with silence_log(), np.errstate(all="ignore"):
         document, notes = open_document(data, source, skip=options.skips)
         walk = DxfWalk(document, partial(line_of_handle, data), source, options, progress)
@@ -158,15 +156,7 @@ def _flattened(entities: list[EntityOutlines], source: str) -> list[EntityOutlin
 
 
 class DxfWalk(Walk):
-    """Traversal of a document's entities, which records the entities that it omits.
-
-    Args:
-        document: ezdxf's document.
-        line_of: Returns the line of a handle in the file as text, such as " in line 12".
-        source: Name of the file.
-        options: Settings of the reader.
-        progress: Called from time to time with the share of the file that is read.
-    """
+    """Traversal of a document's entities, which records the entities that it omits."""
 
     part = " in its model space"
 
@@ -195,11 +185,7 @@ class DxfWalk(Walk):
         return f"has no contour on the layer {requested}: it has entities on {layers}"
 
     def shapes(self, unit: float) -> Iterator[EntityOutlines]:
-        """Yield the shapes of all entities of the model space, in the order of the document.
-
-        Args:
-            unit: Length of the drawing's unit [m].
-        """
+        """Yield the shapes of all entities of the model space, in the order of the document."""
         try:
             for layer in self.document.layers:
                 state = FROZEN if layer.is_frozen() else OFF if layer.is_off() else ""
@@ -319,8 +305,8 @@ class DxfWalk(Walk):
             raise Unreadable(f"places the block {called!r} in itself")
         if not block.inside:
             self._copies += self._copies_of(entity)
-            if self._copies > MOST_COPIES:
-                raise Unreadable(f"raises the number of copies of entities above {MOST_COPIES}")
+            if self._copies > MAX_COPIES:
+                raise Unreadable(f"raises the number of copies of entities above {MAX_COPIES}")
         base = np.array(tuple(content.block.dxf.base_point), dtype=np.float64)
         affine, offsets = insert_transforms(entity, base)
         columns = insert_grid(entity)[1]
@@ -411,11 +397,7 @@ def _is_mesh(entity: Any) -> bool:
 
 
 def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[str]]:
-    """Open the document in a DXF file.
-
-    Returns:
-        ezdxf's document, and a sentence on the damage if the file had to be repaired.
-    """
+    """The document in a DXF file, and a sentence on the damage if ezdxf had to repair it."""
     try:
         import ezdxf  # noqa: F401
     except ImportError:

@@ -85,11 +85,10 @@ def fraction_reporter(progress: Progress | None, source: str) -> Tell:
 
 @dataclass(slots=True)
 class Labels:
-    """Converts names of entities and layers to names that contours can have.
+    """Converts names of entities and layers to names that contours can have."""
 
-    A name that is too long is cut, and characters that are not printable become escapes: some CAD
-    programs write such names, and the user cannot change them. Different names stay different.
-    """
+    # A name that is too long is cut, and characters that are not printable become escapes: some CAD
+    # programs write such names, and the user cannot change them. Different names stay different.
 
     _changed: dict[str, str] = field(default_factory=dict)
     _alike: Counter[str] = field(default_factory=Counter)
@@ -143,7 +142,7 @@ def hex_of(red: int, green: int, blue: int) -> str:
 # two points. Such a drawing has a wrong unit.
 FARTHEST = 1e6
 # Largest number of a tool: tables have some hundred, and G-code eight digits at most.
-MOST_TOOLS = 99_999_999
+MAX_TOOLS = 99_999_999
 UNKNOWN = ("refuse", "skip")
 TEXTS = ("leave_out", "contours")
 # Share of the chord tolerance that arcs take where transitions between them take the rest.
@@ -291,16 +290,14 @@ class ReadOptions(Checked):
     def unscaled_tools(self) -> dict[int, float]:
         """Diameters of tools by their numbers, in metres of the file before it is scaled."""
         return {
-            checks.check_int("number of a tool", number, 0, MOST_TOOLS): diameter / self.scale
+            checks.check_int("number of a tool", number, 0, MAX_TOOLS): diameter / self.scale
             for number, diameter in (self.tools or {}).items()
         }
 
 
 def repair_vertices(program: Program, options: ReadOptions) -> Program:
-    """The program with vertices made tangent that rounded coordinates can have bent.
-
-    Contours with a tool orientation stay.
-    """
+    """The program with vertices made tangent that rounded coordinates can have bent."""
+    # Contours with a tool orientation stay.
     moves: list[Move] = list(program.moves)
     tolerances, changed = options.layer_tolerances, []
     for i, move in enumerate(moves):

@@ -47,9 +47,6 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
     the reading or m, speeds in that unit per second, angles in rad. Speed and tolerance of a row
     belong to the line that ends at the row. A new name in `contour` or `layer` starts a new
     contour.
-
-    Raises:
-        InvalidInput: A table of another form; names the line or row and the column.
     """
     table, notes = _read(data, source, options)
     values = _quantities(table, options)

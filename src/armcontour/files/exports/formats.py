@@ -289,10 +289,8 @@ def check_outputs(
 def write_destination(
     file: FilePath, write: Callable[[FilePath], None], *, folder: bool = False
 ) -> None:
-    """Write a file or folder to a temporary path, then move it to the destination.
-
-    If writing fails, an earlier file at the destination stays.
-    """
+    """Write a file or folder to a temporary path, then move it to the destination."""
+    # If writing fails, an earlier file at the destination stays.
     try:
         _check_destination(file, folder)
         staging.write_atomically(file, write)

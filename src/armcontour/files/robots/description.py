@@ -17,27 +17,16 @@ from armcontour.files.robots.tree import Joint, Tree
 from armcontour.robot.chain import Chain, check_inertia, join_bodies
 
 # Longest sequence of joints of which each mimics the next; grippers have about 3.
-MOST_MIMICS = 50
+MAX_MIMICS = 50
 # Largest number of held joints in a note.
-MOST_HELD = 8
+MAX_HELD = 8
 # Largest position, axis component, mass or inertia [SI]: products of larger numbers may overflow.
 LARGEST = 1e9
 TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 class Description:
-    """The part of a robot description that belongs to an arm.
-
-    Args:
-        tree: The robot description.
-        route: The joints from base to tip.
-        moving: The joints of the route that move.
-        locked: Positions of locked joints [rad or m].
-        base: Fixed link at the start of the arm.
-
-    Attributes:
-        notes: What is left out of the chain or held still beside it; filled by `chain`.
-    """
+    """The part of a robot description that belongs to an arm."""
 
     def __init__(
         self,
@@ -57,11 +46,7 @@ class Description:
         self._names = {joint.name for joint in moving}
 
     def chain(self) -> Chain:
-        """The chain of the moving joints, with the bodies that move with each joint.
-
-        Raises:
-            InvalidInput: A number that is none, or a joint that cannot be locked.
-        """
+        """The chain of the moving joints, with the bodies that move with each joint."""
         carried = self.carried()
         heavy = self._has_bodies(carried)
         self._note_held_joints()
@@ -92,14 +77,14 @@ class Description:
     def carried(self) -> dict[str, tuple[int, Frame]]:
         """Of every link: which link of the chain carries it, and its frame there."""
         number = {joint.name: k for k, joint in enumerate(self.moving, start=1)}
-        found = {self.base: (0, Frame())}
+        frames = {self.base: (0, Frame())}
         for joint in self.below:
             if joint.name in number:
-                found[joint.child] = number[joint.name], Frame()
+                frames[joint.child] = number[joint.name], Frame()
             else:
-                link, place = found[joint.parent]
-                found[joint.child] = link, place @ self._place(joint)
-        return found
+                link, place = frames[joint.parent]
+                frames[joint.child] = link, place @ self._place(joint)
+        return frames
 
     def _place(self, joint: Joint) -> Frame:
         """Frame of the link after a joint, locked or at 0, in the frame of the link before it."""
@@ -119,27 +104,26 @@ class Description:
         return place @ Frame(rotation=exp(along))
 
     def _locked_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
-        """Position of a locked joint: as given, as the mimicked joint requires, or nearest to 0.
-
-        Args:
-            joint: The joint.
-            mimics: Names of the joints that mimic this joint, directly or through others.
-        """
-        file, given = self.tree.file, self.locked.get(joint.name)
+        """Position of a locked joint: as given, as the mimicked joint requires, or nearest to 0."""
+        file, specified = self.tree.file, self.locked.get(joint.name)
         if joint.kind in ("fixed", "planar", "floating"):
-            if given is not None:
+            if specified is not None:
                 raise InvalidInput(
                     f"Joint {joint.name} of {file} is {joint.kind} and cannot be locked at a value."
                 )
             return 0.0
-        if joint.master is not None and given is None:
+        if joint.master is not None and specified is None:
             return self._mimicking_position(joint, (*mimics, joint.name))
-        value = 0.0 if given is None else checks.check_number(f"position of {joint.name}", given)
+        value = (
+            0.0
+            if specified is None
+            else checks.check_number(f"position of {joint.name}", specified)
+        )
         lower, upper = (joint.number("limit", key, file) for key in ("lower", "upper"))
         if joint.kind != "continuous" and lower is not None and upper is not None:
-            if given is None and lower <= upper:
+            if specified is None and lower <= upper:
                 return min(max(value, lower), upper)
-            if given is not None and not lower <= value <= upper:
+            if specified is not None and not lower <= value <= upper:
                 unit = _unit(joint)
                 raise InvalidInput(
                     f"Joint {joint.name} of {file} is locked at {value:g} {unit}, outside its "
@@ -151,7 +135,7 @@ class Description:
     def _mimicking_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
         """Position of a joint that mimics another joint; joints of the arm count as being at 0."""
         master = self.tree.joints.get(joint.master or "")
-        if master is None or master.name in mimics or len(mimics) > MOST_MIMICS:
+        if master is None or master.name in mimics or len(mimics) > MAX_MIMICS:
             raise InvalidInput(
                 f"Joint {joint.name} of {self.tree.file} mimics no joint that could move it."
             )
@@ -174,13 +158,13 @@ class Description:
         ]
         if held:
             self.notes.append(
-                f"joints beside the arm are held still, {list_some(held, MOST_HELD)}: other "
+                f"joints beside the arm are held still, {list_some(held, MAX_HELD)}: other "
                 "positions are given with locked= (in a job, arm.locked)"
             )
 
     def _follows_arm(self, joint: Joint) -> bool:
         """Whether a joint mimics a joint of the arm, directly or through other joints."""
-        for _ in range(MOST_MIMICS):
+        for _ in range(MAX_MIMICS):
             master = None if joint.name in self.locked else self.tree.joints.get(joint.master or "")
             if master is None:
                 return False
@@ -262,8 +246,8 @@ class Description:
     def _axis(self, joint: Joint) -> FloatArray:
         """Unit vector of a joint axis, (3,)."""
         where = f"Joint {joint.name} of {self.tree.file}"
-        found = joint.element.find("axis")
-        axis = three(where, "axis", "1 0 0" if found is None else found.get("xyz", "1 0 0"))
+        element = joint.element.find("axis")
+        axis = three(where, "axis", "1 0 0" if element is None else element.get("xyz", "1 0 0"))
         size = float(np.linalg.norm(axis))
         if size == 0:
             raise InvalidInput(f"{where} has an axis of length 0: give it a direction.")
@@ -287,27 +271,27 @@ def _unit(joint: Joint) -> str:
 
 def origin_of(element: ET.Element, where: str) -> tuple[FloatArray, FloatArray]:
     """Position [m] and roll, pitch, yaw [rad] of an element's origin."""
-    found = element.find("origin")
-    words = ["0 0 0"] * 2 if found is None else [found.get(x, "0 0 0") for x in ("xyz", "rpy")]
+    origin = element.find("origin")
+    words = ["0 0 0"] * 2 if origin is None else [origin.get(x, "0 0 0") for x in ("xyz", "rpy")]
     return three(where, "xyz", words[0]), three(where, "rpy", words[1])
 
 
 def attribute(where: str, element: ET.Element | None, tag: str, key: str) -> float:
     """A number in an attribute of an element."""
-    given = None if element is None else element.get(key)
-    value = plain_number(given)
+    text = None if element is None else element.get(key)
+    value = plain_number(text)
     if value is None or abs(value) > LARGEST:
         raise InvalidInput(
-            f"{where} needs a number as {key} of its {tag}, up to {LARGEST:g}, not {show(given)}."
+            f"{where} needs a number as {key} of its {tag}, up to {LARGEST:g}, not {show(text)}."
         )
     return value
 
 
-def three(where: str, what: str, words: str) -> FloatArray:
+def three(where: str, name: str, words: str) -> FloatArray:
     """Three numbers in the text of an attribute."""
-    found = np.array([plain_number(x) for x in words.split()], dtype=np.float64)
-    if found.shape != (3,) or not (np.abs(found) <= LARGEST).all():
+    numbers = np.array([plain_number(x) for x in words.split()], dtype=np.float64)
+    if numbers.shape != (3,) or not (np.abs(numbers) <= LARGEST).all():
         raise InvalidInput(
-            f"{where} needs three numbers as its {what}, up to {LARGEST:g}, not {show(words)}."
+            f"{where} needs three numbers as its {name}, up to {LARGEST:g}, not {show(words)}."
         )
-    return found
+    return numbers

@@ -21,9 +21,9 @@ from armcontour.core.text import plain_number, show
 from armcontour.files.robots.options import (
     ANY,
     DESCRIPTION,
+    MAX_CHARACTERS,
     MJCF,
     MODEL,
-    MOST_CHARACTERS,
     ArmOptions,
     check_options,
     is_description,
@@ -38,7 +38,7 @@ from armcontour.robot.scene import ArmShapes, LinkShape, Mesh
 from armcontour.robot.serial import SerialArm
 
 # Largest depth of derived arm files; a deeper chain refers to itself.
-MOST_DERIVED = 16
+MAX_DERIVED = 16
 UNITS = {
     "base": "m",
     "links": "m",
@@ -133,7 +133,7 @@ def _load(
         return arm_of_model(name, options) if is_model(name) else arm_of_mjcf(file, options)
     check_options(options, ANY, f"The arm {name}")
     derive = partial(_load, payload=payload, trust_xacro=trust_xacro, depth=depth + 1)
-    arm = _read(str(name), payload, derive if depth < MOST_DERIVED else None)
+    arm = _read(str(name), payload, derive if depth < MAX_DERIVED else None)
     if options.limits_file is None:
         return arm
     from armcontour.files.robots.joint_limits import limits_of, override, table_of
@@ -255,7 +255,7 @@ def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
     if not isinstance(joints, list) or not all(isinstance(x, str) for x in joints) or not joints:
         raise InvalidInput(f"{file}: joints must be the names of the joints.")
     for joint in joints:
-        checks.check_name(f"name of a joint of {file}", joint, longest=MOST_CHARACTERS)
+        checks.check_name(f"name of a joint of {file}", joint, longest=MAX_CHARACTERS)
     n = len(joints)
     values = _bodies(file, data, n)
     for key in PER_JOINT:
@@ -309,7 +309,7 @@ def _derived(
     arm = arm.with_dynamics(**changes)
     if "name" in data:
         name = str(data["name"])
-        checks.check_name(f"name of the arm of {file}", name, longest=MOST_CHARACTERS)
+        checks.check_name(f"name of the arm of {file}", name, longest=MAX_CHARACTERS)
         arm = arm.with_name(name)
     return arm
 
@@ -371,7 +371,7 @@ def _common(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
             f"{file}: unknown limit {sorted(unknown)[0]}: an arm has {', '.join(LIMITS)}."
         )
     name = str(data.get("name", file))
-    checks.check_name(f"name of the arm of {file}", name, longest=MOST_CHARACTERS)
+    checks.check_name(f"name of the arm of {file}", name, longest=MAX_CHARACTERS)
     hint = f"add joint_acceleration to the limits in {file}"
     return {
         "name": name,
@@ -452,7 +452,7 @@ def with_more_shapes(
 def _add(arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | None) -> ArmShapes:
     """The shapes of an arm and more of them."""
     # Imported here, because it loads the compiled code of motions.
-    from armcontour.verification.clearance.touching import exclude_touching
+    from armcontour.verification.clearance.distances import exclude_touching
 
     existing = arm.shapes or ArmShapes(shapes=())
     every = (*existing.shapes, *shapes)

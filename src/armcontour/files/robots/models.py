@@ -16,7 +16,7 @@ from armcontour.core.frames import Frame
 from armcontour.core.text import list_some
 from armcontour.files.robots.joint_limits import Table, limits_of, override
 from armcontour.files.robots.options import ArmOptions, locked_position
-from armcontour.files.robots.tree import MOST_NAMED
+from armcontour.files.robots.tree import MAX_NAMED
 from armcontour.files.robots.urdf import HINT, assume_accelerations
 from armcontour.robot.chain import Chain, join_bodies
 from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE
@@ -30,17 +30,7 @@ Body: TypeAlias = tuple[float, FloatArray, FloatArray]
 
 
 def arm_of_model(model: Any, options: ArmOptions) -> SerialArm:
-    """Make a serial arm from a `pinocchio.Model`: the joints between its universe and a frame.
-
-    Args:
-        model: The model.
-        options: Tip, limits and locked joints; other joints that do not move the tip are locked at
-            0.
-
-    Raises:
-        InvalidInput: pinocchio is not installed, there is no such frame or joint, or a joint of the
-            arm does not turn.
-    """
+    """Make a serial arm from a `pinocchio.Model`: the joints between its universe and a frame."""
     from armcontour.robot.dynamics import pinocchio
 
     pin, source, names = pinocchio(), "the model", list(model.names)
@@ -94,16 +84,7 @@ def arm_of_model(model: Any, options: ArmOptions) -> SerialArm:
 
 
 def arm_of_mjcf(file: FilePath, options: ArmOptions) -> SerialArm:
-    """Make a serial arm from an MJCF file: the joints between its world and a body or a site.
-
-    Args:
-        file: The file.
-        options: As in `arm_of_model`.
-
-    Raises:
-        InvalidInput: MuJoCo is not installed, the file is none of its models, there is no such body
-            or joint, or a joint of the arm does not turn.
-    """
+    """Make a serial arm from an MJCF file: the joints between its world and a body or a site."""
     mujoco, model = _read_mjcf(file)
     data, source = mujoco.MjData(model), str(file)
     names = [model.joint(j).name or f"joint {j + 1}" for j in range(model.njnt)]
@@ -186,23 +167,18 @@ def _read_mjcf(file: FilePath) -> tuple[Any, Any]:
 
 def _largest_torque(model: Any, j: int) -> float:
     """Largest torque of joint j of a model of MuJoCo [N m]."""
-    most = float(np.abs(model.jnt_actfrcrange[j]).min()) if model.jnt_actfrclimited[j] else np.inf
+    largest = (
+        float(np.abs(model.jnt_actfrcrange[j]).min()) if model.jnt_actfrclimited[j] else np.inf
+    )
     driven = (model.actuator_trntype == 0) & (model.actuator_trnid[:, 0] == j)
     for a in np.flatnonzero(driven & (model.actuator_forcelimited > 0)):
         force = np.abs(model.actuator_forcerange[a] * model.actuator_gear[a, 0]).min()
-        most = min(most, float(force))
-    return most
+        largest = min(largest, float(force))
+    return largest
 
 
 def _find_tip(names: list[str], others: list[str], source: str, options: ArmOptions) -> int:
-    """Index of the frame at the tip.
-
-    Args:
-        names: Names of all frames.
-        others: Names that a message does not list.
-        source: Where the model comes from.
-        options: The options.
-    """
+    """Index of the frame at the tip."""
     from armcontour.files.robots.tip import TOOL_FRAMES
 
     tip = options.tip
@@ -210,7 +186,7 @@ def _find_tip(names: list[str], others: list[str], source: str, options: ArmOpti
         tip = next((x for x in TOOL_FRAMES if x in names), None)
     if tip in names:
         return names.index(tip)
-    known = list_some([x for x in names if x not in others], MOST_NAMED)
+    known = list_some([x for x in names if x not in others], MAX_NAMED)
     raise InvalidInput(
         f"{source} has no frame {tip!r}: say which one is the tip with tip=, one of {known}."
         if tip is not None
@@ -224,7 +200,7 @@ def _locked(names: list[str], source: str, options: ArmOptions) -> list[int]:
         if name not in names:
             raise InvalidInput(
                 f"{source} has no joint {name!r} to be locked: its joints are "
-                f"{list_some(names, MOST_NAMED)}."
+                f"{list_some(names, MAX_NAMED)}."
             )
     return [names.index(x) for x in options.locked or ()]
 
@@ -248,18 +224,7 @@ def _arm(
     end: Frame,
     **others: Any,
 ) -> SerialArm:
-    """The arm of a model.
-
-    Args:
-        name: Name of the model.
-        source: Where it comes from.
-        options: The options.
-        values: Limits of the joints.
-        places: Frames of the joints at position 0 in the frame of the base.
-        links: Bodies that each joint carries, in the frame of the base.
-        end: Frame of the tip in the frame of the base.
-        others: More data of the chain.
-    """
+    """The arm of a model."""
     if not places:
         raise InvalidInput(f"No joint of {source} moves its tip: choose another tip.")
     inside = [x.inverse @ y for x, y in pairwise([Frame(), *places, end])]
@@ -280,8 +245,8 @@ def _arm(
     )
     table: Table = {x: [None] * len(chain) for x in (*JOINT_LIMITS, *JOINT_RANGE)}
     lacking = []
-    for key, given in values.items():
-        known = [float(x) if abs(x) < LARGEST else None for x in given]
+    for key, limit in values.items():
+        known = [float(x) if abs(x) < LARGEST else None for x in limit]
         if key in JOINT_RANGE:
             table[key] = known
         elif not all(known):

@@ -17,7 +17,7 @@ Value = str | int | float | bool
 # Endings of robot descriptions and of MJCF files.
 DESCRIPTIONS, MJCF = (".urdf", ".xacro"), (".xml", ".mjcf")
 # Longest name; some packages add prefixes to the names of joints and links.
-MOST_CHARACTERS = 1000
+MAX_CHARACTERS = 1000
 # Options that each kind of arm has.
 ANY = ("joint_limits", "srdf")
 MODEL = (*ANY, "tip", "locked")
@@ -78,10 +78,10 @@ def locked_position(options: ArmOptions, name: str, *, slides: bool) -> float:
 
 def check_options(options: ArmOptions, names: tuple[str, ...], arm: str) -> None:
     """Refuse options that an arm does not have."""
-    for x in fields(ArmOptions):
-        if x.name not in names and getattr(options, x.name):
-            files = ".urdf, .xacro and MJCF files" if x.name in MODEL else ".urdf and .xacro"
-            raise InvalidInput(f"{arm} has no option {x.name}, which is for {files}.")
+    for option in fields(ArmOptions):
+        if option.name not in names and getattr(options, option.name):
+            files = ".urdf, .xacro and MJCF files" if option.name in MODEL else ".urdf and .xacro"
+            raise InvalidInput(f"{arm} has no option {option.name}, which is for {files}.")
 
 
 def is_model(value: Any) -> bool:

@@ -24,21 +24,19 @@ from armcontour.files.robots.options import Value
 
 MARK = "package.xml"
 # Largest number of parent folders in which the package of a description is searched.
-MOST_UP = 4
+MAX_UP = 4
 # Largest number of folders in the search for one package.
-MOST_FOLDERS = 2000
+MAX_FOLDERS = 2000
 COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 NAME = re.compile(rb"<name>\s*([^<>]*?)\s*</name>")
 
 
 def find_near(folder: FilePath, name: str) -> FilePath | None:
-    """The nearest folder whose `package.xml` has a given name; None if there is none.
-
-    The search order is the package of the description, its sibling folders, the siblings of its
-    parent folder, and one level below them, as packages are located in a workspace of ROS.
-    """
+    """The nearest folder whose `package.xml` has a given name; None if there is none."""
+    # The search order is the package of the description, its sibling folders, the siblings of its
+    # parent folder, and one level below them, as packages are located in a workspace of ROS.
     for count, candidate in enumerate(_places(folder)):
-        if count >= MOST_FOLDERS:
+        if count >= MAX_FOLDERS:
             break
         if _name(candidate / MARK) == name:
             return candidate
@@ -47,7 +45,7 @@ def find_near(folder: FilePath, name: str) -> FilePath | None:
 
 def _places(folder: FilePath) -> Iterator[FilePath]:
     """The folders that may be a package, nearest first."""
-    near = (folder, *folder.parents[:MOST_UP])
+    near = (folder, *folder.parents[:MAX_UP])
     package = next((x for x in near if (x / MARK).is_file()), folder)
     yield package
     yield from _subfolders(package)
