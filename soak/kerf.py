@@ -22,6 +22,7 @@ from scipy.spatial import cKDTree
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
+from armcontour.program import Lead
 from soak import Outcome
 from soak.corners import Piece
 
@@ -335,20 +336,20 @@ def plate(rng: np.random.Generator, kerf: float) -> tuple[bytes, Part]:
     document.header["$INSUNITS"] = 4
     space, part = document.modelspace(), Part()
 
-    def add(vertices: Vertices, position: np.ndarray, closed: bool = True) -> None:
+    def add(vertices: Vertices, at: np.ndarray, closed: bool = True) -> None:
         layer = str(rng.choice(LAYERS))
         vertices = _turned(vertices) if closed and rng.random() < 0.5 else vertices
         angle = rng.uniform(0, 2 * np.pi) if closed and rng.random() < 0.7 else 0.0
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        line = sampled(vertices, closed) @ turn.T + position
+        line = sampled(vertices, closed) @ turn.T + at
         (part.closed if closed else part.opened).append(1e-3 * line + PLACE)
         # A block that is inserted, or a polyline in its place.
         if rng.random() < 0.4:
             block = document.blocks.new(f"B{len(document.blocks)}")
             block.add_lwpolyline(vertices, format="xyb", close=closed, dxfattribs={"layer": layer})
-            space.add_blockref(block.name, position, dxfattribs={"rotation": np.degrees(angle)})
+            space.add_blockref(block.name, at, dxfattribs={"rotation": np.degrees(angle)})
             return
-        moved = [(*(turn @ x[:2] + position), x[2]) for x in vertices]
+        moved = [(*(turn @ x[:2] + at), x[2]) for x in vertices]
         space.add_lwpolyline(moved, format="xyb", close=closed, dxfattribs={"layer": layer})
 
     columns, rows, cell = int(rng.integers(1, 4)), int(rng.integers(1, 3)), 24.0
@@ -434,12 +435,12 @@ def run_file(file: Path, kerf: float) -> tuple[str, Verdict | None]:
     Drawings of more than LONGEST are judged by the path that would be planned.
     """
     corners = np.concatenate(
-        [x.path.vertices for x in ac.read_path(file, ac.ReadOptions(flat=True)).contours]
+        [x.path.vertices for x in ac.read_path(file, ac.ReadOptions(ignore_z=True)).contours]
     )
     scale = min(1.0, LARGEST / float(np.ptp(corners, axis=0).max()))
     position = np.array(PLACE) - scale * corners.min(axis=0)
     drawing = ac.read_path(
-        file, ac.ReadOptions(flat=True, scale=scale), frame=ac.Frame(position=(*position, 0))
+        file, ac.ReadOptions(ignore_z=True, scale=scale), frame=ac.Frame(position=(*position, 0))
     )
     part = Part()
     for x in drawing.contours:
@@ -470,7 +471,7 @@ def run_plate(seed: int) -> tuple[str, Verdict | None]:
     length: float | None = 1e-3 * rng.uniform(0.3, 4) if rng.random() < 0.5 else None
     begin = str(rng.choice(["auto", "drawn"]))
     while True:
-        lead = None if length is None else ac.Lead(length=length, shape="arc")
+        lead = None if length is None else Lead(length=length, shape="arc")
         process = ac.Process(kerf=1e-3 * kerf, begin=begin, lead_in=lead, lead_out=lead)
         try:
             prepared = ac.prepare(drawing, process)

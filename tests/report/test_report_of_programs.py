@@ -267,7 +267,7 @@ def test_a_long_program_has_a_small_report(tmp_path, monkeypatch):
     "name, cell, path",
     [
         ("lettering.svg", "pmk3s", {}),
-        ("pocket.ngc", "pmk3s", {"flat": True}),
+        ("pocket.ngc", "pmk3s", {"ignore_z": True}),
         ("gasket.dxf", DRAWINGS / "laser.yaml", {"names": ["handle 33", "handle 38"]}),
     ],
 )

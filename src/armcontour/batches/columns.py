@@ -13,7 +13,7 @@ from armcontour.core.text import suggest
 from armcontour.jobs.place_search import UNITS
 
 # Kinds of work on each job: each of the first includes those before it; `PLACE` is separate.
-TEACH, RUN, CERTIFY = RISING = ("teach", "run", "certify")
+COMPENSATE, RUN, CERTIFY = RISING = ("compensate", "run", "certify")
 PLACE = "place"
 WORKS = (*RISING, PLACE)
 
@@ -38,7 +38,7 @@ ERRORS = ("contour_error", "objective_error", "tracking_error", "experiment.cont
 PLACED = {"duration": "s", "singular": "m/rad", "clearance": "m", "torque_margin": "1"}
 # Units of the rows by name, for the smallest work that computes them.
 ROWS: dict[str, dict[str, str]] = {
-    TEACH: {
+    COMPENSATE: {
         **{"duration": "s", "length": "m", "corner_error": "m", "full_stops.count": ""},
         "set_points": "",
     },
@@ -61,7 +61,7 @@ ROWS: dict[str, dict[str, str]] = {
 }
 COLUMNS = {x: Column(unit, since) for since, rows in ROWS.items() for x, unit in rows.items()}
 USUAL = {
-    TEACH: ("duration", "corner_error"),
+    COMPENSATE: ("duration", "corner_error"),
     RUN: ("duration", "contour_error.rms", "contour_error.max", "corner_error", "demand_ratio"),
     PLACE: (
         *(f"best.place.{x}" for x in UNITS),

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from armcontour.batches.columns import CERTIFY, COLUMNS, PLACE, TEACH, figures_of
+from armcontour.batches.columns import CERTIFY, COLUMNS, COMPENSATE, PLACE, figures_of
 from armcontour.batches.plan import Plan
 from armcontour.core import staging
 from armcontour.core.checks import FloatArray
@@ -89,7 +89,7 @@ def _do(work: str, job: Job, run: str | None) -> Any:
         return place(job, run=run, processes=1)
     from armcontour import jobs
 
-    return jobs.run(job, simulate=work != TEACH).runs[str(run)]
+    return jobs.run(job, simulate=work != COMPENSATE).runs[str(run)]
 
 
 ROWS, TABLE, REPORT = "results.jsonl", "results.parquet", "report.html"

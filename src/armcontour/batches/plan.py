@@ -64,8 +64,8 @@ class PlanModel:
     jobs: Annotated[list[str | DrawingModel], Field(min_length=1)] | None = None
     # Name of the run of the jobs; not needed if they have one run
     run: str | None = None
-    # Kind of work: `teach` plans and compensates, `run` also simulates, `certify` finds the fastest
-    # plan that satisfies the job's certificate, `place` finds the best placement
+    # Kind of work: `compensate` plans and compensates, `run` also simulates, `certify` finds the
+    # fastest plan that satisfies the job's certificate, `place` finds the best placement
     do: Annotated[str, Choice(WORKS)] = RUN
     # Values of keys of the jobs, by the keys with dots between them
     over: dict[str, Any] = field(default_factory=dict)
@@ -84,7 +84,7 @@ class Plan:
         name: Name of the plan.
         bases: Base jobs, without values of parameters.
         parameters: The parameters.
-        work: Kind of work: "teach", "run", "certify" or "place".
+        work: Kind of work: "compensate", "run", "certify" or "place".
         columns: Names of the stored figures.
         combine: "product" or "zip"; not used with samples.
         samples: Values of the sampled parameters, (n, sampled); None without samples.

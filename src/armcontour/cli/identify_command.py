@@ -41,7 +41,7 @@ def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
     if not arm.has_bodies and options.servo is None and options.gravity is None:
         return _identify_servos(logs, options, arm)
     for option, is_set in (
-        ("--predict", bool(options.predict)),
+        ("--validate", bool(options.validate)),
         ("--model", options.model != "auto"),
     ):
         raise_if(is_set, f"{option} is for joints without an arm: remove it or --arm.")
@@ -56,7 +56,7 @@ def _identify_servos(logs: list[FilePath], command: IdentifyOptions, arm: Arm | 
     from armcontour.core.result import Row
     from armcontour.files.robot_file import servo_yaml
 
-    unseen = [_read(log, command) for log in command.predict or []]
+    unseen = [_read(log, command) for log in command.validate or []]
     options = ServoFit(model=command.model, kinematics=arm, **_shared_options(command))
     samples = [_read(log, command) for log in logs]
     with search_progress("identifying") as progress:

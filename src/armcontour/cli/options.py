@@ -413,7 +413,7 @@ class IdentifyOptions(ArmOptions, WindowOptions):
         interpolation: Command between set-points: linear or step; by default determined from
             the log.
         longest_dead_time: Longest dead time in the search.
-        predict: Log to predict, which is not used otherwise; repeatable.
+        validate: Log on which the model is validated; it is not used otherwise; repeatable.
     """
 
     arm: Text = None
@@ -424,7 +424,7 @@ class IdentifyOptions(ArmOptions, WindowOptions):
     model: str = "auto"
     interpolation: Text = None
     longest_dead_time: str = "250 ms"
-    predict: list[FilePath] | None = None
+    validate: list[FilePath] | None = None
     force: Force = False
     open_report: Open = False
     as_json: AsJson = False

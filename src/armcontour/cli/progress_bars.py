@@ -103,7 +103,7 @@ def compiling_notice() -> Iterator[None]:
             subject = f"up to {name}" if name[:1].isdigit() else "functions"
             sys.stderr.write(
                 f"Compiling {subject}, once: no earlier command has needed all of them; "
-                "`armcontour warm` compiles everything in advance.\n"
+                "`armcontour compile` compiles everything in advance.\n"
             )
             sys.stderr.flush()
 

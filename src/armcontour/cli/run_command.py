@@ -29,7 +29,7 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
     """Run three runs of the paper's job and cut a plate with a UR5e; write one report of both."""
     # The results of the paper's job are in the folder itself, those of the plate in its subfolder.
     # An earlier result of the demo is replaced if its files did not change.
-    from armcontour.core.compilation import warm_for_run
+    from armcontour.core.compilation import compile_for_run
     from armcontour.files import ResultFolder, read_job
     from armcontour.files.result_folder import data_json
 
@@ -38,7 +38,7 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
         job_progress() as progress,
     ):
         jobs = {"": _compared_runs(), "plate/": read_job(library_file("plate.yaml"))}
-        with warm_for_run(None, progress):
+        with compile_for_run(None, progress):
             from armcontour.jobs import run, steps_of
             from armcontour.report import render_demo
 
@@ -94,7 +94,7 @@ def run_job(
 ) -> None:
     """Read a job, run it, and write its results."""
     # Heavy imports follow the checks, so that a wrong folder or job is rejected at once.
-    from armcontour.core.compilation import warm_for_run
+    from armcontour.core.compilation import compile_for_run
     from armcontour.core.errors import InvalidInput
     from armcontour.files import ResultFolder
     from armcontour.files.result_folder import data_json
@@ -106,7 +106,7 @@ def run_job(
         if exports:
             # An export that cannot be written is rejected before the run.
             rehearse(job, exports, folder.scratch)
-        with warm_for_run(job.arm.dimension, progress):
+        with compile_for_run(job.arm.dimension, progress):
             from armcontour.jobs import run, steps_of
             from armcontour.jobs.advice import STEP, advised, is_small
 

@@ -45,32 +45,32 @@ FAILURES = (ArmContourError, RuntimeError, OSError)
 MEMORY = 0.4e9
 
 
-class Warmed(NamedTuple):
-    """Result of `warm`."""
+class CompiledKernels(NamedTuple):
+    """Result of `compile_kernels`."""
 
     functions: int
     compiled: int  # Number of functions that this call compiled
     folder: FilePath
 
 
-def warm(kind: Which = "all", progress: Progress | None = None) -> Warmed:
+def compile_kernels(kind: Which = "all", progress: Progress | None = None) -> CompiledKernels:
     """Compile functions that are not compiled yet, in as many processes as the memory allows."""
     listed, compiled = read_list(kind), 0
-    if not _is_warm(kind):
+    if not _is_compiled(kind):
         order = Order(listed, progress)
         order.run_all()
         compiled = order.compiled
         _stamp(kind)
-    return Warmed(len(listed), compiled, _folder())
+    return CompiledKernels(len(listed), compiled, _folder())
 
 
 @contextmanager
-def warm_for_run(dimension: int | None, progress: Progress) -> Iterator[None]:
+def compile_for_run(dimension: int | None, progress: Progress) -> Iterator[None]:
     """Context in which other processes compile the functions of a usual run."""
     # The run waits if it needs a function that is not compiled; that function is compiled next. If
     # the other processes fail, the run compiles the function itself.
     kind: Which = "usual" if dimension is None else "plane" if dimension == 2 else "space"
-    if _is_warm(kind) or not can_start():
+    if _is_compiled(kind) or not can_start():
         yield
         return
 
@@ -264,7 +264,7 @@ def _state() -> str:
     return state.hexdigest()
 
 
-def _is_warm(kind: Which) -> bool:
+def _is_compiled(kind: Which) -> bool:
     """True if the functions have been compiled in this state."""
     with suppress(OSError):
         return (_folder() / f"compiled-{kind}.txt").read_text(encoding="utf-8") == _state()

@@ -33,6 +33,10 @@ class Frame(Value):
         table = Frame((0.5, 0.0, 0.1))
         flipped = Frame((0.4, 0.0, 0.3), Rotation.from_euler("x", 180, degrees=True))
 
+    >>> table = ac.Frame(position=(0.4, 0.0, 0.1))
+    >>> table.position
+    array([0.4, 0. , 0.1])
+
     Args:
         position: Origin of the frame [m], (3,); or the whole frame as a homogeneous transform,
             (4, 4), or a pinocchio.SE3.

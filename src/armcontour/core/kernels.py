@@ -168,7 +168,7 @@ class _Listener(event.Listener):
             self._logged = True
             logging.getLogger(PACKAGE).warning(
                 "armcontour compiles the functions of this job that were not compiled yet, which "
-                "may take a minute or two. `armcontour warm` compiles all, on all processors."
+                "may take a minute or two. `armcontour compile` compiles all, on all processors."
             )
 
 

@@ -52,6 +52,10 @@ def read_job(
 ) -> Job:
     """Read a job from a YAML file.
 
+    >>> job = ac.read_job("job.yaml")
+    >>> job.name
+    'corner'
+
     Args:
         file: The file.
         patch: Values by keys that replace the file's own, such as {("limits", "speed"): 0.2}.

@@ -284,8 +284,10 @@ class PathModel(ReadOptions):
     file: str | None = None
     frame: Annotated[
         FrameModel | None,
-        About("--at", POSITION, "Origin of the drawing: '300 mm, 0 mm'.", "to_point", "position"),
-        About("--turn", POSITION, "Roll, pitch, yaw: '0, 0, 90 deg'.", "to_quantities", "rpy"),
+        About(
+            "--position", POSITION, "Origin of the drawing: '300 mm, 0 mm'.", "to_point", "position"
+        ),
+        About("--rpy", POSITION, "Roll, pitch, yaw: '0, 0, 90 deg'.", "to_quantities", "rpy"),
     ] = None
     repeat: RepeatModel | None = None
     tool: Annotated[str | None, About("--only-tool", POSITION)] = None

@@ -62,6 +62,10 @@ def read_log(
     Of a bag, of storage mcap or sqlite3, the state of a joint trajectory controller is read: its
     reference (or desired) and feedback (or actual) positions. Its times begin at zero.
 
+    >>> log = ac.read_log("log.csv")
+    >>> log.measured.shape == (len(log.t), 1)
+    True
+
     Args:
         file: The file: `.mcap`, `.db3` or a folder for ROS, else CSV.
         start: First time to use [s].

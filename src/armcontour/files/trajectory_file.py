@@ -64,6 +64,10 @@ def read_trajectory(
     A bag, of storage mcap or sqlite3, is a folder or one file. Of its messages, a JointTrajectory
     is read; else what a controller's state or JointStates have measured.
 
+    >>> samples = ac.read_trajectory("motion.csv")
+    >>> samples.q.shape == (len(samples.t), 2)
+    True
+
     Args:
         file: The file: `.yaml`, `.mcap`, `.db3` or a folder for ROS, else CSV.
         joint_names: Other names of joint 1, 2, ...: alone for positions, or after `q`, `dq`, `ddq`.

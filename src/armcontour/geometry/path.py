@@ -38,6 +38,10 @@ class Path(Checked):
     Rounding and smoothing insert transitions, along which the curvature changes. Splines consist of
     transitions. Make a path with `polyline`, `spline` or `from_segments`.
 
+    >>> line = ac.Path.polyline([(0.0, 0.0), (0.3, 0.0), (0.3, 0.4)])
+    >>> line.length, line(0.1), line(0.1, 1)
+    (0.7, array([0.1, 0. ]), array([1., 0.]))
+
     Args:
         segments: Table of the n lines, arcs and transitions, with columns that are properties of
             the path.

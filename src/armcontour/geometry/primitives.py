@@ -21,6 +21,10 @@ from armcontour.geometry.segments import Segments
 class SegmentLimits(Checked):
     """Process requirements of one segment; stricter limits of the job override them.
 
+    >>> slow = ac.SegmentLimits(speed=0.02, tag="slow")
+    >>> ac.Line((0.0, 0.0), (0.1, 0.0), segment_limits=slow).segment_limits.speed
+    0.02
+
     Args:
         speed: Assigned velocity on the segment [m/s].
         tolerance: Largest corner error at the segment's ends [m].
@@ -54,6 +58,10 @@ NO_LIMITS = SegmentLimits()
 class Line:
     """A straight segment from `start` to `end` [m].
 
+    >>> line = ac.Line((0.30, 0.20), (0.33, 0.20))
+    >>> round(ac.Path.from_segments([line]).length, 6)
+    0.03
+
     Args:
         start: First point [m], 2 or 3 coordinates.
         end: Last point [m], same number of coordinates.
@@ -69,6 +77,10 @@ class Line:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arc:
     """A circular segment from `start` around `center` [m].
+
+    >>> quarter = ac.Arc((1.0, 0.0), (0.0, 0.0), np.pi / 2)
+    >>> round(ac.Path.from_segments([quarter]).length, 3)
+    1.571
 
     Args:
         start: First point [m], 2 or 3 coordinates.

@@ -61,6 +61,9 @@ TANGENT, CURVATURE = CONTINUITIES
 class Rounding(Checked):
     """Rounding of corners: by `tolerance`, or by `speed` and `acceleration`.
 
+    >>> ac.Rounding(tolerance=1e-3).shape
+    'arc'
+
     Args:
         shape: "arc" rounds corners with arcs; "free" finds, for the limits of the run, the fastest
             path whose points are all within the tolerance of the objective, corners and lines
@@ -215,6 +218,10 @@ OF_FREE = ("line_tolerance", "zone", "iterations")
 class Run(Checked):
     """A run: limits and methods for one plan of the job, to be compared with other runs.
 
+    >>> job = ac.read_job("job.yaml")
+    >>> job.runs[0].name, job.runs[0].cycle
+    ('only', 0.01)
+
     Args:
         name: Key of the run in the study.
         limits: Limits of this run.
@@ -307,6 +314,10 @@ class Job(Checked):
     """A path, an arm, a servo, and the runs to compare.
 
     Its `program` is the path as a program; runs add leads, overlaps and events of the process.
+
+    >>> job = ac.read_job("job.yaml")
+    >>> job.arm.name, [run.name for run in job.runs]
+    ('PMK-3s', ['only'])
 
     Args:
         name: Short name.

@@ -160,6 +160,10 @@ OFF = "Position error of the part, whose worst corner counts: 'x: 2 mm'; 0 takes
 class PlaceSearch(Checked):
     """Options of a placement: the grid of positions, the objective and the uncertainty.
 
+    >>> search = ac.PlaceSearch(over={"x": (-0.01, 0.01, 3)}, objective="duration")
+    >>> search.objective
+    'duration'
+
     Args:
         over: The axes of the grid, each with its first value, its last value and the number of
             values: "x", "y" and "z" [m], "yaw" about z and "tilt" about y of the turned part [rad],

@@ -172,7 +172,7 @@ def _remedy(job: Job, points: _PathPoints, away: FloatArray, rapid: bool) -> str
     if shift is None:
         return f"{lower}move the part or the arm{free}; armcontour place finds a position"
     return (
-        f"{lower}move the part by {_place(shift)} (path.frame, --at), which brings all "
+        f"{lower}move the part by {_place(shift)} (path.frame, --position), which brings all "
         f"{'rapids' if rapid else 'contours'} into reach{free}, or let armcontour place find the "
         "best position"
     )

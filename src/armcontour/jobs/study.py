@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from armcontour.control.compensation import NoCompensation
-from armcontour.control.compensation.compensator import teach
+from armcontour.control.compensation.compensator import unchecked_set_points
 from armcontour.core.errors import ExecutionError, error_context
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
@@ -38,6 +38,10 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
     """Execute every run of a job, from the objective path to the evaluation.
 
     If the joints of an experiment do not come to rest, the error is the `failure` of its run.
+
+    >>> study = ac.run(ac.read_job("job.yaml"))
+    >>> list(study.runs)
+    ['only']
 
     Args:
         job: The job.
@@ -112,7 +116,9 @@ def _simulate(
 
 def compute_set_points(job: Job, run: Run, trajectory: Trajectory) -> SetPoints:
     """Compensate the plan of a run for the servo's delay."""
-    return teach(trajectory, job.servo, run.compensation, cycle=run.cycle, arm=job.arm)
+    return unchecked_set_points(
+        trajectory, job.servo, run.compensation, cycle=run.cycle, arm=job.arm
+    )
 
 
 def simulate_run(job: Job, set_points: SetPoints, plant: RigidBodyPlant | None = None) -> Execution:

@@ -46,6 +46,9 @@ class Between(Protocol):
 class Execution(Checked):
     """Motion of the joints of a plant, from the first set-point until rest.
 
+    >>> executed.q.shape == (len(executed.t), arm.dof)
+    True
+
     Args:
         arm: The arm that moved.
         set_points: The set-points that the plant executed.
@@ -305,6 +308,9 @@ class LimitCost(Checked):
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SetPoints(Checked):
     """Joint set-points at regular times.
+
+    >>> set_points.q.shape == (len(set_points.t), arm.dof), set_points.cycle
+    (True, 0.004)
 
     Args:
         cycle: Cycle [s].

@@ -132,6 +132,10 @@ class LapLaw(Law):
 def dwell_law(q: FloatArray, duration: Interval) -> LapLaw:
     """The law of joints at rest.
 
+    >>> rest = ac.dwell_law(np.array([0.1, 1.0]), 0.5)
+    >>> ac.Trajectory(laws=(rest,), method="rest").duration
+    0.5
+
     Args:
         q: Joint positions [rad], (dof,).
         duration: Duration of the rest [s].

@@ -34,6 +34,10 @@ class Log(Checked):
 
     A log may have gaps, as from lost packets, in which the commands are unknown.
 
+    >>> t = np.arange(250) * 4e-3
+    >>> ac.Log(t=t, command=np.sin(t)[:, None], measured=np.sin(t - 0.01)[:, None]).dof
+    1
+
     Args:
         t: Times [s], increasing, (n,).
         command: Set-points [rad], (n, dof).

@@ -151,6 +151,10 @@ def to_columns(samples: Any) -> dict[str, FloatArray]:
 class Trajectory(Checked):
     """Joint positions over time, made of consecutive time laws; two-sided at breaks.
 
+    >>> q, dq = planned(0.1), planned(0.1, 1)
+    >>> planned.sample(0.01).q.shape[1]
+    2
+
     Args:
         laws: The time laws in order.
         method: Name of the planning method; a `Method` if it is one of these.

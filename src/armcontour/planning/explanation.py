@@ -254,6 +254,9 @@ def explain(
 ) -> Explanation:
     """Determine the active limit at each point of a plan of the method "optimal" or "shaped".
 
+    >>> ac.explain(planned, arm, limits)
+    Explanation(joint 2 acceleration 74%, centripetal acceleration 16%, ...)
+
     Args:
         trajectory: The plan.
         arm: The arm that the plan was made for, or any object with its `dof` and `limits`.

@@ -80,6 +80,10 @@ class Optimal(PlanOptions):
 
     The method computes the fastest timing that satisfies every limit.
 
+    >>> slow = ac.plan(path, arm, limits, ac.Optimal(duration=2.0))
+    >>> round(slow.duration, 6)
+    2.0
+
     Args:
         duration: Required duration [s]. All contours are slowed down by one factor; rapids and
             dwells are not. By default the motion is the fastest.
@@ -122,6 +126,10 @@ class Shaped(PlanOptions):
     """Options of the method "shaped", in addition to those of `PlanOptions`.
 
     The method finds the fastest path within a tolerance of the given path.
+
+    >>> options = ac.Shaped(tolerance=1e-3, iterations=1)
+    >>> ac.plan(objective, arm, limits, options).duration < planned.duration
+    True
 
     Args:
         tolerance: Largest distance of the path from the objective, and of the vertices of the
@@ -180,6 +188,10 @@ class Shaped(PlanOptions):
 class Paper(PlanOptions):
     """Options of the paper's method for lines and arcs, in addition to those of `PlanOptions`.
 
+    >>> straight = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20)])
+    >>> ac.plan(straight, arm, limits, ac.Paper(knots=10)).method
+    <Method.PAPER: 'paper'>
+
     Args:
         knots: Laps of equal length per line. By default the distance between knots is at most the
             travel of the tool in one cycle at the assigned velocity. A lap next to a rest is
@@ -201,7 +213,12 @@ class Paper(PlanOptions):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Conventional(PlanOptions):
-    """Options of uniform speed along the raw path, as in the paper; those of `PlanOptions`."""
+    """Options of uniform speed along the raw path, as in the paper; those of `PlanOptions`.
+
+    >>> straight = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20)])
+    >>> ac.plan(straight, arm, limits, ac.Conventional()).method
+    <Method.CONVENTIONAL: 'conventional'>
+    """
 
     method = Method.CONVENTIONAL
 

@@ -50,6 +50,10 @@ def plan(
 ) -> Trajectory:
     """Compute the realizable trajectory of a path or a program.
 
+    >>> trajectory = ac.plan(path, arm, limits, ac.Optimal(reserve=0.05))
+    >>> trajectory.duration > planned.duration
+    True
+
     Args:
         path: A tool path or a program, which is traced first; or a joint path or a tracing.
         arm: The arm, or any object with the `dof` and `limits` of an arm, to time a joint path. A

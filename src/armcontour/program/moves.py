@@ -59,6 +59,10 @@ MAX_SEGMENTS = 1_000_000
 class Event(Checked):
     """An output that is switched at a position of a contour, or while the tool is at rest.
 
+    >>> laser = ac.Event("laser", True, s=0.01, lead_time=0.02)
+    >>> ac.Contour(path=path, events=(laser,)).events[0].name
+    'laser'
+
     Args:
         name: Name of the output, such as "tool", "spindle", "laser" or "coolant".
         value: The new value of the output; True and False are on and off.
@@ -89,6 +93,10 @@ class Event(Checked):
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Contour(Checked):
     """A path along which the process is on.
+
+    >>> contour = ac.Contour(path=path, layer="CUT")
+    >>> round(contour.path.length, 4)
+    0.059
 
     Args:
         path: The path.
@@ -200,6 +208,10 @@ def _checked_spacing(name: str, spacing: float | None, copies: int) -> float:
 class Rapid(Checked):
     """A positioning motion with the tool off, at the arm's limits.
 
+    >>> moves = ac.Contour(path=path), ac.Rapid(), ac.Contour(path=path)
+    >>> ac.plan(ac.Program(moves=moves), arm, limits).duration > 2 * planned.duration
+    True
+
     Args:
         path: Path of the tool; None moves every joint directly to its target.
 
@@ -215,6 +227,9 @@ class Rapid(Checked):
 class Dwell(Checked):
     """A time during which the tool is at rest.
 
+    >>> ac.Dwell(0.5).duration
+    0.5
+
     Args:
         duration: The duration [s].
     """
@@ -229,6 +244,10 @@ Move = Contour | Rapid | Dwell | Event
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Program(Checked):
     """Moves in order; rapids between contours that do not meet are added by the planner.
+
+    >>> program = ac.Program(moves=(ac.Contour(path=path), ac.Dwell(0.5)))
+    >>> len(program.contours), round(program.length, 4)
+    (1, 0.059)
 
     Args:
         moves: The moves.

@@ -52,6 +52,10 @@ def prepare(
 ) -> Program:
     """The program with start points, leads, overlaps, approaches and events of the process.
 
+    >>> part = ac.Program(moves=(ac.Contour(path=path),))
+    >>> [type(move).__name__ for move in ac.prepare(part, ac.Process(dwell=0.2)).moves]
+    ['Dwell', 'Contour']
+
     Args:
         program: The program as drawn, or a path.
         process: Requirements of the process.

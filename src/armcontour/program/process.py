@@ -229,6 +229,10 @@ class LayerProcess:
 class Process(Checked):
     """Requirements of a process that are added to the contours of a program.
 
+    >>> cut = ac.Process(overlap=1e-3, order="inside_first")
+    >>> cut.overlap
+    0.001
+
     Args:
         begin: Start point of closed contours. "drawn" keeps it. "auto" keeps it unless it is a
             corner; then it is moved to the middle of the longest segment, so all corners are

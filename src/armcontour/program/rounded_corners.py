@@ -58,6 +58,10 @@ def round_corners(
     A corner needs `tolerance` (case II), or `speed` and `acceleration` (case I).
     `armcontour.geometry.round_corners` describes both cases.
 
+    >>> rounded = ac.round_corners(objective, tolerance=1e-3)
+    >>> rounded.length < objective.length
+    True
+
     Args:
         path: The objective path, or the program.
         tolerance: Largest corner error [m]. This and the next two arguments are one value for all

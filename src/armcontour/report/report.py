@@ -119,6 +119,8 @@ def write_report(
         write_report(evaluate(executed, path), "report.html")
         write_report(planned, "plan.html")
 
+    >>> ac.write_report(ac.run(ac.read_job("job.yaml")), "report.html")
+
     Args:
         study: A study, the result of a run, an evaluation, an execution or a trajectory; the report
             has the sections that apply to it.

@@ -133,6 +133,11 @@ class Arm(Immutable, ABC):
     each, and return tool vectors, (..., dimension). An arm is immutable; `with_limits` and similar
     methods return another one.
 
+    >>> arm.name, arm.dof, arm.dimension
+    ('PMK-3s', 2, 2)
+    >>> arm.forward([0.0, 0.0])[:2, 3]
+    array([0.135, 0.465])
+
     Attributes:
         name: Name of the arm, for messages and reports.
         joint_names: One name per joint.

@@ -37,6 +37,10 @@ LENGTH, INERTIA = Quantity("m"), Quantity("kg m^2")
 class Payload(Checked):
     """A load at the tool, in the frame of the chain's tip.
 
+    >>> payload = ac.Payload(mass=2.0, center=(0.0, 0.0, 0.05))
+    >>> arm.with_dynamics(payload=payload).has_bodies
+    True
+
     Args:
         mass: Mass of the load [kg].
         center: Centre of mass of the load [m], (3,).

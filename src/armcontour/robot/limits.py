@@ -47,6 +47,11 @@ class Limits(Checked):
     Limits replace those of an arm value by value: None keeps the arm's limit, infinity lifts it. A
     lifted limit has the value None, too, and its name is in `lifted`.
 
+    >>> limits.replace(speed=0.05).speed
+    0.05
+    >>> ac.Limits.only(joint_velocity=1.5).joint_velocity
+    array(1.5)
+
     Args:
         joint_acceleration: Largest absolute acceleration of each joint [rad/s²], (dof,); or
             negative lower bounds and upper bounds, (dof, 2).

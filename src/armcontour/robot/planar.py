@@ -68,6 +68,10 @@ class PlanarTwoLink(ChainArm):
     The plane is z = 0 of the attribute `chain`. It is assumed to be horizontal, so gravity causes
     no torque.
 
+    >>> own = ac.PlanarTwoLink(name="own", base=0.1, links=(0.3, 0.2), limits=arm.limits)
+    >>> own.forward([0.0, 0.0])[:2, 3]
+    array([0.1, 0.5])
+
     Args:
         name: Name of the arm, for messages and reports.
         base: Distance L0 of the first joint from the origin, along x [m].

@@ -240,6 +240,9 @@ MARGINS = Margins()
 class Obstacle(Checked):
     """A body in the cell.
 
+    >>> from armcontour.robot.scene import Sphere
+    >>> ball = ac.Obstacle(name="ball", shape=Sphere(radius=0.05), place=ac.Frame((0.5, 0.2, 0.1)))
+
     Args:
         name: Its name, for messages.
         shape: Its shape.
@@ -264,6 +267,10 @@ class Obstacle(Checked):
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scene(Checked):
     """The obstacles in an arm's cell.
+
+    >>> from armcontour.robot.scene import Sphere
+    >>> ac.Scene(obstacles=(ac.Obstacle(name="ball", shape=Sphere(radius=0.05)),)).floor
+    'base'
 
     Args:
         obstacles: The obstacles, of different names.

@@ -225,6 +225,10 @@ class SerialArm(ChainArm):
     states of any leading shape. A twist is the tool's velocity [m/s] followed by its angular
     velocity [rad/s], (n, 6), along the axes of the work frame.
 
+    >>> ur5e = ac.load_arm("ur5e")
+    >>> ur5e.forward(np.zeros(6))[0].shape
+    (4,)
+
     Args:
         name: Name of the arm, for messages and reports.
         chain: Joints and links of the arm.

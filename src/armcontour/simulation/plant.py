@@ -106,6 +106,10 @@ def simulate(
 ) -> Execution:
     """Execute set-points on a plant.
 
+    >>> motion = ac.simulate(set_points, ac.ServoPlant(arm, servo), resolution=2e-3)
+    >>> motion.dq.shape == motion.q.shape
+    True
+
     Args:
         set_points: The set-points.
         plant: The plant; it must not be the model used for compensation.
@@ -275,6 +279,10 @@ class ServoRun:
 
 class ServoPlant(LimitedPlant):
     """Independent joints, each with its own servo.
+
+    >>> slower = ac.ServoPlant(arm, servo.replace(kp=20.0))
+    >>> ac.simulate(set_points, slower).q.shape[1]
+    2
 
     Args:
         arm: The arm.

@@ -85,6 +85,11 @@ class RigidBodyPlant(LimitedPlant):
     Encoders are at the motors: the loops and gravity feed-forward use theta. The rotation of rotors
     with the links that carry them is neglected, as in Spong (1987).
 
+    >>> heavy = arm.with_dynamics(payload=ac.Payload(mass=0.5), armature=0.1)
+    >>> plant = ac.RigidBodyPlant(heavy, servo, noise=1e-5, seed=1)
+    >>> ac.simulate(set_points, plant).q.shape[1]
+    2
+
     Args:
         arm: The arm; its chain must have masses.
         servo: The gains of the drives, a servo of second order.

@@ -13,7 +13,7 @@ import traceback
 from collections.abc import Callable, Iterable
 from pathlib import Path as FilePath
 
-from armcontour.core.compilation import warm_for_run
+from armcontour.core.compilation import compile_for_run
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.progress import Progress
@@ -67,7 +67,7 @@ class Session:
         job = None if handles is None else handles.job
         with contextlib.ExitStack() as compiling:
             if job is not None:
-                compiling.enter_context(warm_for_run(job.arm.dimension, self._told))
+                compiling.enter_context(compile_for_run(job.arm.dimension, self._told))
             with self.display.lock:
                 self.display.show_all()
             if self.editor.state.job is not None:

@@ -265,6 +265,10 @@ def evaluate(
     the execution is at rest. In a program, every contour is evaluated while the process works on
     it, and nothing is evaluated between contours. A single path is evaluated from start to end.
 
+    >>> result = ac.evaluate(executed, path, objective=objective, limits=limits)
+    >>> result.contour_error.rms <= result.contour_error.max
+    True
+
     Args:
         executed: The execution.
         path: The path that the tool should follow, or the planned program.

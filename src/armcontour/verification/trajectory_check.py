@@ -228,6 +228,9 @@ def check(
     satisfy the limit; an excess by rounding below 0.1 % is ignored. Otherwise the verdict is
     "cannot tell".
 
+    >>> ac.check(planned.sample(0.004), arm, limits, path).verdict
+    'kept'
+
     Args:
         samples: An object with `t`, `q` and perhaps `dq`, `ddq`; or a law, callable as
             `law(t, order, side=...)` with orders up to 2, and 3 for jerk, with `duration` and

@@ -47,6 +47,9 @@ class FitOptions(Options):
 class ServoFit(FitOptions):
     """Options of `identify`: independent servos; also those of `FitOptions`.
 
+    >>> ac.ServoFit(model="first", longest_dead_time=0.05).model
+    'first'
+
     Args:
         model: "second" or "first" for models of this order only, or "auto".
         drive_cycle: Time between two computations of the drives' loops, from 0.25 to 8 ms [s]; by
@@ -65,6 +68,9 @@ class ServoFit(FitOptions):
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BodyFit(FitOptions):
     """Options of `identify_bodies`: an arm with masses; also those of `FitOptions`.
+
+    >>> ac.BodyFit(gravity="nominal").drive_cycle
+    0.00025
 
     Args:
         gravity: Gravity feed-forward of the controller: torque of the "nominal" arm, of the arm

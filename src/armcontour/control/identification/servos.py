@@ -83,6 +83,10 @@ def identify(
     of the encoder. A weak model, with at most 80 %, is written if that reduces the contour error
     where it was not fitted; otherwise the delay of the joint is, or nothing.
 
+    >>> found = ac.identify(ac.read_log("log.csv"))
+    >>> found.determined, found.joints[0].order
+    (True, 'delay')
+
     Args:
         logs: A log, with set-points and measured positions, or several logs of the same robot.
         options: Options, such as `ServoFit(model="second")`.

@@ -87,6 +87,10 @@ def learn(
     For the run after that, pass the returned lesson and its log. Logs of several runs of the same
     set-points show which errors repeat; three runs of learned set-points show this, too.
 
+    >>> improved = ac.learn(set_points, executed, arm=arm, servo=servo)
+    >>> improved.q.shape[1], len(improved.runs)
+    (2, 1)
+
     Args:
         set_points: The set-points of the last run: a `LearningResult` with the runs before it, or
             other set-points for the first run.

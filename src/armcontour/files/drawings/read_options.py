@@ -156,6 +156,10 @@ WORD = re.compile(r"[GM]\d{1,4}(\.\d)?|[ABCDEHLPQSTUVW]")
 class ReadOptions(Checked):
     """Options for reading a drawing, G-code or a table of waypoints.
 
+    >>> options = ac.ReadOptions(units="mm", layers=["CUT"])
+    >>> options.units
+    'mm'
+
     Args:
         units: Unit of the file's lengths, such as "mm", or its length in metres; replaces the unit
             that a drawing gives. None takes that unit. A table column with its own
@@ -167,7 +171,7 @@ class ReadOptions(Checked):
             12" (G-code).
         colors: Colours of DXF entities, or of strokes in SVG, to read: names, "#rrggbb", and for
             DXF also AutoCAD's numbers.
-        flat: Whether to remove z and the tool orientation of the file.
+        ignore_z: Whether to remove z and the tool orientation of the file.
         chord_tolerance: Largest distance between a curve and the arcs that replace it [m].
         join_tolerance: Distance below which two ends are one point [m].
         mend_vertices: Largest rounding error of coordinates [m]: vertices whose turn such an error
@@ -197,7 +201,7 @@ class ReadOptions(Checked):
     layers: Annotated[Sequence[str] | Mapping[str, SegmentLimits] | None, About("--layer")] = None
     names: Annotated[Sequence[str] | None, About("--contour")] = None
     colors: Annotated[Sequence[str | int] | None, About("--color")] = None
-    flat: Annotated[bool, About("--flat")] = False
+    ignore_z: Annotated[bool, About("--ignore-z")] = False
     chord_tolerance: Tolerance = 1e-5
     join_tolerance: Tolerance = 1e-5
     mend_vertices: Distance = 2e-6
@@ -211,7 +215,12 @@ class ReadOptions(Checked):
     texts: Annotated[str, Choice(TEXTS), About("--texts")] = "leave_out"
     tools: Annotated[
         Mapping[int, Length] | None,
-        About("--tool", "G-code", "Number and diameter of a tool, for G41: '1: 3 mm'.", "to_tools"),
+        About(
+            "--tool-diameter",
+            "G-code",
+            "Number and diameter of a tool, for G41: '1: 3 mm'.",
+            "to_tools",
+        ),
     ] = None
     continuity: Continuity = "tangent"
 

@@ -73,7 +73,11 @@ STEP = 1e-6
 
 @checks.explained
 def arm_names() -> tuple[str, ...]:
-    """Names of the built-in arms."""
+    """Names of the built-in arms.
+
+    >>> "ur5e" in ac.arm_names()
+    True
+    """
     folder = resources.files("armcontour.files.robots") / "library"
     return tuple(sorted(x.name[:-5] for x in folder.iterdir() if x.name.endswith(".yaml")))
 
@@ -92,6 +96,9 @@ def load_arm(
 
         arm = load_arm("ur5e", tool=pinocchio.SE3(rotation, position))
         own = load_arm(model, ArmOptions(tip="tool0"))
+
+    >>> ac.load_arm("ur5e", tool=ac.Frame((0.0, 0.0, 0.1))).dof
+    6
 
     Args:
         name: Built-in name, arm file (.yaml), robot description (.urdf, .xacro), MJCF file (.xml,

@@ -29,6 +29,10 @@ DESCRIPTION = (*MODEL, "base", "packages", "arguments")
 class ArmOptions(Checked):
     """Options for loading an arm from a file or a model.
 
+    >>> options = ac.ArmOptions(tip="tool0", locked={"gripper": 0.02})
+    >>> options.tip
+    'tool0'
+
     Args:
         tip: Link at the end of the arm, for a robot description (.urdf, .xacro); by default the end
             of its only chain of moving joints. For a model, one of its frames, by default tool0 or

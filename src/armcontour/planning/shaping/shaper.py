@@ -72,6 +72,10 @@ def shape(
     path is at most as long as along arcs or parabolas at the corners, or with a stop at every
     vertex.
 
+    >>> shaped = ac.shape(objective, arm, limits, ac.Shaped(tolerance=1e-3, iterations=1))
+    >>> ac.plan(shaped, arm, limits).duration < planned.duration
+    True
+
     Args:
         path: The objective path, or a program, whose contours are shaped one by one.
         arm: The arm.

@@ -51,6 +51,10 @@ def trace(
     their counterparts for an arm in space. Between knots the joint path is a quintic. Knots are
     added until the tool is within `tolerance` of the path and within 1e-9 rad of its orientation.
 
+    >>> joint_path = ac.trace(path, arm)
+    >>> joint_path(0.01).shape, joint_path.length == path.length
+    ((2,), True)
+
     Args:
         path: Tool path.
         arm: The arm.

@@ -90,6 +90,10 @@ class ServoModel(Checked):
     The command passes each set-point at its time. A controller needs the next set-point for a line,
     and the one after it for the cubic; this delay is part of the dead time.
 
+    >>> model = ac.ServoModel(kp=25.0, kv=150.0, dead_time=4e-3)
+    >>> model.replace(velocity_feedforward=1.0).kp
+    array(25.)
+
     Args:
         kp: Position loop gain [1/s], one for all joints or one per joint; infinite for joints of
             order "delay" or "unknown".

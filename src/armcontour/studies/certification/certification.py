@@ -88,6 +88,10 @@ def certify(
     the run. The certificate is valid only for the job's plant: its servos, or its rigid bodies if
     the goal has `plant="rigid_body"`.
 
+    >>> certificate = ac.certify(ac.read_job("job.yaml"))
+    >>> certificate.evaluation.contour_error.max < 0.1e-3
+    True
+
     Args:
         job: The job.
         run: Name of the run; by default that of the goal.
@@ -282,7 +286,7 @@ def _refuse_other_programs(case: Case) -> None:
 def _refuse_start(case: Case) -> None:
     """Refuse rigid bodies that rest too far from the start of the contour."""
     (contour,) = case.program.contours
-    distance = rest_at_start(case, contour.path, case.teach(case.planned.trajectory))
+    distance = rest_at_start(case, contour.path, case.compute_set_points(case.planned.trajectory))
     allowed = case.goal.servo_error or case.goal.tolerance
     assert allowed is not None
     counts_at_start = case.program.single_path is not None or contour.at_work[0] <= 0
@@ -350,7 +354,9 @@ def _contours(
     # Nearly continuous set-points separate the part of the servo from that of the cycle.
     run_cycle = case.run.cycle
     cycle = max(run_cycle / CONTINUOUS, min(SHORTEST, run_cycle))
-    smooth = execute_trial(case, case.teach(proof.trajectory, cycle), max(cycle, case.resolution))
+    smooth = execute_trial(
+        case, case.compute_set_points(proof.trajectory, cycle), max(cycle, case.resolution)
+    )
     pieces = pieces_of(smooth, case.program, None, None)
     for k, (move, piece, span) in enumerate(zip(contours, proof.pieces, spans, strict=True)):
         assert span.work is not None
@@ -398,7 +404,7 @@ def _contours(
 def _uncertified(case: Case) -> Uncertified:
     """Execute the fastest plan without derating."""
     fastest = case.planned.trajectory
-    set_points = case.teach(fastest)
+    set_points = case.compute_set_points(fastest)
     resolution = max(min(1e-3, case.run.cycle), case.resolution)
     executed = simulate(set_points, case.plant(), resolution=resolution)
     t = executed.t

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.control.compensation import PolePlacement
-from armcontour.control.compensation.compensator import teach
+from armcontour.control.compensation.compensator import unchecked_set_points
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.progress import Progress
@@ -154,10 +154,12 @@ class Case:
         low, high = self.demand_bounds
         return np.asarray(np.maximum(commanded_acceleration / low, commanded_acceleration / high))
 
-    def teach(self, plan: Trajectory, cycle: float | None = None) -> SetPoints:
+    def compute_set_points(self, plan: Trajectory, cycle: float | None = None) -> SetPoints:
         """Set-points of a plan, by default with the cycle of the run [s]."""
         cycle = self.run.cycle if cycle is None else cycle
-        return teach(plan, self.model, self.run.compensation, cycle=cycle, arm=self.arm)
+        return unchecked_set_points(
+            plan, self.model, self.run.compensation, cycle=cycle, arm=self.arm
+        )
 
     def stretch(self, set_points: SetPoints, t: tuple[float, float], plan: Trajectory) -> SetPoints:
         """Set-points of a move at program times `t` [s]; times of the result start with the move.

@@ -198,7 +198,7 @@ def _fastest_rapid(case: Case, step: TracedMove) -> MoveSearch:
         factors: dict[str, float] = {}
         for _ in range(MAX_RAPIDS):
             plan = plan_rapid(case, path, factors, rise)
-            set_points = case.teach(plan)
+            set_points = case.compute_set_points(plan)
             over = derate_rapid(case, factors, plan, set_points, _runs(ideal, set_points), None)
             if over is None:
                 candidate = MoveSearch(step, None, Derating.nothing(path, 1), plan, factors, rise)
@@ -262,7 +262,7 @@ def _settling_time(case: Case, moves: Sequence[MoveSearch]) -> float:
         last -= 1
     laws = tuple(law for x in moves[last:] for law in x.plan.laws)
     plan = Trajectory(laws=laws, method="approach")
-    set_points = case.teach(plan)
+    set_points = case.compute_set_points(plan)
     runs = _runs(case, set_points)
     goal = case.arm.tool_position(plan(plan.duration, side="left"))
     far = [x.t[np.linalg.norm(x.tool - goal, axis=1) > ENTRY * case.budget] for x in runs]

@@ -129,7 +129,7 @@ def execute_program(
             joined.stand(move.pause)
         joined.add(step, move.plan)
     trajectory = joined.trajectory().limited(case.limits)
-    set_points = case.teach(trajectory)
+    set_points = case.compute_set_points(trajectory)
     executed, box = execute_trial(case, set_points), None
     if case.bodies and case.box is not None and robots is not None:
         if not robots:

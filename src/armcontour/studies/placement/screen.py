@@ -13,7 +13,7 @@ from armcontour.core.quintics import quintic
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
 from armcontour.planning.duration_bound import bound_duration
-from armcontour.planning.tracing.configurations import MOST_STARTS, follow_branches, subdivide
+from armcontour.planning.tracing.configurations import MAX_STARTS, follow_branches, subdivide
 from armcontour.planning.tracing.knots import (
     OUT_OF_REACH,
     PLACES,
@@ -126,7 +126,7 @@ class _Poses:
 
     def bounds_of(self, arm: SerialArm, limits: Limits, every: bool) -> PlaceBounds:
         """Bounds of the path for an arm."""
-        starts = configurations(arm, self.fine[0], self.task, self.seed)[:MOST_STARTS]
+        starts = configurations(arm, self.fine[0], self.task, self.seed)[:MAX_STARTS]
         if len(starts) == 0:
             return PlaceBounds(refusal=REACH)
         branches, reached = follow_branches(arm, self.fine, self.task, starts)

@@ -272,6 +272,9 @@ def check_clearance(
     joints could bring two bodies together (conservative advancement; Mirtich, 1996). Violations are
     reported with their first time.
 
+    >>> ac.check_clearance(planned, arm).satisfied
+    True
+
     Args:
         motion: A planned or an executed motion, or a joint path, with arc length instead of time.
         arm: The arm, with the shapes of its links.

@@ -66,6 +66,12 @@ def identify_bodies(
     `J K_v (K_p (u(t - dead time) - q) - dq)` and gravity feed-forward, with viscous and Coulomb
     friction and a payload. Undetermined parameters keep their nominal values.
 
+    >>> log = ac.Log(t=set_points.t, command=set_points.q, measured=set_points.q)
+    >>> ac.identify_bodies(log, arm)
+    Traceback (most recent call last):
+        ...
+    armcontour.core.errors.InvalidInput: the log covers 1.66 s, but a robot is identified only ...
+
     Args:
         logs: A log of all joints of the arm, or several.
         arm: The nominal arm, with masses, payload, friction and drive inertias.

@@ -500,6 +500,6 @@ class Machine:
 
 def _explain_tool(number: int) -> str:
     return (
-        f"its diameter (tools: {{{number}: 3 mm}} under path, or --tool '{number}: 3 mm', with "
-        "the tool's own diameter)"
+        f"its diameter (tools: {{{number}: 3 mm}} under path, or --tool-diameter '{number}: 3 mm', "
+        "with the tool's own diameter)"
     )
