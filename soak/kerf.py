@@ -336,12 +336,12 @@ def plate(rng: np.random.Generator, kerf: float) -> tuple[bytes, Part]:
     document.header["$INSUNITS"] = 4
     space, part = document.modelspace(), Part()
 
-    def add(vertices: Vertices, at: np.ndarray, closed: bool = True) -> None:
+    def add(vertices: Vertices, position: np.ndarray, closed: bool = True) -> None:
         layer = str(rng.choice(LAYERS))
         vertices = _turned(vertices) if closed and rng.random() < 0.5 else vertices
         angle = rng.uniform(0, 2 * np.pi) if closed and rng.random() < 0.7 else 0.0
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        line = sampled(vertices, closed) @ turn.T + at
+        line = sampled(vertices, closed) @ turn.T + position
         (part.closed if closed else part.opened).append(1e-3 * line + PLACE)
         # A block that is inserted, or a polyline in its place.
         if rng.random() < 0.4:

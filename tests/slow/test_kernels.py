@@ -50,10 +50,12 @@ print(found.functions, found.compiled, found.folder, *map(str, steps), sep="|")
 """
 
 
-def run(code, *arguments, **own):
+def run(code, *arguments, **variables):
     """A process that runs some code."""
     line = [sys.executable, "-c", code, *arguments]
-    return subprocess.run(line, capture_output=True, text=True, check=True, env=os.environ | own)
+    return subprocess.run(
+        line, capture_output=True, text=True, check=True, env=os.environ | variables
+    )
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="counts page faults as Linux does")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.studio.test_arithmetic import NODE, compute
 
-from armcontour.core.frames import PageFrame as Pose
+from armcontour.core.frames import Frame as Pose
 from armcontour.studio.execution_picture import execution_frame
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.preview import CoarsePlanner

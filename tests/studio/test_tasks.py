@@ -42,7 +42,7 @@ def coarse(paper):
 
 
 @pytest.fixture
-def to_float32(coarse):
+def short(coarse):
     return coarse | {"path": {"points": [[0.35, 0.1], [0.37, 0.12], [0.36, 0.13]]}}
 
 
