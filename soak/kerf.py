@@ -347,9 +347,9 @@ def plate(rng: np.random.Generator, kerf: float) -> tuple[bytes, Part]:
         if rng.random() < 0.4:
             block = document.blocks.new(f"B{len(document.blocks)}")
             block.add_lwpolyline(vertices, format="xyb", close=closed, dxfattribs={"layer": layer})
-            space.add_blockref(block.name, at, dxfattribs={"rotation": np.degrees(angle)})
+            space.add_blockref(block.name, position, dxfattribs={"rotation": np.degrees(angle)})
             return
-        moved = [(*(turn @ x[:2] + at), x[2]) for x in vertices]
+        moved = [(*(turn @ x[:2] + position), x[2]) for x in vertices]
         space.add_lwpolyline(moved, format="xyb", close=closed, dxfattribs={"layer": layer})
 
     columns, rows, cell = int(rng.integers(1, 4)), int(rng.integers(1, 3)), 24.0

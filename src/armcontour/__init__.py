@@ -38,7 +38,7 @@ _HOME = {
     "files.exports": "export",
     "files.log_file": "read_log",
     "files.robots.loading": "arm_names load_arm",
-    "files.robots.options": "ArmOptions",
+    "files.robots.arm_options": "ArmOptions",
     "geometry": "Arc Line Path SegmentLimits",
     "jobs": "CertificateGoal Job PlaceSearch Rounding Run run",
     "motion": "Execution JointPath Log SetPoints Trajectory dwell_law",

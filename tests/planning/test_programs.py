@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.integrate import trapezoid
 
 import armcontour as ac
+from armcontour.core.child_process import start
 from armcontour.core.errors import ArmContourError, InvalidInput, NotRealizable, Unreachable
-from armcontour.core.process import start
 from armcontour.core.progress import Step
 from armcontour.geometry import Arc, Path
 from armcontour.planning import METHODS, trace_program

@@ -168,7 +168,7 @@ def test_what_a_file_cannot_be_made_of_is_refused(line, short):
         ("certify", short, {"tolerance": 5.5e-3, "plant": "robot"}, "must be one of servo"),
         ("certify", short, bodies, "on rigid bodies does not allow"),
         ("certify", short, {"tolerance": 5.5e-3, "of": 1}, "An option of certify must be one of"),
-        ("certify", short, {}, "beside Certify"),
+        ("certify", short, {}, "next to Certify"),
     ):
         with pytest.raises(ac.InvalidInput, match=words):
             ask(task, job, "optimal", **options)

@@ -6,8 +6,8 @@ from threading import Condition, Event, Thread
 import pytest
 from tests.studio.talking import figure
 
+from armcontour.core.child_process import ProcessEnded
 from armcontour.core.errors import Unreachable
-from armcontour.core.process import ProcessEnded
 from armcontour.studio import workers
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks.dispatch import WARM, WARMUP_JOB

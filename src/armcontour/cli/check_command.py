@@ -13,7 +13,7 @@ from armcontour.cli.console import Console
 from armcontour.core.text import digits, joint_label, list_some, show
 
 if TYPE_CHECKING:
-    from armcontour.cli.options import ArmOptions, CheckOptions
+    from armcontour.cli.options import CheckOptions, DescriptionOptions
     from armcontour.core.checks import FloatArray
     from armcontour.files.joint_table import TrajectoryFile
     from armcontour.jobs import Job, Run
@@ -28,6 +28,8 @@ MIN_NOISE = 1e-9
 # Largest number of listed column titles.
 MAX_TITLES = 8
 JOB_FILES = (".yaml", ".yml")
+# Options of an arm from a robot description, which go with --arm.
+ARM_OPTIONS = ("tip", "base", "joint_limits", "package", "xacro_arg")
 # Exit codes of the verdicts; no error has the code 7.
 EXIT_CODES = {"kept": 0, "violated": 1, "cannot tell": 7}
 
@@ -126,16 +128,7 @@ def _arm(options: CheckOptions, default: Arm | None) -> Arm:
         raise InvalidInput(
             "Name the arm with --arm, with --path a job that has one, or with --scene a cell."
         )
-    if any(
-        y is not None
-        for y in (
-            options.tip,
-            options.base,
-            options.joint_limits,
-            options.package,
-            options.xacro_arg,
-        )
-    ):
+    if any(getattr(options, x) is not None for x in ARM_OPTIONS):
         raise InvalidInput(
             "--tip, --base, --joint-limits, --package and --xacro-arg go with --arm: the job's arm "
             "has its own."
@@ -143,12 +136,12 @@ def _arm(options: CheckOptions, default: Arm | None) -> Arm:
     return default
 
 
-def named_arm(name: str, command: ArmOptions) -> Arm:
+def named_arm(name: str, command: DescriptionOptions) -> Arm:
     """Load the arm of a name or file with the options for robot descriptions."""
-    from armcontour.files.robots import options
+    from armcontour.files.robots.arm_options import ArmOptions
     from armcontour.files.robots.loading import load_arm
 
-    arm_options = options.ArmOptions(
+    arm_options = ArmOptions(
         tip=command.tip,
         base=command.base,
         joint_limits=command.joint_limits,

@@ -19,7 +19,7 @@ from armcontour.cli.options import (
     CertifyOptions,
     CheckOptions,
     Command,
-    Commands,
+    CommandGroup,
     DrawingOptions,
     ExportOptions,
     Force,
@@ -70,7 +70,7 @@ app = typer.Typer(
         "not completed; 7 cannot tell; 8 collision; 9 provisional; 130, 141 and 143 interrupted. "
         "Example: armcontour run gasket.dxf --cell ur5e --out gasket"
     ),
-    cls=Commands,
+    cls=CommandGroup,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )

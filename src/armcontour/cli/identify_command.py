@@ -21,14 +21,13 @@ DONE, DOUBTFUL, PROVISIONAL = 0, 1, 9
 
 def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
     """Identify servos or an arm with masses, print the result, and return the exit code."""
-    from armcontour.cli.check_command import named_arm
+    from armcontour.cli.check_command import ARM_OPTIONS, named_arm
     from armcontour.core.checks import raise_if
 
     lonely = options.out is None and (options.open_report or options.force)
     raise_if(lonely, "--open and --force go with --out, the folder for the report.")
     if options.arm is None:
-        arm_options = ("servo", "gravity", "tip", "base", "joint_limits", "package", "xacro_arg")
-        for name in arm_options:
+        for name in ("servo", "gravity", *ARM_OPTIONS):
             message = f"--{name.replace('_', '-')} goes with --arm: name the arm too."
             raise_if(getattr(options, name) is not None, message)
         return _identify_servos(logs, options, None)
@@ -89,13 +88,8 @@ def _identify_bodies(logs: list[FilePath], command: IdentifyOptions, name: str, 
     else:
         base: str | dict[str, str] = name
         if name not in arm_names():
-            keys = {
-                "file": name,
-                "tip": command.tip,
-                "base": command.base,
-                "joint_limits": command.joint_limits,
-            }
-            base = {key: str(value) for key, value in keys.items() if value is not None}
+            keys = {x: getattr(command, x) for x in ("tip", "base", "joint_limits")}
+            base = {x: str(y) for x, y in {"file": name, **keys}.items() if y is not None}
         files, remark = {"robot.yaml": robot_yaml(fit, base, command.out)}, ""
         try:
             files["servo.yaml"] = robot_servo_yaml(fit)

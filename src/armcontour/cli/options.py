@@ -76,7 +76,7 @@ class Command(TyperCommand):
         return [x.replace("...}...", "...").strip("{}").upper() for x in pieces]
 
 
-class Commands(TyperGroup):
+class CommandGroup(TyperGroup):
     """Group of commands whose help lists them by topic (`rich_help_panel`)."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
@@ -352,7 +352,7 @@ class StoredExportOptions(PointOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArmOptions:
+class DescriptionOptions:
     """Options of an arm from a robot description.
 
     Args:
@@ -372,7 +372,7 @@ class ArmOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CheckOptions(ArmOptions, LogOptions):
+class CheckOptions(DescriptionOptions, LogOptions):
     """Options of the command `check`.
 
     Args:
@@ -397,7 +397,7 @@ class CheckOptions(ArmOptions, LogOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdentifyOptions(ArmOptions, WindowOptions):
+class IdentifyOptions(DescriptionOptions, WindowOptions):
     """Options of the command `identify`.
 
     Args:

@@ -9,16 +9,7 @@ from inspect import Parameter, signature
 from os import PathLike
 from pathlib import Path as FilePath
 from types import UnionType
-from typing import (
-    Any,
-    ClassVar,
-    Literal,
-    ParamSpec,
-    TypeVar,
-    Union,
-    get_args,
-    get_origin,
-)
+from typing import Any, ClassVar, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
 
 import numpy as np
 import numpy.typing as npt
@@ -506,14 +497,14 @@ def check_type(user: str, value: Any, *kinds: type, role: str = "") -> None:
     """Check that a value is an object of one of some classes."""
     if isinstance(value, kinds):
         return
-    names = [WORDS.get(x) or _with_article(x.__name__) for x in kinds if x is not np.bool_]
+    names = [
+        WORDS.get(x) or f"{'an' if x.__name__[0] in 'AEIO' else 'a'} {x.__name__}"
+        for x in kinds
+        if x is not np.bool_
+    ]
     words = [f"{' or '.join(names)}{role and f' as {role}'}", ORIGINS.get(kinds[0].__name__, "")]
     needed = ", ".join(x for x in words if x)
     raise InvalidInput(f"{user} needs {needed}, not {type(value).__name__}.")
-
-
-def _with_article(name: str) -> str:
-    return f"{'an' if name[0] in 'AEIO' else 'a'} {name}"
 
 
 def explain_calls(constructed: type[C]) -> type[C]:

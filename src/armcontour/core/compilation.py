@@ -18,10 +18,10 @@ from threading import Condition, Thread
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 from armcontour.core import kernels
+from armcontour.core.child_process import can_start, is_child, processors
 from armcontour.core.errors import ArmContourError
 from armcontour.core.kernels import KERNELS, PACKAGE, ROOT, waiting
 from armcontour.core.pool import TaskQueue, open_executor
-from armcontour.core.process import can_start, is_child, processors
 from armcontour.core.progress import COMPILING, Progress, Step, report_compiling, subprogress
 from armcontour.core.quintics import solve_banded
 

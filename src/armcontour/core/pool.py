@@ -22,8 +22,7 @@ from itertools import islice
 from threading import Lock
 from typing import Any, Generic, TypeVar, cast
 
-from armcontour.core.errors import ArmContourError, ExecutionError, InvalidInput
-from armcontour.core.process import (
+from armcontour.core.child_process import (
     Packed,
     ProcessEnded,
     call,
@@ -36,6 +35,7 @@ from armcontour.core.process import (
     start,
     unpack,
 )
+from armcontour.core.errors import ArmContourError, ExecutionError, InvalidInput
 
 T = TypeVar("T")
 R = TypeVar("R")

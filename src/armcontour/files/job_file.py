@@ -21,12 +21,7 @@ from armcontour.core.text import show
 from armcontour.core.yaml_loader import load
 from armcontour.files.file_keys import MappingKeys, read_keys, schema_of
 from armcontour.files.job_arm import arm_of, arm_with_tool
-from armcontour.files.job_model import (
-    ExperimentModel,
-    JobModel,
-    PathModel,
-    RunModel,
-)
+from armcontour.files.job_model import ExperimentModel, JobModel, PathModel, RunModel
 from armcontour.files.job_path import part_of, path_of
 from armcontour.files.problems import Patch
 from armcontour.files.scene_file import scene_of

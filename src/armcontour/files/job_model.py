@@ -26,7 +26,7 @@ from armcontour.core.text import show
 from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.files.file_keys import Methods, SpecifiedKeys
 from armcontour.files.forms import FORMS, Form, Place, Point
-from armcontour.files.robots.options import ArmOptions
+from armcontour.files.robots.arm_options import ArmOptions
 from armcontour.files.scene_file import BodiesModel, Direction, RotationModel, SceneModel
 from armcontour.files.units import parse_quantity
 from armcontour.geometry import SegmentLimits

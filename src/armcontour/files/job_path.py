@@ -14,12 +14,7 @@ from armcontour.core.frames import Frame
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.read_options import FARTHEST, ReadOptions
 from armcontour.files.job_arm import frame_of
-from armcontour.files.job_model import (
-    OrientationModel,
-    PathModel,
-    RepeatModel,
-    SegmentModel,
-)
+from armcontour.files.job_model import OrientationModel, PathModel, RepeatModel, SegmentModel
 from armcontour.files.problems import key_text
 from armcontour.files.scene_file import rotation_of
 from armcontour.geometry import Arc, Line, Path, SegmentLimits

@@ -88,7 +88,10 @@ def read_ros_motion(
         [messages[i] for i in some],
         _stack(
             file.name,
-            [_measured_part(kind, messages[i][1]) for i in some],
+            [
+                _JointState(x) if kind == STATE else _point(x, MEASUREMENTS)
+                for x in (messages[i][1] for i in some)
+            ],
             [orders[i] or [] for i in some],
         ),
         requested,
@@ -441,11 +444,6 @@ def _choose_topic(
 def _names_of(kind: str, message: Any) -> Sequence[str]:
     """Names of the joints in a message."""
     return list(message.name if kind == STATE else message.joint_names)
-
-
-def _measured_part(kind: str, message: Any) -> Any:
-    """The part of a message with measured positions, as a point."""
-    return _JointState(message) if kind == STATE else _point(message, MEASUREMENTS)
 
 
 class _JointState:

@@ -20,8 +20,8 @@ from armcontour.core.text import list_some, show
 from armcontour.files.file_keys import Number
 from armcontour.files.forms import Place
 from armcontour.files.robots.collision import Packages, collisions, shape_of
-from armcontour.files.robots.description import Description
 from armcontour.files.robots.tree import read_tree
+from armcontour.files.robots.urdf_chain import Description
 from armcontour.robot import Arm
 from armcontour.robot.scene import (
     ASSUMED_GAP,

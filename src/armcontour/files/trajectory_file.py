@@ -18,6 +18,7 @@ from armcontour.core.file_access import read_text
 from armcontour.core.text import count_noun, list_some, show
 from armcontour.files.csv_table import MAX_NAMED, CsvTable, last_digit, read_table
 from armcontour.files.exports.table import (
+    EVENT_KEYS,
     SetPointTable,
     check_export_cycle,
     differentiate,
@@ -285,7 +286,10 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
             title=data["job"],
             joint_names=tuple(data["arm"]["joints"]),
             cycle=about["cycle"],
-            events=tuple(_event(x) for x in about.get("events", ())),
+            events=tuple(
+                TimedEvent(**{x: e[x] for x in EVENT_KEYS}, point=tuple(e["point"]))
+                for e in about.get("events", ())
+            ),
             analog=tuple(about.get("analog", ())),
             plain=about.get("compensation") == "none",
         )
@@ -295,18 +299,6 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
         raise InvalidInput(
             f"{file} is not the summary of a run or a certificate: {type(error).__name__}."
         ) from None
-
-
-def _event(data: Mapping[str, Any]) -> TimedEvent:
-    """An event of a summary."""
-    return TimedEvent(
-        name=data["name"],
-        value=data["value"],
-        t=data["t"],
-        due=data["due"],
-        s=data["s"],
-        point=tuple(data["point"]),
-    )
 
 
 def _choose(folder: FilePath, runs: Mapping[str, Any], name: str | None) -> str:

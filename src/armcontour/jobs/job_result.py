@@ -19,9 +19,7 @@ from armcontour.geometry import RoundedPath
 from armcontour.jobs import run_warnings
 from armcontour.jobs.improvements import Advice
 from armcontour.jobs.job import Job
-from armcontour.jobs.plan_quantities import (
-    applied_torques,
-)
+from armcontour.jobs.plan_quantities import applied_torques
 from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.run_data import (
     angular_rows,

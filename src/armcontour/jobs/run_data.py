@@ -195,11 +195,8 @@ def _duration(spans: Sequence[Span]) -> float:
 def _outcome(path: ShapedPath) -> dict[str, Any]:
     """Outcome of the shape search of one contour."""
     outcome = path.outcome
-    iterations = max(len(outcome.history) - 1, 0)
-    return {
-        **{"start": outcome.start, "durations": outcome.durations, "gain": outcome.gain},
-        "iterations": iterations,
-    }
+    data = {x: getattr(outcome, x) for x in ("start", "durations", "gain")}
+    return data | {"iterations": max(len(outcome.history) - 1, 0)}
 
 
 def resume_intervals(begin: float, objective: Program) -> list[tuple[float, float]]:

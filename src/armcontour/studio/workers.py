@@ -11,9 +11,9 @@ from functools import partial
 from threading import Condition, Thread
 from typing import Any, Protocol, TypeAlias
 
+from armcontour.core.child_process import ProcessEnded
 from armcontour.core.errors import ArmContourError
 from armcontour.core.pool import ProcessPool
-from armcontour.core.process import ProcessEnded
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks.dispatch import WARM, TaskInput, work
 

@@ -237,7 +237,9 @@ class DxfWalk(Walk):
         if kind == "MLINE":
             for k, part in enumerate(entity.virtual_entities()):
                 yield from self._shape(part, kind, f"{name}[{k + 1}]", layer, block)
-        elif kind in SHAPES and not _is_mesh(entity):
+        elif kind in SHAPES and not (
+            kind == "POLYLINE" and not (entity.is_2d_polyline or entity.is_3d_polyline)
+        ):
             yield from self._shape(entity, kind, name, layer, block)
         elif kind == "TEXT" and self.texts:
             self.leave_out(THROUGH_FONT, kind)
@@ -391,11 +393,6 @@ def _color_names(entity: Any, number: int) -> frozenset[str]:
     return frozenset({str(number), hex_of(*aci2rgb(number))})
 
 
-def _is_mesh(entity: Any) -> bool:
-    """True if a POLYLINE is a mesh and not a curve."""
-    return entity.dxftype() == "POLYLINE" and not (entity.is_2d_polyline or entity.is_3d_polyline)
-
-
 def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[str]]:
     """The document in a DXF file, and a sentence on the damage if ezdxf had to repair it."""
     try:
@@ -410,13 +407,18 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
     sections = data.startswith(BINARY) or b"SECTION" in data
     raise_if(not sections, f"{source} is no DXF file: it has no section.")
     # A broken file makes ezdxf raise exceptions of any class.
-    notes = [] if _has_end(data) else [CUT_OFF]
+    # The last line of an ASCII file is its end mark.
+    is_whole = data.startswith(BINARY) or data.rstrip(b"\0\x1a \t\r\n").endswith(b"EOF")
+    notes = [] if is_whole else [CUT_OFF]
     try:
         return _read(data), notes
     except Exception as error:
         first = error
     try:
-        document, changes = _repair(data)
+        from ezdxf import recover
+
+        document, auditor = recover.read(io.BytesIO(data))
+        changes = len(auditor.errors) + len(auditor.fixes)
         if notes and not changes:
             # The remaining part of a truncated file is intact.
             return document, notes
@@ -446,11 +448,6 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
     ]
 
 
-def _has_end(data: bytes) -> bool:
-    """True if the last line of an ASCII file is its end mark."""
-    return data.startswith(BINARY) or data.rstrip(b"\0\x1a \t\r\n").endswith(b"EOF")
-
-
 def _read(data: bytes) -> Any:
     """Ezdxf's document of an intact file."""
     from ezdxf.document import Drawing
@@ -472,14 +469,6 @@ def _reason(error: Exception) -> str:
     if isinstance(error, DXFError):
         return f"{ADDRESS.sub('', error_line(error))}."
     return "its structure is damaged. Open it in a CAD program, and save it again."
-
-
-def _repair(data: bytes) -> tuple[Any, int]:
-    """Ezdxf's document of a damaged file, and the number of repairs."""
-    from ezdxf import recover
-
-    document, auditor = recover.read(io.BytesIO(data))
-    return document, len(auditor.errors) + len(auditor.fixes)
 
 
 def _without_broken(data: bytes) -> tuple[bytes, list[str]]:

@@ -58,7 +58,10 @@ def chain_pieces(
     """
     if not pieces:
         return [], []
-    table = EntitySegments.from_paths([x.path for x in pieces])
+    table = EntitySegments(
+        segments=Segments.join([x.path.segments for x in pieces]),
+        first=np.concatenate([[0], np.cumsum([len(x.path) for x in pieces])]),
+    )
     layers = _layer_numbers(pieces)
     repeated = _find_repeated(pieces, table, layers)
     lengths = table.lengths
@@ -166,12 +169,6 @@ class EntitySegments:
     segments: Segments
     # Index of the first segment of each piece, then the number of segments, (pieces + 1,).
     first: IntArray
-
-    @classmethod
-    def from_paths(cls, paths: Sequence[Path]) -> EntitySegments:
-        """The table of the segments of paths, one piece per path."""
-        first = np.concatenate([[0], np.cumsum([len(path) for path in paths])])
-        return cls(segments=Segments.join([path.segments for path in paths]), first=first)
 
     @property
     def starts(self) -> FloatArray:

@@ -267,18 +267,13 @@ def _line(element: Element, spend: Spend) -> list[Outline]:
 
 def _polyline(element: Element, spend: Spend) -> list[Outline]:
     """The outline of a polyline or polygon; empty if it has fewer than two points."""
-    points = _read_points(element, spend)
-    closed = element.tag == "polygon"
-    return [Outline([ArcChain.straight(points)], closed)] if len(points) > 1 else []
-
-
-def _read_points(element: Element, spend: Spend) -> FloatArray:
-    """The attribute points of an element, (n, 2)."""
     values = numbers_of(element, "points", element.get("points"))
     if len(values) % 2:
         element.refuse(f"points are pairs of x and y, but there are {len(values)} numbers")
     spend(len(values) // 2)
-    return np.array(values).reshape(-1, 2)
+    points = np.array(values).reshape(-1, 2)
+    closed = element.tag == "polygon"
+    return [Outline([ArcChain.straight(points)], closed)] if len(points) > 1 else []
 
 
 def _rect(element: Element, spend: Spend) -> list[Outline]:

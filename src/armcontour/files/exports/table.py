@@ -44,6 +44,8 @@ FIXED = f"%.{DECIMALS}f"
 # Number of values per formatting step: more take more memory and are not faster.
 CHUNK = 1 << 16
 UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "torque": "N m"}
+# Attributes of events in JSON, and `point`.
+EVENT_KEYS = ("name", "value", "t", "due", "s")
 # Rows per block of the tool motion.
 AT_ONCE = 1 << 14
 
@@ -428,14 +430,7 @@ def format_event(event: TimedEvent) -> str:
 
 def event_data(event: TimedEvent) -> dict[str, Any]:
     """An event as a dictionary for JSON, in SI units."""
-    return {
-        "name": event.name,
-        "value": event.value,
-        "t": event.t,
-        "due": event.due,
-        "s": event.s,
-        "point": list(event.point),
-    }
+    return {x: getattr(event, x) for x in EVENT_KEYS} | {"point": list(event.point)}
 
 
 def write_csv(table: SetPointTable, file: FilePath) -> None:

@@ -267,7 +267,10 @@ def _points(table: SetPointTable) -> tuple[Point, ...]:
         None if table.tool_speed is None else table.tool_speed[:, None],
     )
     analog = {key: values.tolist() for key, values in table.analog.items()}
-    rows = zip(*(_tuples(x, count) for x in arrays), strict=True)
+    none: list[tuple[float, ...] | None] = [None] * count
+    rows = zip(
+        *(none if x is None else [tuple(y) for y in x.tolist()] for x in arrays), strict=True
+    )
     return tuple(
         Point(
             number=i + 1,
@@ -286,11 +289,6 @@ def _points(table: SetPointTable) -> tuple[Point, ...]:
             zip(table.t.tolist(), rows, strict=True)
         )
     )
-
-
-def _tuples(values: Any, count: int) -> list[tuple[float, ...] | None]:
-    """The rows of an array as tuples; `count` times None if there is no array."""
-    return [None] * count if values is None else [tuple(x) for x in values.tolist()]
 
 
 def _each(function: Any, value: Any) -> Any:

@@ -15,8 +15,8 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, from_rpy
 from armcontour.core.text import list_some, make_printable, shorten, show
 from armcontour.files.mesh_file import MESHES, read_mesh
-from armcontour.files.robots.description import attribute, origin_of, three
 from armcontour.files.robots.tree import MAX_NAMED, Tree, parse_xml
+from armcontour.files.robots.urdf_chain import attribute, origin_of, three
 from armcontour.files.robots.xacro_file import find_near
 from armcontour.robot.scene import Box, Capsule, Cylinder, LeftOut, LinkShape, Shape, Sphere
 

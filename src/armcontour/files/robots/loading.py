@@ -18,7 +18,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.frames import Frame, Pose, from_rpy
 from armcontour.core.text import plain_number, show
-from armcontour.files.robots.options import (
+from armcontour.files.robots.arm_options import (
     ANY,
     DESCRIPTION,
     MAX_CHARACTERS,
@@ -134,7 +134,7 @@ def _load(
         check_options(options, DESCRIPTION, str(file))
         return arm_of_tree(read_description(file, options, trust_xacro=trust_xacro), options)
     if is_model(name) or file.suffix.lower() in MJCF:
-        from armcontour.files.robots.models import arm_of_mjcf, arm_of_model
+        from armcontour.files.robots.external_models import arm_of_mjcf, arm_of_model
 
         check_options(options, MODEL, "the model" if is_model(name) else str(file))
         return arm_of_model(name, options) if is_model(name) else arm_of_mjcf(file, options)
@@ -143,7 +143,7 @@ def _load(
     arm = _read(str(name), payload, derive if depth < MAX_DERIVED else None)
     if options.limits_file is None:
         return arm
-    from armcontour.files.robots.joint_limits import limits_of, override, table_of
+    from armcontour.files.robots.moveit_limits import limits_of, override, table_of
 
     table = table_of(arm.limits, arm.dof)
     override(table, arm.joint_names, options.limits_file)
@@ -165,7 +165,8 @@ def _read(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -
             f"There is no built-in arm {name!r}: the built-in arms are {', '.join(arm_names())}; "
             "your own arm goes in a .yaml, .urdf, .xacro or MJCF .xml file."
         )
-    return with_hulls(arm_of(f"{built_in}.yaml", _built_in(built_in), payload), built_in)
+    arm = arm_of(f"{built_in}.yaml", _built_in(built_in), payload)
+    return arm.with_shapes(partial(read_hulls, built_in)) if _file(built_in).is_file() else arm
 
 
 def _equip(arm: Arm, tool: Pose | None, work: Pose | None, payload: Payload | None) -> Arm:
@@ -206,10 +207,7 @@ def _built_in(name: str) -> Any:
 
 
 def arm_of(
-    file: str,
-    data: Any,
-    payload: Payload | None = None,
-    load: Callable[..., Arm] | None = None,
+    file: str, data: Any, payload: Payload | None = None, load: Callable[..., Arm] | None = None
 ) -> Arm:
     """The arm of an arm file's data."""
     kind = data.get("kind") if isinstance(data, Mapping) else None
@@ -289,11 +287,7 @@ def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
     )
 
 
-def _derived(
-    file: str,
-    data: Mapping[str, Any],
-    load: Callable[..., Arm],
-) -> Arm:
+def _derived(file: str, data: Mapping[str, Any], load: Callable[..., Arm]) -> Arm:
     """The arm of a file that is derived from another arm."""
 
     def values(key: str, shape: tuple[int, ...]) -> FloatArray:
@@ -419,11 +413,6 @@ def _numbers(location: str, value: Any, unit: str) -> Any:
     if number is None:
         raise InvalidInput(f"{location} must be finite numbers in {unit}, not {show(value)}.")
     return number
-
-
-def with_hulls(arm: Arm, name: str) -> Arm:
-    """A built-in arm with the hulls of its links, if there are any."""
-    return arm.with_shapes(partial(read_hulls, name)) if _file(name).is_file() else arm
 
 
 def read_hulls(name: str) -> ArmShapes:

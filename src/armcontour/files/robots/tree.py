@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from armcontour.core.checks import check_name
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import list_some, plain_number, show
-from armcontour.files.robots.options import MAX_CHARACTERS
+from armcontour.files.robots.arm_options import MAX_CHARACTERS
 
 # Kinds of joints whose position is one angle.
 TURNING = ("revolute", "continuous")

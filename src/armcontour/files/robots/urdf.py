@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from armcontour.core import file_access
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import list_some
-from armcontour.files.robots.joint_limits import KINDS, SOFT, Table, limits_of, narrow, override
-from armcontour.files.robots.options import ArmOptions, locked_position
+from armcontour.files.robots.arm_options import ArmOptions, locked_position
+from armcontour.files.robots.moveit_limits import KINDS, SOFT, Table, limits_of, narrow, override
 from armcontour.files.robots.tree import MAX_NAMED, TURNING, Joint, Tree, read_tree
 from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, Limits
 from armcontour.robot.scene import ArmShapes
@@ -20,7 +20,7 @@ from armcontour.robot.serial import SerialArm
 
 if TYPE_CHECKING:
     from armcontour.files.robots.collision import Packages
-    from armcontour.files.robots.description import Description
+    from armcontour.files.robots.urdf_chain import Description
 
 LINK = re.compile(r"<link[\s>/]")
 HINT = (
@@ -47,8 +47,8 @@ ASSUMED = (
 def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
     """Make a serial arm from a robot description."""
     from armcontour.files.robots.collision import missing_meshes
-    from armcontour.files.robots.description import Description
     from armcontour.files.robots.tip import choose_tip
+    from armcontour.files.robots.urdf_chain import Description
 
     file, positions = tree.file, dict[str, float]()
     for name in options.locked or ():
@@ -88,7 +88,7 @@ def _shapes(arm: SerialArm, description: Description, packages: Packages | None)
     """The shapes of the links of a description; links below its last link belong to the tool."""
     # Imported here, because it loads the compiled code of motions.
     from armcontour.files.robots.collision import link_shapes
-    from armcontour.files.robots.description import Description
+    from armcontour.files.robots.urdf_chain import Description
     from armcontour.verification.clearance.distances import exclude_touching
 
     tree, carried = description.tree, description.carried()
@@ -105,7 +105,7 @@ def _shapes(arm: SerialArm, description: Description, packages: Packages | None)
 def read_description(file: FilePath, options: ArmOptions, *, trust_xacro: bool) -> Tree:
     """Read the links and joints of a robot description."""
     content: bytes | str = file_access.read_bytes(file, "robot description")
-    if is_xacro(file):
+    if file.suffix.lower() == ".xacro":
         if not trust_xacro:
             raise InvalidInput(
                 f"{file} is not loaded, since a xacro file is a program that can run anything on "
@@ -123,11 +123,6 @@ def read_description(file: FilePath, options: ArmOptions, *, trust_xacro: bool) 
     elif options.arguments:
         raise InvalidInput(f"{file} takes no arguments: these are of .xacro files.")
     return read_tree(str(file), content)
-
-
-def is_xacro(file: str | FilePath) -> bool:
-    """True if the extension of a file is that of xacro."""
-    return FilePath(file).suffix.lower() == ".xacro"
 
 
 def _check_moving_joints(tree: Tree, moving: list[Joint]) -> None:

@@ -20,7 +20,7 @@ from typing import Any
 from armcontour.core import file_access
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import make_printable
-from armcontour.files.robots.options import Value
+from armcontour.files.robots.arm_options import Value
 
 MARK = "package.xml"
 # Largest number of parent folders in which the package of a description is searched.
@@ -97,7 +97,7 @@ def expand_xacro(
             f"{file} needs the package xacro, which is not installed: pip install "
             "'armcontour[ros]', or expand it to a .urdf elsewhere."
         )
-    from armcontour.core.process import import_path
+    from armcontour.core.child_process import import_path
 
     path = os.path.abspath(file)
     wishes = {"packages": _folders(packages or {}), "arguments": _texts(arguments or {})}

@@ -15,8 +15,8 @@ from typing import TypeAlias, cast
 
 import numpy as np
 
+from armcontour.core.child_process import is_child
 from armcontour.core.pool import TaskQueue, open_executor
-from armcontour.core.process import is_child
 from armcontour.core.progress import Progress, Step
 from armcontour.core.render import number
 from armcontour.jobs.place_search import DURATION, Axis

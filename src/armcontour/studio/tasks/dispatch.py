@@ -10,7 +10,7 @@ from contextlib import nullcontext
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple, TypeAlias
 
-from armcontour.core import process
+from armcontour.core import child_process
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.progress import Progress, Step
@@ -63,7 +63,7 @@ class TaskInput(NamedTuple):
 WARM = TaskInput("", "warm", {})
 
 
-def work(task_input: TaskInput, listener: Listener = process.tell) -> bytes:
+def work(task_input: TaskInput, listener: Listener = child_process.tell) -> bytes:
     """Run a task in its process; returns the final frame as bytes; WARM only loads modules."""
     id, task, request = task_input
     if task_input == WARM:
@@ -100,7 +100,7 @@ class _TaskProgress:
 
 def _warm_up() -> None:
     """Load the modules that tasks need, and end this process with its parent."""
-    if process.is_child() and hasattr(os, "nice"):
+    if child_process.is_child() and hasattr(os, "nice"):
         threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
     figures(Request(text=WARMUP_JOB))
 

@@ -24,7 +24,7 @@ from armcontour.core.errors import ExecutionError
 from armcontour.core.progress import listen_to_compilation
 
 Packed: TypeAlias = tuple[bytes, tuple[bytes, ...]]
-SERVE = "from armcontour.core.process import serve; serve()"
+SERVE = "from armcontour.core.child_process import serve; serve()"
 # Thresholds of the garbage collector. A program of thousands of contours has millions of objects
 # without cycles; with the default thresholds, collection takes as long as reading the drawing.
 GARBAGE = (20_000, 20, 50)

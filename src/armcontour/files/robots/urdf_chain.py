@@ -75,7 +75,7 @@ class Description:
         )
 
     def carried(self) -> dict[str, tuple[int, Frame]]:
-        """Of every link: which link of the chain carries it, and its frame there."""
+        """Index of the chain's link that carries each link, from 0, and the frame in it."""
         number = {joint.name: k for k, joint in enumerate(self.moving, start=1)}
         frames = {self.base: (0, Frame())}
         for joint in self.below:
@@ -142,13 +142,11 @@ class Description:
         file = self.tree.file
         factor = joint.number("mimic", "multiplier", file)
         offset = joint.number("mimic", "offset", file) or 0.0
-        position = 0.0
-        if master.name not in self._names:
-            position = self._locked_position(master, mimics)
+        position = 0.0 if master.name in self._names else self._locked_position(master, mimics)
         return (1.0 if factor is None else factor) * position + offset
 
     def _note_held_joints(self) -> None:
-        """Note where joints beside the chain stand; joints that were locked are not named."""
+        """Note the positions of joints outside the chain that the options do not lock."""
         held = [
             f"{joint.name} at {self._locked_position(joint, ()):.6g} {_unit(joint)}"
             for joint in self.below
@@ -163,7 +161,7 @@ class Description:
             )
 
     def _follows_arm(self, joint: Joint) -> bool:
-        """Whether a joint mimics a joint of the arm, directly or through other joints."""
+        """True if a joint mimics a joint of the arm, directly or through other joints."""
         for _ in range(MAX_MIMICS):
             master = None if joint.name in self.locked else self.tree.joints.get(joint.master or "")
             if master is None:
@@ -174,7 +172,7 @@ class Description:
         return False
 
     def _has_bodies(self, carried: Mapping[str, tuple[int, Frame]]) -> bool:
-        """Whether the links that the arm moves have masses; notes why not, if some have."""
+        """True if all links that the arm moves have masses; adds a note if only some have."""
         faults, heavy = self._faults(carried)
         if heavy and faults:
             others = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
@@ -191,7 +189,7 @@ class Description:
         return heavy and not faults
 
     def _faults(self, carried: Mapping[str, tuple[int, Frame]]) -> tuple[list[str], bool]:
-        """What keeps the links from being bodies, and whether any link has inertial data."""
+        """Faults of the inertial data, and true if any link has such data."""
         faults: list[str] = []
         weight = [0.0] * len(self.moving)
         known = False
@@ -223,17 +221,15 @@ class Description:
         return faults or bare, known
 
     def _weighs(self, link: str) -> bool:
-        """Whether a link, or one that hangs on it, has a mass other than 0."""
+        """True if a link, or one below it, has a mass other than 0."""
         links = [link, *(joint.child for joint in self.tree.below(link))]
         masses = [self.tree.links[x].find("inertial/mass") for x in links]
         return any(x is not None and plain_number(x.get("value")) != 0 for x in masses)
 
     def _body(self, link: str) -> tuple[float, Frame, FloatArray] | None:
         """Mass [kg], frame of the centre of mass, and inertia in it [kg m²]; None if not given."""
-        inertial, where = (
-            self.tree.links[link].find("inertial"),
-            f"The link {link} of {self.tree.file}",
-        )
+        inertial = self.tree.links[link].find("inertial")
+        where = f"The link {link} of {self.tree.file}"
         if inertial is None:
             return None
         mass = attribute(where, inertial.find("mass"), "mass", "value")

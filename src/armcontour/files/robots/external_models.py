@@ -14,8 +14,8 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.core.text import list_some
-from armcontour.files.robots.joint_limits import Table, limits_of, override
-from armcontour.files.robots.options import ArmOptions, locked_position
+from armcontour.files.robots.arm_options import ArmOptions, locked_position
+from armcontour.files.robots.moveit_limits import Table, limits_of, override
 from armcontour.files.robots.tree import MAX_NAMED
 from armcontour.files.robots.urdf import HINT, assume_accelerations
 from armcontour.robot.chain import Chain, join_bodies
