@@ -25,7 +25,7 @@ def test_the_page_reads_the_frames_that_the_server_writes():
     data = PageFrame("picture", head, arrays).pack()
     computed = compute(
         """
-        const { unpack } = await import("./wire.js");
+        const { unpack } = await import("./page_frame.js");
         const frame = unpack(new Uint8Array(given).buffer);
         const arrays = Object.entries(frame.arrays).map(([name, x]) => [name, [...x]]);
         tell({ ...frame, arrays: Object.fromEntries(arrays) });

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from tests.dynamics_extra import needs_dynamics
 from tests.studio.conftest import DRAWINGS
-from tests.studio.talking import figure
+from tests.studio.session_pages import figure
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput

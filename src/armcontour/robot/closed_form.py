@@ -48,7 +48,9 @@ class Axis(NamedTuple):
     def meet(
         self, v: FloatArray, along: FloatArray, component: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Rotation angles that give vectors a prescribed component along a direction."""
+        """Angles [rad], (..., 2), that rotate vectors to a component along a direction."""
+        # Also the missing part of the component, (...), negative if two angles exist; the angles
+        # are equal if the component cannot be reached.
         # along (3,).
         # Returns missing part of the component, negative if two angles exist, (...), and the angles
         # [rad], (..., 2); equal if the component cannot be reached.

@@ -143,12 +143,7 @@ class MonteCarloResult(Result, Checked):
         return dict(zip(self.names, self.deviations[self.worst].tolist(), strict=True))
 
     def servo(self, i: int, like: ServoModel) -> ServoModel:
-        """The servo of execution i, without the effects of payload and jitter.
-
-        Args:
-            i: Index of the execution.
-            like: The servo that gives interpolation and order.
-        """
+        """The servo of execution i, with interpolation and order of `like`."""
         return like.replace(
             kp=self.kp[i],
             kv=None if self.kv is None else self.kv[i],
@@ -246,16 +241,8 @@ def worst_corner(
 
 
 def jitter_of(seed: int, sample: int, count: int, jitter: float) -> FloatArray:
-    """Delay of each set-point in one sample [s], (count,).
-
-    The delay of the first set-point is 0, because times count from its arrival.
-
-    Args:
-        seed: Seed of the random numbers.
-        sample: Index of the sample.
-        count: Number of set-points.
-        jitter: Largest delay, also negative [s].
-    """
+    """Delay of each set-point in one sample [s], (count,), from -jitter to jitter."""
+    # The delay of the first set-point is 0, because times count from its arrival.
     drawn = np.random.default_rng([seed, sample]).uniform(-jitter, jitter, size=count)
     drawn[0] = 0.0
     return drawn
