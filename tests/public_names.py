@@ -10,6 +10,7 @@ OWNED = {
     "control.compensation": "CompensationOptions fastest_poles",
     "control.identification": "BodyIdentification Identification",
     "control.learning": "LearningResult LearningRun Recording",
+    "controllers": "LinuxCNC Motion Played PlayedMotion Stop",
     "files.exports": "CsvFormat McapFormat NpzFormat RosYamlFormat TemplateFormat URScriptFormat",
     "geometry": "Orientation RoundedPath ShapedPath",
     "jobs": "JobResult",

@@ -355,7 +355,7 @@ class Controller(ABC):
         return self._record(begin, motion, stops.sent, notes)
 
     def close(self) -> None:
-        """Disconnect."""
+        """End the connection; a motion stops on its path before."""
         if self._channel is not None:
             self._channel.close()
             self._channel = None

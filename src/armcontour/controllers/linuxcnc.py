@@ -12,6 +12,7 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from armcontour.controllers.controller import Command, Controller
+from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.render import number
@@ -42,6 +43,7 @@ ENABLE = "armcontour-enable"
 STREAMER_DEPTH, SAMPLER_DEPTH = 4000, 8000
 
 
+@checks.explain_calls
 class LinuxCNC(Controller):
     """LinuxCNC's HAL, with the joints of a HAL file, or with simulated drives.
 

@@ -123,6 +123,10 @@ def play(
     compensated; set-points are never stretched. The robot moves to the start in joint space, at
     this share of its speed. A stop ends on the path, within the limits.
 
+    >>> from armcontour.controllers import LinuxCNC
+    >>> ac.play(ac.read_job("job.yaml"), LinuxCNC("machine.hal")).record is None
+    True
+
     Args:
         job: The job.
         on: The controller, not connected.
