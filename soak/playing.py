@@ -346,15 +346,15 @@ def try_command_line(draw: random.Random) -> Outcome:
     while b"Type PMK-3s" not in said:
         said += os.read(terminal, 1000)
     os.write(terminal, b"PMK-3s\n")
-    reader = threading.Thread(target=_drain, args=(terminal,), daemon=True)
-    reader.start()
+    printed: list[bytes] = []
+    threading.Thread(target=_drain, args=(terminal, printed), daemon=True).start()
     file = _wait_for(lambda: next(iter(trial.folder.rglob("samples.txt")), None))
     _wait_for(lambda: has_begun(file))
     time.sleep(draw.uniform(0.0, 4.0))
     os.write(terminal, b"\x03")
     code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
     os.close(terminal)
-    notes = [] if code == 1 else [f"exit code {code}"]
+    notes = [] if code == 1 else [f"exit code {code}: {b''.join(printed)[-300:]!r}"]
     ratio = 0.0
     if not notes:
         log = ac.read_log(trial.folder / "out" / "log.csv")
@@ -374,10 +374,10 @@ def has_begun(file: FilePath) -> bool:
     return bool(lines) and int(lines[-1].split()[1]) >= 0
 
 
-def _drain(terminal: int) -> None:
+def _drain(terminal: int, printed: list[bytes]) -> None:
     try:
-        while os.read(terminal, 1000):
-            pass
+        while data := os.read(terminal, 1000):
+            printed.append(data)
     except OSError:
         return
 

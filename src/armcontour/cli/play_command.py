@@ -69,7 +69,7 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
                 wanted=stop.is_set,
                 progress=progress,
             )
-        if folder is not None and played.record is not None:
+        if folder is not None:
             _write(played, folder)
     if options.as_json:
         print(data_json(played.to_data()), end="")
@@ -119,7 +119,8 @@ def _write(played: Played, folder: ResultFolder) -> None:
     from armcontour.files.log_file import write_log
     from armcontour.files.result_folder import data_json
 
-    folder.place("log.csv", partial(write_log, log=played.log))
+    if played.record is not None:
+        folder.place("log.csv", partial(write_log, log=played.log))
     folder.write("summary.json", data_json(played.to_data()))
 
 
