@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from soak import hal_drives, paper_table
 
 import armcontour as ac
 from armcontour.control.compensation.poles import pole_behaviour
@@ -110,3 +111,9 @@ def test_the_table_of_poles(plans):
         error = ac.evaluate(execution, ROUNDED).contour_error
         demand = abs(execution.demand).max(axis=0)
         is_printed([*demand, error.rms * 1e3, error.max * 1e3], printed)
+
+
+def test_the_table_of_linuxcnc_is_that_of_the_law_of_its_drives():
+    """That LinuxCNC follows this law is tested where it is installed."""
+    assert set(paper_table.printed()) == set(paper_table.NAMES)
+    assert not paper_table.differences(paper_table.figures(hal_drives.follow))

@@ -57,7 +57,7 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
         controller = controller_of(job, options.on, options.address, options.hal)
         if options.execute:
             _confirm(job, controller)
-        with search_progress("playing") as progress, on_interrupt(stop.set):
+        with on_interrupt(stop.set), search_progress("playing") as progress:
             played = play(
                 job,
                 controller,

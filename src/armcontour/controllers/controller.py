@@ -130,7 +130,8 @@ class _Channel:
         self.failure = ""
         self.alive = True
         self._lock = threading.Lock()
-        threading.Thread(target=self._listen, daemon=True).start()
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
 
     def _listen(self) -> None:
         assert self.process.stdout is not None
@@ -178,6 +179,10 @@ class _Channel:
         except subprocess.TimeoutExpired:
             os.killpg(self.process.pid, signal.SIGTERM)
             self.process.wait()
+        # Another process of the feeder may still stop the robot.
+        self._listener.join(CLOSING)
+        assert self.process.stdout is not None
+        self.process.stdout.close()
         if self.process.returncode and self.clean_up:
             # A process that was killed has left the controller's programs.
             subprocess.run(

@@ -151,8 +151,8 @@ def _check_file(file: FilePath, arm: Arm) -> None:
         if floats.get(component) != count:
             raise ControllerRefused(
                 f"In {file.name}, {component} has {count_noun(floats.get(component, 0), 'float')}, "
-                f"but the {count_noun(arm.dof, 'joint')} of {arm.name} need {count}: "
-                f"loadrt {component} ... cfg={'f' * count}"
+                f"but the {count_noun(arm.dof, 'joint')} of {arm.name} need {count}, as in "
+                f"loadrt {component} cfg={'f' * count}."
             )
     pattern = r"^\s*net (\S+) .*\bstreamer\.0\.pin\.(\d+)"
     signals = {int(pin): name for name, pin in re.findall(pattern, text, re.M)}
@@ -160,7 +160,8 @@ def _check_file(file: FilePath, arm: Arm) -> None:
         if signals.get(j) != signal_name(joint):
             raise ControllerRefused(
                 f"In {file.name}, streamer.0.pin.{j} has the signal {signals.get(j)}, but joint "
-                f"{j} of {arm.name} is {joint}: net {signal_name(joint)} streamer.0.pin.{j}",
+                f"{j} of {arm.name} is {joint}, which needs net {signal_name(joint)} "
+                f"streamer.0.pin.{j}.",
                 joint=j - 1,
             )
     if not re.search(rf"^\s*(net|newsig) {ENABLE}\s", text, re.M):

@@ -34,7 +34,7 @@ import signal
 import sys
 import time
 from collections.abc import Iterable
-from typing import Protocol
+from typing import Protocol, TextIO
 
 # Longest time without a line from the sender before the next stop is taken [s].
 SILENCE = 0.5
@@ -95,16 +95,16 @@ class Feeder:
     Args:
         device: The controller.
         record: File that gets every sample, which remains if the sender is gone.
+        out: What gets the lines.
         state: Memory shared with a guard: number of loops, whether a motion is played, and number
             of rows sent.
     """
 
-    def __init__(self, device: Device, record: str, state: memoryview | None = None) -> None:
-        self.device, self.record = device, open(record, "a")
+    def __init__(
+        self, device: Device, record: str, out: TextIO, state: memoryview | None = None
+    ) -> None:
+        self.device, self.record, self.out = device, open(record, "a"), out
         self.state = memoryview(bytearray(24)).cast("q") if state is None else state
-        # Libraries may print to stdout, which is the channel to the sender.
-        self.out = os.fdopen(os.dup(1), "w", buffering=BLOCK)
-        os.dup2(2, 1)
         self.rows: list[Row] = []
         self.stops: dict[int, list[Row]] = {}
         self.block: list[Row] = []
@@ -247,9 +247,15 @@ class Guard(Feeder):
     device: GuardedDevice
 
     def __init__(
-        self, device: GuardedDevice, record: str, state: memoryview, child: int, pipe: int
+        self,
+        device: GuardedDevice,
+        record: str,
+        out: TextIO,
+        state: memoryview,
+        child: int,
+        pipe: int,
     ) -> None:
-        super().__init__(device, record, state)
+        super().__init__(device, record, out, state)
         self.child, self.pipe = child, pipe
         self.waiting = b""
 
@@ -317,20 +323,28 @@ class Guard(Feeder):
             self.device.close()
 
 
+def take_stdout() -> TextIO:
+    """The channel to the sender; what libraries print goes to stderr."""
+    out = os.fdopen(os.dup(1), "w", buffering=BLOCK)
+    os.dup2(2, 1)
+    return out
+
+
 def main(device: Device) -> None:
     """Run a feeder whose first argument is the file that gets the samples."""
-    Feeder(device, sys.argv[1]).run()
+    Feeder(device, sys.argv[1], take_stdout()).run()
 
 
 def main_guarded(device: GuardedDevice) -> None:
     """Run a feeder behind a guard; the first argument is the file that gets the samples."""
+    out = take_stdout()
     lines, pipe = os.pipe()
     state = memoryview(mmap.mmap(-1, 24)).cast("q")
     child = os.fork()
     if child:
         os.close(lines)
-        Guard(device, sys.argv[1], state, child, pipe).run()
+        Guard(device, sys.argv[1], out, state, child, pipe).run()
     os.dup2(lines, 0)
     os.close(lines)
     os.close(pipe)
-    Feeder(device, sys.argv[1], state).run()
+    Feeder(device, sys.argv[1], out, state).run()

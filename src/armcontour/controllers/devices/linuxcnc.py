@@ -38,7 +38,7 @@ class LinuxCNC:
     """
 
     def __init__(self, file: str, ahead: int, dof: int) -> None:
-        self.file, self.ahead, self.dof = file, ahead, dof
+        self.file, self.ahead, self.dof, self.waiting = file, ahead, dof, False
 
     def connect(self) -> Row:
         """Load the HAL file, start its threads, command the measured position, enable drives."""
@@ -97,7 +97,9 @@ class LinuxCNC:
                 raise DeviceError(f"halcmd {' '.join(words)}: {output.read().strip()}")
 
     def start(self) -> None:
-        """The FIFO takes rows at any time."""
+        """Let the streamer wait until the FIFO is filled."""
+        hal.set_p("streamer.0.enable", "0")
+        self.waiting = True
 
     def room(self) -> int:
         """Rows until the FIFO holds `ahead`."""
@@ -112,7 +114,10 @@ class LinuxCNC:
         return int(self.out.depth) == 0
 
     def samples(self) -> Iterable[Sample]:
-        """Samples of the thread."""
+        """Samples of the thread, which reads the FIFO from the first look at them on."""
+        if self.waiting:
+            hal.set_p("streamer.0.enable", "1")
+            self.waiting = False
         self.check_alive()
         while self.back.readable:
             self.heard = time.monotonic()
