@@ -121,6 +121,10 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.certify, {"job": x["job"]}),
         (ac.check, {"samples": x["trajectory"], **on}),
         (ac.check, {"samples": x["trajectory"].sample(0.01), **on}),
+        (ac.check_commands,
+         {"points": x["trajectory"].sample(0.01), "controller": "jtc", "rate": 100.0, **on}),
+        (ac.interpolate_set_points,
+         {"set_points": x["set_points"], "controller": "jtc", "rate": 100.0}),
         (ac.check_clearance, {"motion": x["trajectory"], "arm": x["arm"]}),
         *((ac.compensate, {"trajectory": x["slow"], "servo": x["servo"], "options": m, **on})
           for m in (ac.NoCompensation(), ac.Inverse(), ac.PolePlacement())),
@@ -223,6 +227,7 @@ def instances() -> Iterator[Any]:
     yield ac.check_clearance(x["trajectory"], x["arm"])
     judged = ac.check(x["trajectory"], x["arm"])
     yield from (judged, judged.uses[0])
+    yield ac.check_commands(x["trajectory"].sample(0.01), x["arm"], "jtc", 100.0)
     yield ac.evaluate(x["executed"], x["path"])
     yield ac.RigidBodyPlant(x["known"], x["servo"])
     yield ac.shape(x["objective"], x["arm"], x["limits"], ac.Shaped(tolerance=1e-3, iterations=1))

@@ -26,6 +26,7 @@ _HOME = {
     "files.drawings.read": "read_path",
     "files.exports": "CsvFormat McapFormat NpzFormat RosYamlFormat TemplateFormat URScriptFormat "
     "export",
+    "files.exports.resampling": "interpolate_set_points",
     "files.log_file": "read_log",
     "files.robots.loading": "arm_names load_arm",
     "files.robots.options": "ArmOptions",
@@ -43,7 +44,7 @@ _HOME = {
     "simulation": "Plant RigidBodyPlant ServoPlant simulate",
     "studies.certification": "Certificate certify sweep",
     "studies.placement": "Placement place",
-    "verification": "Check Evaluation LimitUse check evaluate",
+    "verification": "Check CommandCheck Evaluation LimitUse check check_commands evaluate",
     "verification.clearance": "Cell Clearance check_clearance",
     "_version": "__version__",
 }

@@ -38,6 +38,7 @@ from armcontour.files.exports import RosYamlFormat as RosYamlFormat
 from armcontour.files.exports import TemplateFormat as TemplateFormat
 from armcontour.files.exports import URScriptFormat as URScriptFormat
 from armcontour.files.exports import export as export
+from armcontour.files.exports.resampling import interpolate_set_points as interpolate_set_points
 from armcontour.files.log_file import read_log as read_log
 from armcontour.files.robots.loading import arm_names as arm_names
 from armcontour.files.robots.loading import load_arm as load_arm
@@ -106,9 +107,11 @@ from armcontour.studies.certification import sweep as sweep
 from armcontour.studies.placement import Placement as Placement
 from armcontour.studies.placement import place as place
 from armcontour.verification import Check as Check
+from armcontour.verification import CommandCheck as CommandCheck
 from armcontour.verification import Evaluation as Evaluation
 from armcontour.verification import LimitUse as LimitUse
 from armcontour.verification import check as check
+from armcontour.verification import check_commands as check_commands
 from armcontour.verification import evaluate as evaluate
 from armcontour.verification.clearance import Cell as Cell
 from armcontour.verification.clearance import Clearance as Clearance
