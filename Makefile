@@ -28,7 +28,7 @@ HEADERS = $(VENV)/lib/python3*/site-packages/cmeel.prefix/include/boost
 define suite_with
 	$(BIN)/python -m uv venv -q --clear --python $(BIN)/python $(VENV)/$(1)
 	$(BIN)/python -m uv pip install -q --python $(VENV)/$(1) $(2) -e '.[test]'
-	NUMBA_CACHE_DIR=$(CURDIR)/$(VENV)/$(1)/cache $(VENV)/$(1)/bin/armcontour warm
+	NUMBA_CACHE_DIR=$(CURDIR)/$(VENV)/$(1)/cache $(VENV)/$(1)/bin/armcontour compile
 	NUMBA_CACHE_DIR=$(CURDIR)/$(VENV)/$(1)/cache $(VENV)/$(1)/bin/python -m pytest -q -n auto
 endef
 
@@ -159,11 +159,11 @@ $(VENV)/test: pyproject.toml constraints.txt | $(VENV)/bin/python
 
 # What is compiled at its first use is compiled here, once for each state of the sources.
 $(VENV)/base-usual: $(VENV)/base $(COMPILED)
-	$(BIN)/armcontour warm usual
+	$(BIN)/armcontour compile usual
 	@touch $@
 
 $(VENV)/test-all: $(VENV)/test $(COMPILED)
-	$(BIN)/armcontour warm
+	$(BIN)/armcontour compile
 	@touch $@
 
 # Pictures are drawn again when their programs change; `make figures` draws them at any time.

@@ -7,6 +7,7 @@ from functools import partial
 
 import armcontour as ac
 from armcontour.cli.run_command import built_in_job
+from armcontour.verification import Evaluation
 from benchmarks import reference
 from benchmarks.measured import Bar, Line, Pair, timed
 
@@ -53,7 +54,7 @@ def _evaluation(limit_use: bool) -> Pair:
 def _loop() -> Pair:
     objective, arm, limits = _job_of()
 
-    def loop() -> ac.Evaluation:
+    def loop() -> Evaluation:
         path, plan = _planned(objective, arm, limits)
         ac.explain(plan, arm, limits)
         return _judge(_executed(arm, limits, plan), path, objective, limits, False)
@@ -86,5 +87,5 @@ def _executed(arm: ac.Arm, limits: ac.Limits, plan: ac.Trajectory) -> ac.Executi
 
 def _judge(
     executed: ac.Execution, path: ac.Path, objective: ac.Path, limits: ac.Limits, limit_use: bool
-) -> ac.Evaluation:
+) -> Evaluation:
     return ac.evaluate(executed, path, objective=objective, limits=limits, limit_use=limit_use)

@@ -8,6 +8,7 @@ import numpy as np
 
 import armcontour as ac
 from armcontour.core.checks import FloatArray
+from armcontour.geometry import ShapedPath
 from benchmarks import reference, ur5e
 from benchmarks.measured import Bar, Line, Pair, timed
 
@@ -118,7 +119,7 @@ def _pair(
     def notes() -> list[str]:
         arcs = ac.plan(ac.round_corners(path, tolerance=options["tolerance"]), arm, limits)
         (shaped,) = found
-        assert isinstance(shaped.path, ac.ShapedPath)
+        assert isinstance(shaped.path, ShapedPath)
         start = shaped.path.outcome.start
         ours = f"shaped {shaped.duration:.4f} s from {start}"
         return [f"arcs {arcs.duration:.4f} s, {ours} ({known})"]

@@ -63,7 +63,7 @@ def lines() -> list[Line]:
 
 
 def _prepare(text: str, *, change: Callable[[Data, int], Data], executed: bool = True) -> Pair:
-    from armcontour.studio.executed import executed_frame
+    from armcontour.studio.execution_picture import execution_frame
     from armcontour.studio.handles import handles_of
     from armcontour.studio.picture import picture_frame
     from armcontour.studio.preview import CoarsePlanner
@@ -77,7 +77,7 @@ def _prepare(text: str, *, change: Callable[[Data, int], Data], executed: bool =
         planned = previewer.plan(change(data, next(numbers) % STEPS), "optimal")
         found = [picture_frame(planned, view).pack()]
         if executed:
-            found.append(executed_frame(previewer.simulate(planned), view).pack())
+            found.append(execution_frame(previewer.simulate(planned), view).pack())
         return found
 
     def notes() -> list[str]:

@@ -4,6 +4,7 @@ import dataclasses
 from pathlib import Path
 
 import armcontour as ac
+from armcontour.program import Lead, Switch
 
 drawing = Path(__file__).parent / "drawings" / "gasket.dxf"
 # The drawing's origin lies here on the table, in reach of the arm [m].
@@ -12,12 +13,12 @@ gasket = ac.read_path(drawing, ac.ReadOptions(layers=["CUT"]), frame=place)
 print(f"{gasket.source}: {len(gasket.contours)} contours, {gasket.length * 1e3:.0f} mm")
 
 # A quarter of a circle leads onto every contour and off it, in what is waste.
-lead = ac.Lead(length=4e-3, shape="arc")
+lead = Lead(length=4e-3, shape="arc")
 process = ac.Process(
     overlap=1e-3,
     lead_in=lead,
     lead_out=lead,
-    switch=ac.Switch(name="laser", on_lead=0.02),  # it takes 20 ms to light up
+    switch=Switch(name="laser", on_lead=0.02),  # it takes 20 ms to light up
 )
 arm = ac.load_arm("pmk3s")
 servo = ac.ServoModel(kp=25.0, kv=150.0)

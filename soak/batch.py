@@ -22,6 +22,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 import armcontour as ac
+from armcontour.batches import Batch
 
 
 def plan_of(folder: FilePath, jobs: int) -> FilePath:
@@ -43,7 +44,7 @@ def plan_of(folder: FilePath, jobs: int) -> FilePath:
     return folder / "plan.yaml"
 
 
-def rows(found: ac.Batch) -> list[dict[str, Any]]:
+def rows(found: Batch) -> list[dict[str, Any]]:
     """The rows without columns that differ between runs."""
     hidden = "(not reproducible)"
     return [{key: x for key, x in row.items() if hidden not in key} for row in found.rows]

@@ -20,9 +20,25 @@ import numpy as np
 
 import armcontour as ac
 from armcontour import files, geometry
+from armcontour.batches import BatchProgress
+from armcontour.control.compensation import fastest_poles
+from armcontour.control.learning import Recording
+from armcontour.files.exports import (
+    CsvFormat,
+    McapFormat,
+    NpzFormat,
+    RosYamlFormat,
+    TemplateFormat,
+    URScriptFormat,
+    interpolate_set_points,
+)
 from armcontour.planning.constraints import SecondOrder
+from armcontour.program import Analog, Lead, Pierce, Switch, Tabs, Weave, smooth_curvature
 from armcontour.robot import scene
 from armcontour.simulation import robustness
+from armcontour.studies.placement import Placement
+from armcontour.verification import check_commands
+from armcontour.verification.clearance import Cell
 from soak import Outcome
 
 ROWS = [f"{t:.3f},{np.sin(t):.5f},{np.sin(t - 0.01):.5f}" for t in np.arange(300) * 4e-3]
@@ -43,7 +59,7 @@ placement: {over: {x: {from: -5 mm, to: 5 mm, places: 2}}, refine: false}
     "line.csv": "x [mm],y [mm]\n300,200\n330,200\n",
     "log.csv": "\n".join(["t,u1,q1", *ROWS]),
     "motion.csv": "\n".join(["t [s],q1 [rad],q2 [rad]", *ROWS]),
-    "plan.yaml": "{job: bend.yaml, over: {cycle: 10 ms}, do: teach}",
+    "plan.yaml": "{job: bend.yaml, over: {cycle: 10 ms}, do: compensate}",
 }
 # Methods that only the package calls, with what it has checked; most of them are in inner loops.
 INNER = {
@@ -121,9 +137,9 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.certify, {"job": x["job"]}),
         (ac.check, {"samples": x["trajectory"], **on}),
         (ac.check, {"samples": x["trajectory"].sample(0.01), **on}),
-        (ac.check_commands,
+        (check_commands,
          {"points": x["trajectory"].sample(0.01), "controller": "jtc", "rate": 100.0, **on}),
-        (ac.interpolate_set_points,
+        (interpolate_set_points,
          {"set_points": x["set_points"], "controller": "jtc", "rate": 100.0}),
         (ac.check_clearance, {"motion": x["trajectory"], "arm": x["arm"]}),
         *((ac.compensate, {"trajectory": x["slow"], "servo": x["servo"], "options": m, **on})
@@ -132,7 +148,7 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.simulate, {"set_points": x["set_points"], "plant": x["plant"]}),
         (ac.explain, {"trajectory": x["trajectory"], **on}),
         (ac.export, {"data": x["set_points"], "file": "a.csv"}),
-        (ac.fastest_poles, {"trajectory": x["slow"], "servo": x["servo"], "limits": x["limits"]}),
+        (fastest_poles, {"trajectory": x["slow"], "servo": x["servo"], "limits": x["limits"]}),
         (ac.identify, {"logs": x["log"]}),
         (ac.identify_bodies, {"logs": x["rest"], "arm": x["arm"]}),
         (ac.learn, learned | {"servo": x["servo"]}),
@@ -151,7 +167,7 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.round_corners, {"path": x["objective"], "tolerance": 1e-3}),
         (ac.run, {"job": x["job"]}),
         (ac.shape, {"path": x["objective"], **on, "options": shaped}),
-        (ac.smooth_curvature, {"path": x["path"], "tolerance": 1e-5}),
+        (smooth_curvature, {"path": x["path"], "tolerance": 1e-5}),
         (ac.dwell_law, {"q": np.zeros(2), "duration": 1.0}),
         (ac.sweep, {"job": x["job"], "tolerances": [2e-3]}),
         (ac.trace, {"path": x["path"], "arm": x["arm"]}),
@@ -191,9 +207,9 @@ def instances() -> Iterator[Any]:
     yield ac.round_corners(oriented, tolerance=1e-3)
     yield from x.values()
     yield from (ac.Line(start=[0, 0], end=[1, 0]), ac.Arc(start=[1, 0], center=[0, 0], angle=1.0))
-    yield from (ac.Analog(name="gas"), ac.Dwell(duration=1.0), ac.Event(name="gas"))
-    yield from (ac.Lead(length=1e-3), ac.Pierce(time=0.1), ac.Rapid(), ac.Switch(), ac.Process())
-    yield from (ac.Tabs(width=1e-3, count=2), ac.Weave(width=1e-3, pitch=1e-3))
+    yield from (Analog(name="gas"), ac.Dwell(duration=1.0), ac.Event(name="gas"))
+    yield from (Lead(length=1e-3), Pierce(time=0.1), ac.Rapid(), Switch(), ac.Process())
+    yield from (Tabs(width=1e-3, count=2), Weave(width=1e-3, pitch=1e-3))
     yield from (
         ac.Payload(mass=1.0),
         ac.CertificateGoal(servo_error=1e-4),
@@ -206,8 +222,8 @@ def instances() -> Iterator[Any]:
     yield ac.Obstacle(name="ball", shape=scene.Sphere(radius=0.1))
     yield SecondOrder("own", nothing, [-0.05], [0.05])
     yield robustness.Uncertainty(dead_time=1e-3)
-    yield from (ac.CsvFormat(), ac.NpzFormat(), ac.McapFormat(), ac.RosYamlFormat())
-    yield from (ac.URScriptFormat(), ac.TemplateFormat(template="krl"))
+    yield from (CsvFormat(), NpzFormat(), McapFormat(), RosYamlFormat())
+    yield from (URScriptFormat(), TemplateFormat(template="krl"))
     yield from (ac.Optimal(), ac.Shaped(tolerance=1e-3), ac.Paper(), ac.Conventional())
     yield from (ac.Inverse(), ac.PolePlacement(), ac.InverseDynamics(), ac.NoCompensation())
     yield from (ac.ServoFit(), ac.BodyFit())
@@ -216,10 +232,10 @@ def instances() -> Iterator[Any]:
         ac.ArmOptions(tip="t"),
         ac.PlaceSearch(over={"x": (0.0, 0.1, 2)}),
     )
-    yield from (ac.Recording(t=x["t"], q=x["wave"]), ac.Cell(x["arm"], ac.Scene()))
+    yield from (Recording(t=x["t"], q=x["wave"]), Cell(x["arm"], ac.Scene()))
     contour = ac.Contour(path=x["path"])
     yield from (contour, ac.Program(moves=(contour,)))
-    yield ac.BatchProgress(total=2, done=1, before=0, seconds=1.0, statuses={"done": 1}, errors={})
+    yield BatchProgress(total=2, done=1, before=0, seconds=1.0, statuses={"done": 1}, errors={})
     yield from (x["job"].runs[0], x["job"].runs[0].rounding, x["job"].placement)
     yield ac.identify(x["log"])
     yield ac.place(x["job"])
@@ -227,7 +243,7 @@ def instances() -> Iterator[Any]:
     yield ac.check_clearance(x["trajectory"], x["arm"])
     judged = ac.check(x["trajectory"], x["arm"])
     yield from (judged, judged.uses[0])
-    yield ac.check_commands(x["trajectory"].sample(0.01), x["arm"], "jtc", 100.0)
+    yield check_commands(x["trajectory"].sample(0.01), x["arm"], "jtc", 100.0)
     yield ac.evaluate(x["executed"], x["path"])
     yield ac.RigidBodyPlant(x["known"], x["servo"])
     yield ac.shape(x["objective"], x["arm"], x["limits"], ac.Shaped(tolerance=1e-3, iterations=1))
@@ -267,7 +283,7 @@ def made_of(x: Any) -> dict[str, Any]:
     """Arguments with which the constructor of its class makes an object."""
     if isinstance(x, ac.PlanarTwoLink):
         return {"name": "arm", "base": 0.1, "links": (0.25, 0.215), "limits": x.limits}
-    if isinstance(x, ac.Cell):
+    if isinstance(x, Cell):
         return {"arm": right()["arm"], "scene": ac.Scene()}
     return {y.name: getattr(x, y.name) for y in parameters_of(type(x)) if hasattr(x, y.name)}
 
@@ -304,7 +320,7 @@ def arguments_of(method: Callable[..., Any], x: Any) -> dict[str, Any]:
         given["name"] = "joint_velocity"
     if isinstance(x, ac.SerialArm):
         given["pose"] = x.forward(q)
-    if isinstance(x, ac.Placement):
+    if isinstance(x, Placement):
         given |= {"name": "duration", "place": x.best}
     needed = [y.name for y in parameters_of(method) if y.default is y.empty or y.name == "ddq"]
     return {name: given[name] for name in needed if name in given}

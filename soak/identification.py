@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 import armcontour as ac
+from armcontour.control.identification import BodyIdentification
 from armcontour.motion import Log, SetPoints
 from soak import Outcome
 
@@ -166,7 +167,7 @@ def examine(seed: int, every: int) -> dict[str, bool]:
 
 
 def _inside(
-    found: ac.BodyIdentification,
+    found: BodyIdentification,
     kp: np.ndarray,
     viscous: np.ndarray,
     coulomb: np.ndarray,

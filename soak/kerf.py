@@ -22,6 +22,7 @@ from scipy.spatial import cKDTree
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
+from armcontour.program import Lead
 from soak import Outcome
 from soak.corners import Piece
 
@@ -434,12 +435,12 @@ def run_file(file: Path, kerf: float) -> tuple[str, Verdict | None]:
     Drawings of more than LONGEST are judged by the path that would be planned.
     """
     corners = np.concatenate(
-        [x.path.vertices for x in ac.read_path(file, ac.ReadOptions(flat=True)).contours]
+        [x.path.vertices for x in ac.read_path(file, ac.ReadOptions(ignore_z=True)).contours]
     )
     scale = min(1.0, LARGEST / float(np.ptp(corners, axis=0).max()))
     at = np.array(PLACE) - scale * corners.min(axis=0)
     drawing = ac.read_path(
-        file, ac.ReadOptions(flat=True, scale=scale), frame=ac.Frame(position=(*at, 0))
+        file, ac.ReadOptions(ignore_z=True, scale=scale), frame=ac.Frame(position=(*at, 0))
     )
     part = Part()
     for x in drawing.contours:
@@ -470,7 +471,7 @@ def run_plate(seed: int) -> tuple[str, Verdict | None]:
     length: float | None = 1e-3 * rng.uniform(0.3, 4) if rng.random() < 0.5 else None
     begin = str(rng.choice(["auto", "drawn"]))
     while True:
-        lead = None if length is None else ac.Lead(length=length, shape="arc")
+        lead = None if length is None else Lead(length=length, shape="arc")
         process = ac.Process(kerf=1e-3 * kerf, begin=begin, lead_in=lead, lead_out=lead)
         try:
             prepared = ac.prepare(drawing, process)

@@ -26,6 +26,7 @@ import armcontour as ac
 from armcontour.core.errors import InvalidInput
 from armcontour.files import parse_job
 from armcontour.jobs import RunResult, analog_outputs
+from armcontour.program import Analog, Lead, Switch, Tabs
 from soak import Outcome
 
 STEP = 1e-3
@@ -122,11 +123,11 @@ def draw(rng: np.random.Generator, number: int, name: str, style: str) -> Shape:
     return found
 
 
-def lead(rng: np.random.Generator, active: bool) -> ac.Lead | None:
+def lead(rng: np.random.Generator, active: bool) -> Lead | None:
     """A random lead, or none."""
     if rng.random() < 0.4:
         return None
-    return ac.Lead(
+    return Lead(
         length=rng.uniform(1e-3, 3e-3), shape=str(rng.choice(["line", "arc"])), active=active
     )
 
@@ -154,8 +155,8 @@ def judge_program(seed: int) -> int:
                 moves.append(ac.Event(name=name, value=False))
         moves.append(ac.Contour(path=x.path(), events=x.events, layer=layer, name=f"c{k}"))
     on_lead, off_lead = rng.uniform(0, 0.015, 2) * (rng.random(2) < 0.6)
-    switches = {x: ac.Switch(name=x, on_lead=on_lead, off_lead=off_lead) for x in ("laser", "glue")}
-    tabs = ac.Tabs(width=1e-3, count=int(rng.integers(1, 3))) if rng.random() < 0.4 else None
+    switches = {x: Switch(name=x, on_lead=on_lead, off_lead=off_lead) for x in ("laser", "glue")}
+    tabs = Tabs(width=1e-3, count=int(rng.integers(1, 3))) if rng.random() < 0.4 else None
     overlap = rng.uniform(0, 2e-3) * (rng.random() < 0.5)
     passes = int(rng.integers(1, 4)) if rng.random() < 0.4 else 1
     # Along active leads the outputs may be on.
@@ -174,8 +175,8 @@ def judge_program(seed: int) -> int:
         # Something must come before the first event with its lead.
         dwell=rng.uniform(0.02, 0.1),
         analog=(
-            ac.Analog(name="power", rest=0.3, off=int(rng.integers(0, 2)) * -1, lead_time=early),
-            ac.Analog(name="flow", rest=1.0, full=1.0, follows="laser"),
+            Analog(name="power", rest=0.3, off=int(rng.integers(0, 2)) * -1, lead_time=early),
+            Analog(name="flow", rest=1.0, full=1.0, follows="laser"),
         ),
     )
     visits: list[tuple[Shape, float]] = []

@@ -15,6 +15,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 import armcontour as ac
+from armcontour.geometry import RoundedPath
 
 settings.register_profile(
     "suite",
@@ -116,7 +117,7 @@ def objective() -> ac.Path:
 
 
 @pytest.fixture(scope="session")
-def rounded(objective: ac.Path) -> ac.RoundedPath:
+def rounded(objective: ac.Path) -> RoundedPath:
     return ac.round_corners(
         objective, tolerance=CORNER_ERROR, acceleration=CENTRIPETAL_ACCELERATION
     )
@@ -135,7 +136,7 @@ def servo() -> ac.ServoModel:
 
 
 @pytest.fixture(scope="session")
-def traced(rounded: ac.RoundedPath, arm: ac.PlanarTwoLink) -> ac.JointPath:
+def traced(rounded: RoundedPath, arm: ac.PlanarTwoLink) -> ac.JointPath:
     return ac.trace(rounded, arm)
 
 

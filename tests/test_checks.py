@@ -47,6 +47,7 @@ from armcontour.core.quantities import (
 )
 from armcontour.core.quintics import solve_banded
 from armcontour.core.sampling import interpolate
+from armcontour.program import Analog, Lead, Pierce, Switch, smooth_curvature
 from armcontour.robot.scene import Box, Obstacle, Scene
 
 
@@ -117,7 +118,7 @@ def test_copies_are_locked_as_what_was_copied(copied, objective, arm, limits, se
     everything = (
         *(cell, rounded, planned, set_points, plant, executed, space, turned, planned.sample(0.01)),
         *(ac.evaluate(executed, objective), ac.Program(moves=(ac.Contour(path=rounded),))),
-        ac.smooth_curvature(rounded, tolerance=1e-4),
+        smooth_curvature(rounded, tolerance=1e-4),
     )
     for x in everything:
         given, found = (dict(arrays_of(y, "", {})) for y in (x, copied(x)))
@@ -396,9 +397,9 @@ VALUES = (
     ac.SegmentLimits(speed=0.1, tolerance=0.01),
     ac.Contour(ac.Path.polyline([(0, 0), (1, 0)])),
     ac.Event("laser"),
-    ac.Process(kerf=1e-3, switch=ac.Switch(), analog=(ac.Analog("power"),)),
-    ac.Lead(length=0.01),
-    ac.Pierce(time=0.5),
+    ac.Process(kerf=1e-3, switch=Switch(), analog=(Analog("power"),)),
+    Lead(length=0.01),
+    Pierce(time=0.5),
     Obstacle("table", Box((1, 1, 1)), margin=0.01),
     Scene(),
     Box((1, 1, 1)),

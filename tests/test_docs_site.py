@@ -61,7 +61,7 @@ def test_every_public_name_and_every_name_of_a_room_has_one_entry():
 def test_every_command_is_listed_and_quantities_of_options_have_their_units():
     lines = {x[0]: x[1] for x in rows(PAGES["commands/run.md"])}
     kinds = {
-        "`--speed`": "quantity [m/s]", "`--turn`": "quantities [rad]",
+        "`--speed`": "quantity [m/s]", "`--rpy`": "quantities [rad]",
         "`--iterations`": "whole number, at least 0", "`--layer`": "text",
     }  # fmt: skip
     assert {name: lines[name] for name in kinds} == kinds

@@ -10,16 +10,21 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.corner_job import CORNER_JOB
+from tests.public_names import PUBLIC
 
 import armcontour as ac
+from armcontour.batches import Batch
 from armcontour.control.identification.fit_options import DRIVE_CYCLE, LONGEST_DELAY
-from armcontour.core.text import MOST_LINES, format_table
+from armcontour.control.learning import Recording
+from armcontour.core.text import MAX_LINES, format_table
 from armcontour.files import parse_job
+from armcontour.files.exports import CsvFormat
 from armcontour.jobs import PlaceSearch
 from armcontour.planning.path_grid import DEFAULT_INTERVALS
 from armcontour.robot.scene import MARGINS
-from armcontour.studies.placement.judging import Verdict
-from armcontour.studies.placement.moving import Moves
+from armcontour.studies.placement import Placement
+from armcontour.studies.placement.place_evaluation import Verdict
+from armcontour.studies.placement.placed_job import Moves
 from armcontour.studies.placement.placement import Place
 
 SECTIONS = ("Args", "Attributes", "Raises")
@@ -47,12 +52,11 @@ def methods(of):
 def documented():
     """All public functions, classes and methods by their name."""
     found: dict[str, Any] = {}
-    for name in ac.__all__:
-        value = getattr(ac, name)
+    for name, value in PUBLIC.items():
         if inspect.isclass(value):
             found[name] = value
             found |= methods(value)
-        elif callable(value):
+        else:
             found[name] = value
     return found
 
@@ -96,7 +100,7 @@ def sections(doc):
 
 DOCUMENTED = documented()
 # Public classes and their bases.
-CLASSES = [x for x in vars(ac).values() if inspect.isclass(x)]
+CLASSES = [x for x in PUBLIC.values() if inspect.isclass(x)]
 BY_NAME = {base.__name__: base for x in CLASSES for base in x.__mro__}
 
 
@@ -152,7 +156,7 @@ STATED = [
     (
         "docs/guides/export.md",
         r"`derivatives` \|.*\| `(\d)` \(default\)",
-        field(ac.CsvFormat, "derivatives"),
+        field(CsvFormat, "derivatives"),
     ),
     (
         "docs/guides/checking.md",
@@ -234,21 +238,21 @@ def results():
     )
     yield from (x.path.path, x.set_points, x.trajectory, x.trajectory.sample(0.1))
     best = Place(values={"x": 0.01, "yaw": np.pi / 2}, verdict=Verdict(bound=1.4, duration=1.5))
-    yield ac.Placement(
+    yield Placement(
         job=job, run=job.runs[0], axes=(), objective="duration", best=best, refined=best,
         verdicts=(best.verdict, Verdict(bound=1.6), Verdict(refusal="reach")),
         own=Verdict(refusal="reach"), moves=Moves(anchor=np.zeros(3)),
     )  # fmt: skip
     results = [*[{"status": "done", "error": None}] * 300]
     results += [{"status": "refused", "error": "Unreachable"}] * 80
-    yield ac.Batch(plan=Jobs(range(380)), folder=FilePath("out"), rows=results)
+    yield Batch(plan=Jobs(range(380)), folder=FilePath("out"), rows=results)
     square = ac.Path.polyline([[0, 0], [0.1, 0], [0.1, 0.1], [0, 0.1], [0, 0]])
     line = ac.Path.polyline([[0, 0], [0.1, 0]])
     contours = ac.Contour(path=square, layer="CUT"), ac.Contour(path=line, layer="MARK")
     yield ac.Program(moves=(contours[0], ac.Dwell(duration=0.5), contours[1]))
     t = np.linspace(0.0, 1.0, 251)
     q = np.column_stack([t, -t])
-    yield from (ac.Log(t=t, command=q, measured=q), ac.Recording(t=t, q=q))
+    yield from (ac.Log(t=t, command=q, measured=q), Recording(t=t, q=q))
     yield dataclasses.replace(ac.load_arm("ur5e").limits, speed=0.25)
 
 
@@ -256,7 +260,7 @@ def test_results_print_few_lines_and_their_repr_is_one():
     for found in results():
         name, text = type(found).__name__, " ".join(str(found).split())
         lines = str(found).splitlines()
-        assert len(lines) <= MOST_LINES + 2 and max(map(len, lines)) < 100, name
+        assert len(lines) <= MAX_LINES + 2 and max(map(len, lines)) < 100, name
         assert all(x in text for x in FACTS.get(name, ())), text
         said = repr(found)
         assert "\n" not in said and len(said) < 1000 and name in said

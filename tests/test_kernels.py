@@ -17,10 +17,10 @@ from tools.kernels import to_text
 import armcontour
 import armcontour as ac
 from armcontour.core import compilation
+from armcontour.core.child_process import pack, unpack
 from armcontour.core.compilation import Order, from_text, read_list
 from armcontour.core.kernels import KERNELS, compiled
 from armcontour.core.pool import InProcess
-from armcontour.core.process import pack, unpack
 
 
 @compiled(inner=True)

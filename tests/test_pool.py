@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 import armcontour as ac
 from armcontour.core import pool
+from armcontour.core.child_process import ProcessEnded, pack, unpack
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.pool import (
     InProcess,
@@ -25,7 +26,6 @@ from armcontour.core.pool import (
     open_executor,
     split_evenly,
 )
-from armcontour.core.process import ProcessEnded, pack, unpack
 
 # Functions that other processes can import.
 halve = partial(truediv, 1.0)
@@ -102,7 +102,7 @@ def test_a_pool_is_an_executor_of_other_processes():
         with pytest.raises(RuntimeError, match="ZeroDivisionError"):
             pool.submit(eval, "1 / 0").result()
         told = []
-        tell = "__import__('armcontour.core.process', fromlist=['tell']).tell"
+        tell = "__import__('armcontour.core.child_process', fromlist=['tell']).tell"
         work = partial(eval, f"[{tell}(x) for x in 'ab'] and 3")
         assert pool.submit_reporting(told.append, work).result() == 3 and told == ["a", "b"]
         # An answer that is not read to its end is not taken for that of the next work.

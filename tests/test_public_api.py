@@ -1,5 +1,6 @@
 """The public names: they exist, load lazily, and refuse what they do not take."""
 
+import importlib
 import inspect
 import re
 import subprocess
@@ -9,12 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from tests.public_names import OWNED, PUBLIC
 from tools.stubs import stubs
 
 import armcontour
 import armcontour as ac
 from armcontour import files
 from armcontour.cli.run_command import built_in_job
+from armcontour.files.exports import CsvFormat
+from armcontour.program import Lead, smooth_curvature
 from armcontour.simulation import robustness
 
 
@@ -31,6 +35,14 @@ def test_every_public_name_exists():
     assert dir(ac) == ac.__all__
     with pytest.raises(AttributeError, match="'armcontour' has no attribute 'does_not_exist'"):
         ac.does_not_exist  # noqa: B018
+
+
+def test_names_that_a_package_owns_are_not_in_armcontour_itself():
+    assert len(ac.__all__) <= 80
+    for package, names in OWNED.items():
+        names = names.split()
+        assert set(names) <= set(importlib.import_module(f"armcontour.{package}").__all__)
+        assert not set(names) & set(ac.__all__)
 
 
 def test_stubs_have_the_names_of_the_packages():
@@ -89,8 +101,7 @@ def is_method(member):
 
 def takers():
     """Public functions and methods with a `**parameter`, as `name` or `Class.method`."""
-    for name in ac.__all__:
-        value = getattr(ac, name)
+    for name, value in PUBLIC.items():
         found = {name: value} if inspect.isfunction(value) else {}
         if inspect.isclass(value):
             members = inspect.getmembers(value, is_method)
@@ -132,10 +143,9 @@ NOT_MADE = {
 
 def makers():
     """Public functions and constructors, by their names."""
-    for name in ac.__all__:
-        value = getattr(ac, name)
+    for name, value in PUBLIC.items():
         error = inspect.isclass(value) and issubclass(value, BaseException)
-        if callable(value) and not error and name not in NOT_MADE:
+        if not error and name not in NOT_MADE:
             yield name, value
             for key, member in inspect.getmembers(value, inspect.ismethod):
                 if not key.startswith("_"):
@@ -174,7 +184,7 @@ def test_the_first_arguments_need_no_names():
         (ac.Frame((1, 2, 3)), ac.Frame(position=(1, 2, 3)), ("position", "rotation")),
         (ac.Event("tool", False), ac.Event(name="tool", value=False), ("name", "value")),
         (ac.Dwell(0.5), ac.Dwell(duration=0.5), ("duration",)),
-        (ac.Lead(0.01), ac.Lead(length=0.01), ("length",)),
+        (Lead(0.01), Lead(length=0.01), ("length",)),
     )
     for by_place, by_name, names in pairs:
         for name in names:
@@ -214,7 +224,7 @@ def test_other_objects_are_refused_in_one_sentence(
     # Each argument of a call but tolerances is replaced by other objects.
     calls = [
         (ac.round_corners, (objective,), {"tolerance": 1e-3}),
-        (ac.smooth_curvature, (objective,), {"tolerance": 1e-5}),
+        (smooth_curvature, (objective,), {"tolerance": 1e-5}),
         (ac.plan, (objective, arm), {"limits": limits}),
         (ac.shape, (objective, arm, limits, ac.Shaped(tolerance=1e-3)), {}),
         (ac.compensate, (conventional, servo), {"arm": arm, "limits": limits}),
@@ -222,7 +232,7 @@ def test_other_objects_are_refused_in_one_sentence(
         (ac.evaluate, (None, objective), {"limits": limits}),
         (ac.explain, (planned, arm), {"limits": limits}),
         (ac.check, (planned, arm), {"limits": limits}),
-        (ac.export, (set_points, "a.csv"), {"arm": arm, "format": ac.CsvFormat()}),
+        (ac.export, (set_points, "a.csv"), {"arm": arm, "format": CsvFormat()}),
         (ac.prepare, (objective, ac.Process()), {}),
         *((x, (job,), {}) for x in (ac.run, ac.certify, ac.sweep, ac.place)),
         (ac.read_job, ("a.yaml",), {}),

@@ -13,7 +13,7 @@ from tests.properties.number_cases import PLANE, put
 import armcontour
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
-from armcontour.core.yaml_loader import MOST_CHARACTERS, AngleLoader, Loader, QuickLoader, load
+from armcontour.core.yaml_loader import MAX_CHARACTERS, AngleLoader, Loader, QuickLoader, load
 from armcontour.files import parse_job
 from armcontour.files.cell import read_cell
 from armcontour.jobs import Experiment, run
@@ -60,7 +60,7 @@ HOSTILE = {
     "block": ("- " * 100_000, "nested too deeply"),
     "keys": ("? " * 10_000, "nested too deeply"),
     "size": (
-        "#" * (MOST_CHARACTERS + 1),
+        "#" * (MAX_CHARACTERS + 1),
         "16 million characters, more than the limit of 16 million",
     ),
     "tag": ("a: !" + "x" * 100_000 + " 1", "could not determine a constructor"),

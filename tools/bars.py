@@ -49,7 +49,7 @@ OPTIONS = {
         "|.*/tracing|program|.*/jerk|.*shaping/(curves|nodes|search|starts)|control"
         "|jobs/(goal|single_corners|automatic_leads|run_plan)|cli/(certify_command|check_command)|files/job_(path|model)"
         "|report/sections/shaping|.*shaping/shaper|planning/options"
-        "|studio/(converting|tasks|static/taskforms)",
+        "|studio/(edits/conversion|tasks|static/taskforms)",
     ),
     # Tool speeds as figures; how much of a limit is used; the corner speed of `Rounding`.
     "limits.speed": (
@@ -57,8 +57,8 @@ OPTIONS = {
         "geometry|files/drawings|.*(certification|identification)|motion|program"
         "|robot/drives|report|batches|.*constraints|.*/(jerk|topp)|core/text|verification"
         "|planning/(law_checks|paper|end_sp|expl|program|planner)"
-        "|studio/(line|picture)|robot/limit_use"
-        "|jobs/(analog|automatic_leads|run_plan|run_warnings|job_result|run_data|job)|studio/(converting|static)",
+        "|studio/picture|robot/limit_use"
+        "|jobs/(analog|automatic_leads|run_plan|run_warnings|job_result|run_data|job)|studio/(edits/conversion|static)",
     ),
     # Exports have an interval of their own, and so has `Paper`, the arguments of a function; a
     # preview chooses a longer one.
@@ -77,18 +77,18 @@ QUANTITIES = {
     # Other figures are those of a fit, a recorded run, drawn robots; and a search compares them.
     "RMS of the contour error": (
         r"\.(contour_)?rms\b",
-        "control/(identification|learning)|simulation/robustness|studies/certification/_",
+        "control/(identification|learning)|simulation/robustness|studies/certification/(?!certificat)",
     ),
     # Programs for controllers have it as data; logs have one; a refusal's message names it.
     "duration": (
         r"\.duration\b",
-        "planning|jobs/job|program/moves|files/exports|studies/certification/_|control",
+        "planning|jobs/job|program/moves|files/exports|studies/certification/(?!certificat)|control",
     ),
     # Shares of the assigned speed, of jerk and of a contour error are other figures; a search
     # computes uses.
     "limit use": (
         r"\.(limit_ratios|certain|used?|limits_used)\b",
-        "planning|studies/certification/_",
+        "planning|studies/certification/(?!certificat)",
     ),
     # `least` is a pair of bodies; estimates and ranges of limits have ends, too.
     "clearance": (
@@ -102,7 +102,7 @@ MECHANISMS = {
     "placement": ("def _override_keys(", "files/study_files.py"),
     "Studio": ("def place_of(", "studio/edits/keys.py"),
     "batches": ("def _put(", "batches/base_job.py"),
-    "sweep": ("changes_of(", "studio/tasks/searching.py"),
+    "sweep": ("changes_of(", "studio/tasks/searches.py"),
     "patch": ("def apply_patch(", "*/patch.py"),
 }
 FUNCTIONS = (ac.plan, ac.read_path, ac.shape, ac.place, ac.export, ac.load_arm)

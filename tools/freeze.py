@@ -54,7 +54,7 @@ GROUPS = [
         *[("gasket.dxf", x, "") for x in ("fr3", "panda", "pmk3s", "ur10e", "ur5e")],
         *[("gasket.dxf", f"{{drawings}}/{x}.yaml", "") for x in ("laser", "gentle")],
         *[("lettering.svg", x, "") for x in ("fr3", "pmk3s", "ur5e")],
-        *[("pocket.ngc", "ur5e", ""), ("pocket.ngc", "pmk3s", "--flat")],
+        *[("pocket.ngc", "ur5e", ""), ("pocket.ngc", "pmk3s", "--ignore-z")],
         *[("plate.dxf", "ur5e", ""), ("plate.dxf", "panda", "--layer CUT")],
         *[
             ("gasket.dxf", "ur5e", x)
@@ -65,9 +65,9 @@ GROUPS = [
                 "--continuity curvature",
                 "--resume-at '0.45 m'",
                 "--layer CUT",
-                "--turn '0, 0, 90 deg' --no-simulation",
-                "--at '300 mm, 0 mm, 100 mm'",
-                "--at '3 m, 0 m, 0 m'",
+                "--rpy '0, 0, 90 deg' --no-simulation",
+                "--position '300 mm, 0 mm, 100 mm'",
+                "--position '3 m, 0 m, 0 m'",
                 "--scale 0.5",
                 "--scale 40",
                 "--units inch",
@@ -92,7 +92,7 @@ GROUPS = [
     ["identify {tests}/control/identification/kuka_kr300/A.csv --json --out out"],
     [
         "identify {tests}/control/identification/kuka_kr300/A.csv "
-        "--predict {tests}/control/identification/kuka_kr300/B.csv --json"
+        "--validate {tests}/control/identification/kuka_kr300/B.csv --json"
     ],
     [
         "run {drawings}/gasket.dxf --cell {drawings}/laser.yaml --out out --export csv",
@@ -299,7 +299,7 @@ def record_of(
     path = os.pathsep.join([str(tree / "src"), str(ROOT)])
     cache = compiled(tree)
     environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(cache)}
-    subprocess.check_call([sys.executable, "-m", "armcontour", "warm"], env=environment)
+    subprocess.check_call([sys.executable, "-m", "armcontour", "compile"], env=environment)
     command = [sys.executable, "-m", "tools.freeze", "--record", str(tree), str(folder)]
     running = [
         subprocess.Popen(

@@ -1,8 +1,8 @@
 """`python -m tools.kernels`: write src/armcontour/core/kernels.txt anew.
 
 The list has the argument types with which compiled functions are called by a run on a plane arm, by
-a run on an arm in space, and by the tests. `armcontour warm` compiles it. Each of the three runs in
-a process without cached functions, which records the functions that it compiles.
+a run on an arm in space, and by the tests. `armcontour compile` compiles it. Each of the three runs
+in a process without cached functions, which records the functions that it compiles.
 """
 
 from __future__ import annotations

@@ -144,7 +144,7 @@ class Slot:
         shutil.rmtree(self.sources, ignore_errors=True)
         shutil.copytree(ROOT / "src", self.sources, ignore=shutil.ignore_patterns("__pycache__"))
         self.clean.mkdir(exist_ok=True)
-        self._run([sys.executable, "-m", "armcontour", "warm"], ROOT, self.clean)
+        self._run([sys.executable, "-m", "armcontour", "compile"], ROOT, self.clean)
 
     def is_killed(self, mutant: Mutant, tests: Path) -> bool:
         """True if a test fails with the mutant."""

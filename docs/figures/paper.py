@@ -15,6 +15,7 @@ from matplotlib.patches import Arc, Circle
 import armcontour as ac
 from armcontour.control.compensation import METHODS
 from armcontour.planning.paper_line import PaperLine
+from armcontour.verification import Evaluation
 
 FINE = 2e-4  # s: nearly a continuous command
 CYCLE = 4e-3  # s: a usual cycle
@@ -36,7 +37,7 @@ class Result(NamedTuple):
     """An execution and its evaluation."""
 
     executed: ac.Execution
-    evaluation: ac.Evaluation
+    evaluation: Evaluation
 
 
 @cache

@@ -17,16 +17,24 @@ import armcontour as ac
 NO_LIBRARY = ("cli", "studio")
 # Packages whose names the package around them has.
 PARTS = (
-    *("files.drawings", "files.exports", "files.robots", "report.sections"),
+    *("files.drawings", "files.robots", "report.sections"),
     *("planning.constraints", "planning.jerk", "planning.shaping", "planning.topp"),
 )
 HEAD = """# Python
 
-Names of `armcontour` itself stay: `import armcontour as ac`, then `ac.plan(...)`. Names that only a
-package has, such as `armcontour.simulation.robustness.Uncertainty`, may move between versions.
+Names of `armcontour` itself stay: `import armcontour as ac`, then `ac.plan(...)`. They are
+functions and what their callers construct. Results, formats of exports and parts of a process are
+in the package that owns them, such as `armcontour.verification.Evaluation`. Such names may move
+between versions.
 Quantities are in [SI units and radians](../../../conventions.md); arrays are time first.
 `FloatArray` is an array of NumPy with float64, `ArrayLike` what NumPy makes one of.
 `armcontour.__version__` is the version.
+
+Examples use these objects:
+
+```python
+EXAMPLE
+```
 
 """
 
@@ -40,7 +48,9 @@ def write_names() -> Iterator[tuple[str, str]]:
         at_top = ", ".join(f"[`{x.rpartition('.')[2]}`](#{x})" for x, _ in own if x.count(".") == 1)
         rows.append(f"| [{room}]({room}.rst) | {what} | {at_top} |")
     lists = table("room", "what it holds", "in `armcontour` itself", rows=rows)
-    yield "api/index.md", HEAD + lists + contents(by_room())
+    example = [x[4:] for x in (ac.__doc__ or "").splitlines() if x.startswith(">>> ")]
+    head = HEAD.replace("EXAMPLE", "\n".join(example[:-1]))
+    yield "api/index.md", head + lists + contents(by_room())
 
 
 def _page(title: str, what: str, own: list[tuple[str, Any]]) -> str:

@@ -3,49 +3,57 @@
     Path --round_corners--> Path --trace--> JointPath --plan--> Trajectory --compensate-->
     SetPoints --simulate--> Execution --evaluate--> Evaluation
 
-Each arrow is one function of this package; `run(job)` is all of them at once. Names are loaded when
-they are first used, so that importing the package costs nothing.
+Each arrow is one function of this package; `run(job)` does all of them. The package has functions
+and what their callers construct; results, formats and parts of a process are in the package that
+owns them. Names load at their first use. Examples in docstrings use these objects:
+
+>>> import numpy as np
+>>> import armcontour as ac
+>>> arm = ac.load_arm("pmk3s")
+>>> objective = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20), (0.33, 0.23)])
+>>> path = ac.round_corners(objective, tolerance=1e-3)
+>>> limits = arm.limits.replace(speed=0.1, centripetal_acceleration=0.09)
+>>> planned = ac.plan(path, arm, limits)
+>>> servo = ac.ServoModel(kp=25.0, kv=150.0)
+>>> set_points = ac.compensate(planned, servo)
+>>> executed = ac.simulate(set_points, ac.ServoPlant(arm, servo))
+>>> ac.evaluate(executed, path, objective=objective).contour_error.max < 1e-4
+True
 """
 
 from armcontour.core.lazy import lazy_names
 
 # The public names by their modules; `tools/stubs.py` writes them for type checkers.
 _HOME = {
-    "batches": "Batch BatchProgress batch",
-    "control.compensation": "CompensationOptions Inverse InverseDynamics NoCompensation "
-    "PolePlacement compensate",
-    "control.compensation.poles": "fastest_poles",
-    "control.identification": "BodyFit BodyIdentification Identification ServoFit identify "
-    "identify_bodies",
-    "control.learning": "LearningResult LearningRun Recording learn",
+    "batches": "batch",
+    "control.compensation": "Inverse InverseDynamics NoCompensation PolePlacement compensate",
+    "control.identification": "BodyFit ServoFit identify identify_bodies",
+    "control.learning": "learn",
     "core.errors": "ArmContourError Collision CompensationError ExecutionError InvalidInput "
     "NotRealizable Unreachable",
     "core.frames": "Frame",
     "files": "read_job read_trajectory",
     "files.drawings.read_options": "ReadOptions",
     "files.drawings.read": "read_path",
-    "files.exports": "CsvFormat McapFormat NpzFormat RosYamlFormat TemplateFormat URScriptFormat "
-    "export",
-    "files.exports.resampling": "interpolate_set_points",
+    "files.exports": "export",
     "files.log_file": "read_log",
     "files.robots.loading": "arm_names load_arm",
-    "files.robots.options": "ArmOptions",
-    "geometry": "Arc Line Orientation Path RoundedPath SegmentLimits ShapedPath",
-    "jobs": "CertificateGoal Job JobResult PlaceSearch Rounding Run run",
+    "files.robots.arm_options": "ArmOptions",
+    "geometry": "Arc Line Path SegmentLimits",
+    "jobs": "CertificateGoal Job PlaceSearch Rounding Run run",
     "motion": "Execution JointPath Log SetPoints Trajectory dwell_law",
-    "planning": "Conventional Explanation Optimal Paper PlanOptions Shaped explain plan shape",
+    "planning": "Conventional Optimal Paper Shaped explain plan shape",
     "planning.tracing": "trace",
-    "program": "Analog Contour Dwell Event Lead Pierce Process Program Rapid Switch Tabs Weave "
-    "prepare round_corners smooth_curvature",
+    "program": "Contour Dwell Event Process Program Rapid prepare round_corners",
     "report": "write_report",
     "robot": "Arm Limits Payload PlanarTwoLink SerialArm",
     "robot.scene": "Obstacle Scene",
     "robot.servo": "ServoModel",
-    "simulation": "Plant RigidBodyPlant ServoPlant simulate",
-    "studies.certification": "Certificate certify sweep",
-    "studies.placement": "Placement place",
-    "verification": "Check CommandCheck Evaluation LimitUse check check_commands evaluate",
-    "verification.clearance": "Cell Clearance check_clearance",
+    "simulation": "RigidBodyPlant ServoPlant simulate",
+    "studies.certification": "certify sweep",
+    "studies.placement": "place",
+    "verification": "check evaluate",
+    "verification.clearance": "check_clearance",
     "_version": "__version__",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -31,7 +31,7 @@ def rows(found):
 
 @pytest.fixture(scope="module")
 def small(jobs):
-    return {"job": str(jobs / "bend.yaml"), "do": "teach", "over": OVER, "name": "small"}
+    return {"job": str(jobs / "bend.yaml"), "do": "compensate", "over": OVER, "name": "small"}
 
 
 @pytest.fixture(scope="module")
@@ -251,7 +251,7 @@ def test_a_plan_is_read_from_a_file(small, tmp_path):
 
 
 def test_foreign_and_damaged_results_are_refused_and_stay(planned, tmp_path):
-    plan = planned({"limits.speed": ["20 mm/s", "30 mm/s"]}, do="teach")
+    plan = planned({"limits.speed": ["20 mm/s", "30 mm/s"]}, do="compensate")
     want = rows(ac.batch(plan, tmp_path / "out", workers=0))
     file = tmp_path / "out" / "results.jsonl"
     whole, random = file.read_bytes(), np.random.default_rng(1)

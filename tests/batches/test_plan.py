@@ -86,7 +86,7 @@ def test_a_drawing_in_a_cell_is_a_job(tmp_path):
     data = {
         "job": {"drawing": "line.csv", "cell": "pmk3s"},
         "over": {"limits.speed": ["20 mm/s", "40 mm/s"]},
-        "do": "teach",
+        "do": "compensate",
     }
     (tmp_path / "plan.yaml").write_text(repr(data))
     plan = read_plan(tmp_path / "plan.yaml")
@@ -134,7 +134,7 @@ WRONG = [
     (
         PLACE | {"columns": ["duration"]},
         {X: [{"from": 0, "to": 0.1, "places": 2}]},
-        ["columns (item 1): duration comes from do: teach, but the plan does place"],
+        ["columns (item 1): duration comes from do: compensate, but the plan does place"],
     ),
     (
         {"columns": ["best.place.x"]},
@@ -164,7 +164,7 @@ WRONG = [
     ({"job": "none.yaml"}, {}, ["no job file none.yaml"]),
     ({"jobs": ["a.yaml"]}, {}, ["either the key job", "or the key jobs"]),
     ({"columns": ["duratoin"]}, {}, ["columns (item 1)", "did you mean duration?"]),
-    ({"do": "teach", "columns": ["contour_error.rms"]}, {}, ["do: run", "does teach"]),
+    ({"do": "compensate", "columns": ["contour_error.rms"]}, {}, ["do: run", "does compensate"]),
     ({"columns": ["duration", "duration"]}, {}, ["item 2", "repeated"]),
     ({"columns": []}, {}, ["columns is empty"]),
     ({}, {"cycle.x": [1]}, ["bend.yaml", "cycle is", "no key x"]),

@@ -23,7 +23,7 @@ def test_the_figures_and_the_version_matter(planned, monkeypatch):
     over = {"limits.speed": [0.08]}
     found = {
         digests(planned(over, **x))[0]
-        for x in ({}, {"do": "teach"}, {"columns": ["duration"]}, {"columns": ["length"]})
+        for x in ({}, {"do": "compensate"}, {"columns": ["duration"]}, {"columns": ["length"]})
     }
     assert len(found) == 4
     # The name of the plan does not.
@@ -38,7 +38,7 @@ def test_the_files_of_a_job_matter(tmp_path):
     (tmp_path / "line.csv").write_text("x [mm],y [mm]\n300,200\n330,200\n")
     plan = {
         "job": {"drawing": str(tmp_path / "part.nc"), "cell": "pmk3s"},
-        "do": "teach",
+        "do": "compensate",
         "over": {"path.file": [str(tmp_path / "part.nc"), str(tmp_path / "line.csv")]},
     }
     before = digests(plan)
@@ -72,7 +72,7 @@ def plan_on(folder, arm):
         "{joint_acceleration: 5}, servo: {kp: 25, kv: 150}, runs: {only: {}}}"
     )
     over = {"cycle": ["4 ms"]}
-    return {"job": str(folder / "line.yaml"), "do": "teach", "over": over}
+    return {"job": str(folder / "line.yaml"), "do": "compensate", "over": over}
 
 
 def test_meshes_of_the_arm_matter(tmp_path):

@@ -8,7 +8,7 @@ from playwright.sync_api import expect
 
 import armcontour as ac
 from armcontour.core.render import cells
-from armcontour.studio.tabs import without_options
+from armcontour.studio.page_frame import without_options
 
 pytestmark = pytest.mark.browser
 EXACT = 1e-9

@@ -15,7 +15,7 @@ runs: {only: {}}
 """
 PLAN = """\
 job: job.yaml
-do: teach
+do: compensate
 over:
   limits.speed: [20 mm/s, 40 mm/s]
   path.points: [[[0.3, 0.2], [0.33, 0.2]], [[0.3, 0.2], [0.93, 0.2]]]

@@ -83,8 +83,8 @@ def test_resumes_and_replaces_only_with_force(folder, call, refused):
 
 REFUSED = [
     ("plain.csv", ["--cell", "fr3, panda, pmk3s, ur10e, ur5e"]),
-    ("deep.ngc --cell pmk3s", ["deep.ngc has z", "--flat"]),
-    ("two.csv --cell pmk3s --at 0.5m,0.3m", ["Contour b", "out of reach"]),
+    ("deep.ngc --cell pmk3s", ["deep.ngc has z", "--ignore-z"]),
+    ("two.csv --cell pmk3s --position 0.5m,0.3m", ["Contour b", "out of reach"]),
     ("two.csv --cell pmk3s --export template", ["--template"]),
     ("two.csv --cell pmk3s --output tool", ["--output goes with"]),
     ("two.csv --cell ur5e --export urscript --output tool=1", ["'tool'", "switches nothing"]),

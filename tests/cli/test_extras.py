@@ -131,12 +131,12 @@ def asked(monkeypatch):
     """What the command asks for, where nothing is compiled."""
     asked: list[str] = []
 
-    def warm(which, progress):
+    def compile_kernels(which, progress):
         asked.append(which)
         progress(Step(("compiling, once", "5 functions in 2 processes"), 0.0))
-        return compilation.Warmed(5, 2, KEPT)
+        return compilation.CompiledKernels(5, 2, KEPT)
 
-    monkeypatch.setattr(compilation, "warm", warm)
+    monkeypatch.setattr(compilation, "compile_kernels", compile_kernels)
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     return asked
 
@@ -144,12 +144,12 @@ def asked(monkeypatch):
 def test_warm_reports_the_compiled_functions_and_their_folder(
     command, asked, tmp_path, monkeypatch
 ):
-    ended = command("warm")
+    ended = command("compile")
     assert ended.code == 0 and asked == ["all"]
     assert f"5 functions are compiled, 2 of them now. They are stored in {KEPT}." in ended.out
     assert ended.errors == "compiling, once: 5 functions in 2 processes\n"
-    assert command("warm", "plane").code == 0 and asked == ["all", "plane"]
-    assert command("warm", "moon").code == 2
+    assert command("compile", "plane").code == 0 and asked == ["all", "plane"]
+    assert command("compile", "moon").code == 2
 
 
 def test_wrong_files_are_refused_before_anything_starts(tmp_path, monkeypatch, capsys):

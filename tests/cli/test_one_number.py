@@ -18,7 +18,7 @@ from armcontour.core.result import nest
 from armcontour.studio.handles import handles_of
 from armcontour.studio.picture import picture_frame
 from armcontour.studio.preview import CoarsePlanner, Tier
-from armcontour.studio.tasks.working import do
+from armcontour.studio.tasks.dispatch import do
 from armcontour.studio.view import View
 
 LIBRARY = resources.files("armcontour.jobs") / "library"

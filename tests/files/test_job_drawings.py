@@ -162,17 +162,17 @@ def test_refuses_in_one_sentence(folder):
     refusals(lambda x: job(folder, **x), long, "plate.yaml")
     # What is said of files needs one.
     points, repeat = POINTS["path"], {"columns": 2, "column_spacing": 1}
-    table = [(points | {"flat": True}, "path.flat ... path.file"),
+    table = [(points | {"ignore_z": True}, "path.ignore_z ... path.file"),
              (points | {"repeat": repeat}, "path.repeat ... path.file")]  # fmt: skip
     refusals(lambda path: parse_job(yaml.safe_dump({**JOB, "path": path})), table)
 
 
 def test_space_and_plane(folder):
     (folder / "deep.ngc").write_text("G21 F600\nG1 X10 Y0 Z1\nG1 X20 Y10 Z0\n")
-    words = "deep.ngc has z ... path.flat ... --flat"
+    words = "deep.ngc has z ... path.ignore_z ... --ignore-z"
     refusals(lambda x: job(folder, x), [("path: {file: deep.ngc}", words)])
     for text, dimension in (
-        ("path: {file: deep.ngc, flat: true}", 2),
+        ("path: {file: deep.ngc, ignore_z: true}", 2),
         ("{path: {file: deep.ngc}, arm: ur5e, corners: {tolerance: 0.2 mm}}", 3),
     ):
         found = job(folder, text)

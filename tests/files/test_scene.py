@@ -263,7 +263,7 @@ def test_what_is_no_mesh_is_refused_in_a_sentence(tmp_path):
 
 
 def test_missing_files_and_too_many_triangles(tmp_path, monkeypatch):
-    monkeypatch.setattr(mesh_file, "MOST_TRIANGLES", 11)
+    monkeypatch.setattr(mesh_file, "MAX_TRIANGLES", 11)
     contents = {"a.stl": binary(), "b.stl": ascii_stl().encode(), "a.obj": obj().encode()}
     for name, content in contents.items():
         (tmp_path / name).write_bytes(content)

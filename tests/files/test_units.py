@@ -14,7 +14,7 @@ from armcontour.core.quantities import Quantity
 from armcontour.files.csv_table import Title, read_table
 from armcontour.files.log_file import read_tool_positions
 from armcontour.files.units import (
-    MOST_CHARACTERS,
+    MAX_CHARACTERS,
     PERCENT,
     QUANTITY,
     USUAL,
@@ -83,13 +83,13 @@ def test_long_texts_are_no_quantities():
         text = begin + repeat * (40_000 // len(repeat)) + "!"
         assert not QUANTITY.fullmatch(text) and not PERCENT.fullmatch(text)
     # No text above the bound is looked at.
-    text = "5" + " " * (MOST_CHARACTERS - 3) + "mm"
-    assert len(text) == MOST_CHARACTERS and parse_quantity(text, "m") == 5e-3
+    text = "5" + " " * (MAX_CHARACTERS - 3) + "mm"
+    assert len(text) == MAX_CHARACTERS and parse_quantity(text, "m") == 5e-3
     with pytest.raises(ValueError, match="101 characters, more than the 100"):
         parse_quantity(text + " ", "m")
-    assert parse_share("5" + " " * (MOST_CHARACTERS - 2) + "%") == 0.05
+    assert parse_share("5" + " " * (MAX_CHARACTERS - 2) + "%") == 0.05
     with pytest.raises(ValueError, match="percentage"):
-        parse_share("5" + " " * (MOST_CHARACTERS - 1) + "%")
+        parse_share("5" + " " * (MAX_CHARACTERS - 1) + "%")
 
 
 def test_usual_units_are_those_of_pint():

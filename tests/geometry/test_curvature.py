@@ -11,6 +11,7 @@ import armcontour as ac
 from armcontour.geometry import Segments
 from armcontour.geometry.arc_fit import draw_with_arcs
 from armcontour.geometry.biarcs import UNEVEN
+from armcontour.program import smooth_curvature
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 
@@ -59,7 +60,7 @@ def deviation(path, smooth, n=4001):
 @each("tolerance", [1e-7, 1e-5, 1e-4])
 def test_a_slot_has_no_jumps_and_uses_its_tolerance(tolerance):
     path = slot()
-    smooth = ac.smooth_curvature(path, tolerance=tolerance)
+    smooth = smooth_curvature(path, tolerance=tolerance)
     assert jumps(smooth).max() < 1e-11
     assert jumps(smooth, 1).max() < 1e-12
     assert 0.9 * tolerance < deviation(path, smooth) + 1e-9 < tolerance + 2.1e-9
@@ -78,7 +79,7 @@ def test_a_slot_has_no_jumps_and_uses_its_tolerance(tolerance):
 )
 def test_random_chains_keep_their_tolerance(turns, radii, tolerance, dimension, seed):
     path = chain(turns, radii[: len(turns)], dimension, seed)
-    smooth = ac.smooth_curvature(path, tolerance=tolerance)
+    smooth = smooth_curvature(path, tolerance=tolerance)
     assert deviation(path, smooth) <= tolerance + 1.1e-9
     assert jumps(smooth, 1).max() < 1e-11
     assert jumps(smooth).max() < 1e-9
@@ -90,7 +91,7 @@ def test_a_chain_of_short_biarcs_is_smooth_all_along():
     points = np.stack([0.1 * np.cos(angle) * (1 + 0.3 * np.sin(3 * angle)), np.sin(angle)], axis=1)
     path, _ = draw_with_arcs(ac.Path.spline(points), 1e-5)
     # A tenth of what the arcs are off is enough for transitions from middle to middle.
-    smooth = ac.smooth_curvature(path, tolerance=2e-6)
+    smooth = smooth_curvature(path, tolerance=2e-6)
     assert jumps(path).max() > 1e-3
     assert jumps(smooth).max() < 1e-10
     assert deviation(path, smooth, 20_001) < 2e-6
@@ -101,18 +102,18 @@ def test_a_chain_of_short_biarcs_is_smooth_all_along():
 
 def test_circles_arcs_that_bend_to_both_sides_and_no_room():
     path = path_of(arc((0.1, 0), (0, 0), 2 * np.pi))
-    assert ac.smooth_curvature(path, tolerance=1e-5) is path
+    assert smooth_curvature(path, tolerance=1e-5) is path
     r = 0.01
     path = path_of(arc((0, 0), (0, r), np.pi / 2), arc((r, r), (2 * r, r), -np.pi / 2))
-    smooth = ac.smooth_curvature(path, tolerance=1e-5)
+    smooth = smooth_curvature(path, tolerance=1e-5)
     assert jumps(smooth).max() < 1e-11
     assert 0.9e-5 < deviation(path, smooth) < 1e-5 + 1e-9
     # Where there is no room the jump stays.
     path = path_of(line((0, 0), (5e-7, 0)), arc((5e-7, 0), (5e-7, 0.01), 1.0))
-    assert jumps(ac.smooth_curvature(path, tolerance=1e-5)).max() > 0.5
+    assert jumps(smooth_curvature(path, tolerance=1e-5)).max() > 0.5
     refused(
-        (lambda: ac.smooth_curvature(path, tolerance=0), "above zero"),
-        (lambda: ac.smooth_curvature("slot", tolerance=1e-5), "Path or a Program"),
+        (lambda: smooth_curvature(path, tolerance=0), "above zero"),
+        (lambda: smooth_curvature("slot", tolerance=1e-5), "Path or a Program"),
     )
 
 
@@ -120,12 +121,12 @@ def test_corners_keep_half_of_their_segments_and_can_be_rounded():
     bend, corner = arc((0.05, 0), (0.05, 0.01), np.pi / 2), (0.06, 0.01)
     path = path_of(line((0, 0), (0.05, 0)), bend, line(corner, (0.03, 0.05)))
     curved = {"tolerance": 1e-4, "continuity": "curvature"}
-    both = ac.round_corners(ac.smooth_curvature(path, tolerance=1e-4), **curved)
+    both = ac.round_corners(smooth_curvature(path, tolerance=1e-4), **curved)
     assert len(both.stops) == 0
     assert jumps(both).max() < 1e-9
     assert not both.corners.shrunk.any()
     # The other way round, too.
-    other = ac.smooth_curvature(ac.round_corners(path, **curved), tolerance=1e-4)
+    other = smooth_curvature(ac.round_corners(path, **curved), tolerance=1e-4)
     assert jumps(other).max() < 1e-9
     s = np.linspace(other.corners.start[0], other.corners.end[0], 4001)
     near = np.linalg.norm(other(s) - path.starts[2], axis=1).min()
@@ -134,7 +135,7 @@ def test_corners_keep_half_of_their_segments_and_can_be_rounded():
 
 def test_speeds_tags_and_tolerances_of_segments_stay_on_their_sides():
     path = slot()
-    smooth = ac.smooth_curvature(path, tolerance=1e-4)
+    smooth = smooth_curvature(path, tolerance=1e-4)
     slow = np.flatnonzero(smooth.speeds == 0.02)
     assert {smooth.tags[i] for i in slow} == {"slow"}
     ends = smooth.vertices[[slow[0], slow[-1] + 1]]
@@ -142,7 +143,7 @@ def test_speeds_tags_and_tolerances_of_segments_stay_on_their_sides():
     assert np.linalg.norm(ends - path.vertices[[2, 3]], axis=1).max() < 1e-4
     fine = path.segments.replace(tolerances=np.array([np.nan, np.nan, 1e-6, np.nan]))
     path = ac.Path(segments=fine)
-    smooth = ac.smooth_curvature(path, tolerance=1e-4)
+    smooth = smooth_curvature(path, tolerance=1e-4)
     s = np.linspace(0, smooth.length, 20_001)
     off = path.project(smooth(s))
     near = np.abs(off.s - path.breaks[1]) < 0.01
@@ -151,7 +152,7 @@ def test_speeds_tags_and_tolerances_of_segments_stay_on_their_sides():
     path = slot()
     events = tuple(ac.Event(name=f"e{i}", s=s) for i, s in enumerate((0.01, 0.05, 0.08, 0.15)))
     contour = ac.Contour(path=path, events=events, work=(0.02, 0.14))
-    smooth = ac.smooth_curvature(ac.Program(moves=(contour,)), tolerance=1e-5).contours[0]
+    smooth = smooth_curvature(ac.Program(moves=(contour,)), tolerance=1e-5).contours[0]
     before, after = ([*(e.s for e in x.events), *x.work] for x in (contour, smooth))
     assert np.linalg.norm(path(before) - smooth.path(after), axis=1).max() < 1.1e-5
 
@@ -167,7 +168,7 @@ def test_the_tool_orientation_is_kept_and_does_not_jump(kind):
         ),
     }
     path = given[kind]()
-    smooth = ac.smooth_curvature(path, tolerance=1e-4)
+    smooth = smooth_curvature(path, tolerance=1e-4)
     o, at = smooth.orientation, smooth.orientation.breaks[1:-1]
     size = np.abs(o.rates(np.linspace(0, smooth.length, 999))).max(axis=(1, 2))
     for before, after, most in zip(o.rates(at, side="left"), o.rates(at), size, strict=True):

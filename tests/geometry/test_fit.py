@@ -234,5 +234,5 @@ def test_what_is_no_curve_is_refused(monkeypatch):
         (lambda: fitted(round_, [0, 1], 1e-10), "tolerance", "at least 1e-09 m"),
         (lambda: fitted(ellipse(np.inf, 1), [0.1, 1], 1e-5), "finite"),
     )
-    monkeypatch.setattr("armcontour.geometry.arc_fit.MOST_INTERVALS", 100)
+    monkeypatch.setattr("armcontour.geometry.arc_fit.MAX_INTERVALS", 100)
     refused((lambda: fitted(ellipse(1, 0.5), [0, 6], 1e-8), "more than 200 arcs", "1e-08 m"))

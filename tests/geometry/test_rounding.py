@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from tests.geometry.tables import arc, each, line, path_of, refused
 
 import armcontour as ac
-from armcontour.geometry import ShapingOutcome, corner_error, count_full_stops
+from armcontour.geometry import ShapedPath, ShapingOutcome, corner_error, count_full_stops
 from armcontour.geometry.path_parts import join_paths
 
 TURNS = [0.01, 0.5, np.pi / 2, 2.5, 3.1]
@@ -177,7 +177,7 @@ def test_full_stops_of_a_shaped_path_say_why_they_are():
         objective = ac.Path(segments=dataclasses.replace(lines, tolerances=tolerances))
         places = [[0.0, 0.0], [objective.length, objective.length]]
         asked = {"places": places, "tolerance": 0.01, "outcome": outcome}
-        stopping = ac.ShapedPath(segments=lines, objective=objective, **asked)
+        stopping = ShapedPath(segments=lines, objective=objective, **asked)
         assert count_full_stops(stopping) == found
 
 

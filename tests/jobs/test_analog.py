@@ -12,10 +12,21 @@ import armcontour as ac
 from armcontour.files import parse_job
 from armcontour.files.drawings.gcode import read_gcode
 from armcontour.files.drawings.read_options import ReadOptions
+from armcontour.files.exports import CsvFormat, NpzFormat, TemplateFormat
 from armcontour.geometry import Path
 from armcontour.jobs import analog_outputs, prepare_and_round
 from armcontour.jobs.single_corners import corner_waypoints
-from armcontour.program import Analog, Contour, Event, Lead, Process, Program, Switch, prepare
+from armcontour.program import (
+    Analog,
+    Contour,
+    Event,
+    Lead,
+    Pierce,
+    Process,
+    Program,
+    Switch,
+    prepare,
+)
 
 SLOW, FAST, LEAD = 0.02, 0.05, Lead(length=2e-3)
 POWER = Analog(name="power", rest=0.2, full=1.0)
@@ -80,7 +91,7 @@ def test_values_follow_the_speed_of_the_tool(plan):
 
 
 def test_outputs_are_on_while_the_tool_pierces_and_along_active_leads():
-    lead, pierce = Lead(length=2e-3, active=True), ac.Pierce(time=0.25)
+    lead, pierce = Lead(length=2e-3, active=True), Pierce(time=0.25)
     ends = {"lead_in": lead, "lead_out": LEAD}
     pierced = Process(**ends, pierce=pierce, switch=LASER, analog=(POWER,))
     program, trajectory = planned(pierced)
@@ -122,8 +133,8 @@ def test_exports_have_a_column_that_belongs_to_the_times_of_the_plan(plan, tmp_p
     assert set_points.start_time < 0
     expected = np.column_stack([of(set_points.t) for of in analog.values()])
     assert expected.any(axis=0).all()
-    ac.export(set_points, tmp_path / "a.csv", ac.CsvFormat(analog=analog))
-    ac.export(set_points, tmp_path / "a.npz", ac.NpzFormat(analog=analog))
+    ac.export(set_points, tmp_path / "a.csv", CsvFormat(analog=analog))
+    ac.export(set_points, tmp_path / "a.npz", NpzFormat(analog=analog))
     columns = [f"analog {x.name}" for x in PROCESS.analog]
     found = pd.read_csv(tmp_path / "a.csv")
     np.testing.assert_allclose(found[columns], expected, rtol=0, atol=1e-12)
@@ -133,11 +144,11 @@ def test_exports_have_a_column_that_belongs_to_the_times_of_the_plan(plan, tmp_p
         assert stored["analog_name"].tolist() == [x.name for x in PROCESS.analog]
     text = "{% for p in points %}{{ p.analog.power|fixed(6) }}\n{% endfor %}"
     (tmp_path / "own.j2").write_text(text)
-    own = ac.TemplateFormat(template=tmp_path / "own.j2", analog=analog)
+    own = TemplateFormat(template=tmp_path / "own.j2", analog=analog)
     ac.export(set_points, tmp_path / "a.txt", own)
     np.testing.assert_allclose(np.loadtxt(tmp_path / "a.txt"), expected[:, 0], atol=1e-6)
     short = {"power": lambda t: t[1:]}
-    form = ac.CsvFormat(analog=short)
+    form = CsvFormat(analog=short)
     refused((lambda: ac.export(set_points, tmp_path / "b.csv", form), "shape"))
 
 

@@ -16,6 +16,7 @@ from armcontour.core.render import plain
 from armcontour.files import parse_job
 from armcontour.jobs import JobResult, run
 from armcontour.robot.scene import ArmShapes, Box, Capsule, Cylinder, LinkShape, Obstacle, Scene
+from armcontour.verification.clearance import Cell
 
 # Stand-ins of the links of a UR5e.
 LINKS = (
@@ -109,7 +110,7 @@ def test_plan_and_a_job_choose_the_same_configuration(job):
     scene = post_at_elbow(job, fastest)
     clear = plan_of(alone, scene=scene)
     limits = alone.runs[0].limits
-    for accept, like in ((None, fastest), (ac.Cell(job.arm, scene).fits, clear)):
+    for accept, like in ((None, fastest), (Cell(job.arm, scene).fits, clear)):
         found = ac.plan(alone.path, job.arm, limits, ac.Optimal(accept=accept))
         np.testing.assert_allclose(found(0.0), like.trajectory(0.0), atol=1e-9)
         assert found.duration == pytest.approx(like.trajectory.duration, rel=1e-6)

@@ -17,7 +17,7 @@ from armcontour.files.cell import read_cell
 from armcontour.geometry import Arc, Path
 from armcontour.jobs import Rounding, run, warnings_of
 from armcontour.jobs.run_plan import plan_one, prepare_and_round
-from armcontour.program import Contour, Event, Lead, Process, Program, Switch
+from armcontour.program import Contour, Event, Lead, Pierce, Process, Program, Switch
 
 LIMITS = ARM.limits.replace(speed=0.05, centripetal_acceleration=0.09)
 SQUARE = Path.polyline([[0.28, 0.1], [0.36, 0.1], [0.36, 0.16], [0.28, 0.16], [0.28, 0.1]])
@@ -102,7 +102,7 @@ def test_automatic_leads_of_a_pierced_contour_are_found_without_the_way_down():
     line = Path.polyline([(0.40, 0.15, 0.1), (0.46, 0.15, 0.1)]).pointing([0, 0, -1])
     arm, height, lengths = ac.load_arm("ur5e"), 2e-3, []
     lead = Lead(shape="arc", side="left", active=True)
-    pierced = {"pierce": ac.Pierce(time=0.2, height=height), "switch": Switch(name="laser")}
+    pierced = {"pierce": Pierce(time=0.2, height=height), "switch": Switch(name="laser")}
     for given in ({}, pierced):
         process, limits = Process(lead_in=lead, **given), arm.limits.replace(speed=0.05)
         done = job(process, Contour(path=line), arm=arm, limits=limits)

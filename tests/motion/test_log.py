@@ -20,7 +20,7 @@ def test_logs_are_cut_and_unwrapped():
     assert log.joint_names == ("joint 1",) and log.dof == 1
     part = log.between(0.02, 0.08)
     np.testing.assert_allclose([log.interval, *part.t[[0, -1]]], [1e-3, 0.02, 0.08])
-    log = cut_log(T, U[:, None], WRAPPED[:, None], -np.inf, np.inf, unwrap=True)
+    log = cut_log(T, U[:, None], WRAPPED[:, None], (-np.inf, np.inf), unwrap=True)
     np.testing.assert_allclose(log.measured - log.command, 6.25 - 2 * np.pi)
 
 

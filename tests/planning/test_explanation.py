@@ -7,7 +7,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.motion import Method, PathLaw, Rates
-from armcontour.planning import explain
+from armcontour.planning import PlanOptions, explain
 from armcontour.planning.constraints import IntervalEnds, SecondOrder
 from armcontour.planning.path_grid import grid_through
 
@@ -268,7 +268,7 @@ def test_refusals(arm, rounded, traced, objective, limits, refuses):
         lambda: ac.Paper(knots=7),
         lambda: ac.Paper(cycle=0.0),
         lambda: ac.Paper(cycle=np.nan),
-        ac.PlanOptions,
+        PlanOptions,
     ):
         refuses(call, ac.InvalidInput)
     rows = [(rounded, limits, ac.Paper(configuration="up"), ac.InvalidInput, {})]

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from scipy.integrate import trapezoid
 
 import armcontour as ac
+from armcontour.core.child_process import start
 from armcontour.core.errors import ArmContourError, InvalidInput, NotRealizable, Unreachable
-from armcontour.core.process import start
 from armcontour.core.progress import Step
 from armcontour.geometry import Arc, Path
 from armcontour.planning import METHODS, trace_program
 from armcontour.planning.program_tracing import trace_by_duration
-from armcontour.program import Contour, Dwell, Event, Lead, Process, Program, Rapid, Switch
+from armcontour.program import Contour, Dwell, Event, Lead, Pierce, Process, Program, Rapid, Switch
 from armcontour.robot.limits import TOOL_LIMITS
 
 PMK3S = ac.load_arm("pmk3s")
@@ -449,7 +449,7 @@ def test_the_tool_pierces_at_rest_above_the_waste_and_the_process_is_on_from_the
     process = Process(
         lead_in=lead,
         lead_out=lead,
-        pierce=ac.Pierce(time=0.3, height=height),
+        pierce=Pierce(time=0.3, height=height),
         approach=0.01,
         retract=0.01,
         dwell=0.1,

@@ -6,7 +6,17 @@ from tests.geometry.tables import refused
 
 import armcontour as ac
 from armcontour.core.frames import Frame
-from armcontour.program import Contour, Dwell, Event, Process, Program, Rapid, contour_called
+from armcontour.geometry import RoundedPath
+from armcontour.program import (
+    Contour,
+    Dwell,
+    Event,
+    Process,
+    Program,
+    Rapid,
+    Switch,
+    contour_called,
+)
 
 LINE = ac.Path.polyline([[0.0, 0.0], [0.1, 0.0]])
 SPACE = ac.Path.polyline([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
@@ -132,7 +142,7 @@ def test_names_are_a_line_of_80_printable_characters():
             (lambda x=name: contour(name=x), "name of a contour", words),
             (lambda x=name: contour(layer=x), "layer of a contour", words),
             (lambda x=name: Process(off_between=(x,)), "off_between", words),
-            (lambda x=name: ac.Switch(name=x), "name of a switch", words),
+            (lambda x=name: Switch(name=x), "name of a switch", words),
         )
     for name in ("x" * 80, "größer, 名前, naïve #1 (µ)", "a  b"):
         found = contour(name=name, layer=name, events=(Event(name=name, value=name),))
@@ -157,7 +167,7 @@ def test_a_path_becomes_a_program_whose_single_path_has_nothing_around_it():
     rounded, by_program = (
         ac.round_corners(x, tolerance=1e-3) for x in (ring, Program.from_path(ring))
     )
-    assert isinstance(rounded, ac.RoundedPath) and isinstance(by_program, Program)
+    assert isinstance(rounded, RoundedPath) and isinstance(by_program, Program)
     np.testing.assert_array_equal(by_program.path.breaks, rounded.breaks)
     assert by_program.single_path is by_program.path
     for alone in (contour(name="c", layer="cut"), contour(work=(0.0, LINE.length))):

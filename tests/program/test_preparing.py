@@ -14,6 +14,7 @@ from armcontour.program import (
     Event,
     Lead,
     Leads,
+    Pierce,
     Process,
     Program,
     Rapid,
@@ -427,7 +428,7 @@ def test_goes_down_and_up_where_no_rapid_of_the_program_links():
 
 def test_pierces_and_approaches_along_the_axis_of_a_tilted_tool():
     path = Path.polyline([[0.4, 0, 0.1], [0.45, 0, 0.1]]).pointing([0.6, 0, -0.8])
-    pierce = {"pierce": ac.Pierce(time=0.1, height=0.01), "switch": Switch(name="laser")}
+    pierce = {"pierce": Pierce(time=0.1, height=0.01), "switch": Switch(name="laser")}
     done = prepare(program(path), Process(approach=0.03, **pierce))
     (contour,), (down,) = done.contours, rapids(done)
     np.testing.assert_allclose(contour.path.vertices[0], [0.394, 0, 0.108], atol=1e-15)

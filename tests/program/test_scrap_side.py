@@ -6,7 +6,7 @@ from tests.geometry.tables import each
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
-from armcontour.program import Leads
+from armcontour.program import Lead, Leads
 from armcontour.program.kerf import waste_sides
 
 PLAIN = ac.Process()
@@ -32,7 +32,7 @@ def prepared(moves, *lengths, **values):
 
 
 def lead(length=4e-3):
-    return ac.Lead(length=length, shape="arc")
+    return Lead(length=length, shape="arc")
 
 
 def ends(contour):
@@ -102,7 +102,7 @@ def test_a_lead_that_leaves_its_hole_is_refused_on_every_layer_with_the_longest_
     # One of automatic length is shortened to what fits, with a note.
     lengths = [Leads(before=4e-3), Leads(before=0.02)]
     moves = plate, ac.Contour(path=small, name="small")
-    done = prepared(moves, lengths, lead_in=ac.Lead(shape="arc"), order="drawn")
+    done = prepared(moves, lengths, lead_in=Lead(shape="arc"), order="drawn")
     outer, hole = done.contours
     assert outer.work[0] == pytest.approx(4e-3)
     assert hole.work[0] == pytest.approx(3e-3 * np.pi / 2, rel=0.02)

@@ -6,6 +6,7 @@ import pytest
 import armcontour as ac
 from armcontour.files.drawings.gcode import read_gcode
 from armcontour.files.drawings.read_options import ReadOptions
+from armcontour.program import Lead, Switch, Tabs
 
 LASER = b"""G21 G90 F1200
 M4 S800
@@ -19,7 +20,7 @@ G0 X0 Y20
 G1 X20
 """
 PRINT = b"G21 G90 F1200\nM83\nG1 X10\nG1 X20 E1\nG1 X30\nG1 X40 E1\n"
-SWITCH = ac.Switch(name="laser")
+SWITCH = Switch(name="laser")
 
 
 def laser(**options):
@@ -63,13 +64,13 @@ def test_what_is_on_over_rapids_is_off_between_them():
 
 def test_a_switch_of_an_output_that_the_file_switches_adds_its_leads_only():
     program = read_gcode(PRINT, source="part.gcode", options=ReadOptions())
-    switch = ac.Switch(name="extruder", on_lead=0.02, off_lead=0.01)
+    switch = Switch(name="extruder", on_lead=0.02, off_lead=0.01)
     (contour,) = ac.prepare(program, ac.Process(switch=switch)).contours
     expected = [(True, 0.0), (False, 0.01), (True, 0.02), (False, 0.03)]
     assert states(contour, "extruder") == expected
     assert [x.lead_time for x in contour.events] == [0.02, 0.01, 0.02, 0.01]
     # A contour that a file runs with the output off stays off.
-    assert states(laser(switch=ac.Switch(name="spindle", value=0.5)).contours[2]) == []
+    assert states(laser(switch=Switch(name="spindle", value=0.5)).contours[2]) == []
 
 
 def test_passes_and_tabs_leave_the_output_as_the_program_has_it():
@@ -82,7 +83,7 @@ def test_passes_and_tabs_leave_the_output_as_the_program_has_it():
         events = (
             ac.Event(name="laser", value=x, s=s) for x, s in zip((False, True), gap, strict=False)
         )
-        tabs = ac.Tabs(width=0.01, count=1)
+        tabs = Tabs(width=0.01, count=1)
         (found,) = contours(square, *events, begin="drawn", tabs=tabs)
         return states(found, "laser")
 
@@ -96,7 +97,7 @@ def test_resuming_behind_a_contour_with_tabs_keeps_the_output_off_until_the_work
     angles = np.linspace(0, 2 * np.pi, 60)
     ring = 0.02 * np.column_stack([np.cos(angles), np.sin(angles)])
     circles = [ac.Path.polyline(ring + [x, 0.0]) for x in (0.0, 0.1)]
-    work = {"tabs": ac.Tabs(count=2, width=0.002), "lead_in": ac.Lead(length=0.004), "dwell": 0.3}
+    work = {"tabs": Tabs(count=2, width=0.002), "lead_in": Lead(length=0.004), "dwell": 0.3}
     process = ac.Process(switch=SWITCH, **work, resume_at=circles[0].length + 0.03)
     program = ac.Program(moves=tuple(ac.Contour(path=x) for x in circles))
     moves = ac.prepare(program, process).moves

@@ -68,7 +68,7 @@ FILES = {
     "part.svg": DRAWING,
     "points.csv": POINTS,
     "robot.urdf": ROBOT,
-    "plan.yaml": b"{job: job.yaml, do: teach}",
+    "plan.yaml": b"{job: job.yaml, do: compensate}",
     "body.obj": MESH,
     "cell.urdf": BALL,
 }
@@ -498,15 +498,15 @@ def _value_at(base: Any, place: Place) -> Any:
 
 # How options that take quantities are written: # is the number. Other text is no number.
 FORMS: dict[str, tuple[str, ...]] = {
-    "--at": ("# m, 0, 0", "# mm, 0 mm, 0 mm"),
-    "--turn": ("# rad, 0, 0", "0 deg, 0 deg, # deg"),
+    "--position": ("# m, 0, 0", "# mm, 0 mm, 0 mm"),
+    "--rpy": ("# rad, 0, 0", "0 deg, 0 deg, # deg"),
     "--speed": ("# m/s", "# mm/s"),
     "--tolerance": ("# m", "# mm"),
     "--line-tolerance": ("# m", "# mm"),
     "--zone": ("# m", "# mm"),
     "--total-tolerance": ("# m", "# mm"),
     "--resume-at": ("# m", "# mm"),
-    "--tool": ("1: # m", "1: # mm"),
+    "--tool-diameter": ("1: # m", "1: # mm"),
     "--cycle": ("# s", "# ms"),
     "--rate": ("# Hz",),
     "--servo-error": ("# m", "# um"),
@@ -525,7 +525,7 @@ TEXTS = {
     "--contour", "--controller", "--corner-shape", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
     "--model", "--move", "--objective", "--only-tool", "--out", "--output", "--package", "--path",
-    "--plant", "--predict", "--run", "--scene", "--skip", "--set-points", "--texts",
+    "--plant", "--validate", "--run", "--scene", "--skip", "--set-points", "--texts",
     "--template", "--tip", "--tool-positions", "--topic", "--units",
     "--waypoint-columns", "--xacro-arg",
 }  # fmt: skip

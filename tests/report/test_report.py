@@ -23,7 +23,7 @@ from armcontour.report import render_report, sections, write_report
 from armcontour.report.figure import Node, make_subplots, make_trace, to_json
 from armcontour.report.sections import clearance
 from armcontour.report.sections.bodies import draw_surroundings, seen_from_base
-from armcontour.report.sections.placement import GREYS
+from armcontour.report.sections.placement_section import GREYS
 from armcontour.report.style import finish, thin
 from armcontour.robot import scene as cell
 from armcontour.robot.servo import ServoModel

@@ -21,9 +21,9 @@ from armcontour.jobs import run
 from armcontour.planning.explanation import Binding
 from armcontour.program import Lead, Pierce, Process, Switch
 from armcontour.report import render_report, sections
-from armcontour.report.drawing import draw_plan, view_of
 from armcontour.report.outline import VISIBLE, simplify
-from armcontour.report.sections.motion import MOST_BARS, list_bars
+from armcontour.report.plan_drawing import draw_plan, view_of
+from armcontour.report.sections.motion import MAX_BARS, list_bars
 
 DRAWINGS = FilePath(__file__).parents[2] / "examples" / "drawings"
 GCODE = """G21 G90 G64 P0.5
@@ -221,7 +221,7 @@ def test_bars_of_limits_cover_the_time_and_are_bounded(widths, times):
         for i, (a, b) in enumerate(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
     )
     bars = list_bars(found)
-    assert len(bars) <= MOST_BARS
+    assert len(bars) <= MAX_BARS
     assert bars[0][0] == 0.0 and bars[-1][1] == ends[-1]
     for first, second in zip(bars[:-1], bars[1:], strict=True):
         assert first[1] == second[0] and first[2:] != second[2:]
@@ -247,7 +247,7 @@ def test_simplified_curves_stay_within_what_is_not_seen(curves):
 
 
 def test_a_long_program_has_a_small_report(tmp_path, monkeypatch):
-    monkeypatch.setattr(sys.modules[list_bars.__module__], "MOST_BARS", 50)
+    monkeypatch.setattr(sys.modules[list_bars.__module__], "MAX_BARS", 50)
     lines = ["G21 G90 G64 P0.2", "G0 X0 Y0", "M3"]
     for row in range(24):
         for i in range(1, 101):
@@ -265,7 +265,7 @@ def test_a_long_program_has_a_small_report(tmp_path, monkeypatch):
     "name, cell, path",
     [
         ("lettering.svg", "pmk3s", {}),
-        ("pocket.ngc", "pmk3s", {"flat": True}),
+        ("pocket.ngc", "pmk3s", {"ignore_z": True}),
         ("gasket.dxf", DRAWINGS / "laser.yaml", {"names": ["handle 33", "handle 38"]}),
     ],
 )

@@ -5,11 +5,12 @@ from dataclasses import FrozenInstanceError
 import pytest
 
 import armcontour as ac
+from armcontour.simulation import Plant
 
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 
 
-class Counting(ac.Plant):
+class Counting(Plant):
     """A plant of a user's own may keep what it likes."""
 
     def __init__(self, inner):

@@ -1,4 +1,4 @@
-"""Compiled functions in processes of their own: messages, memory, imports, the command `warm`."""
+"""Compiled functions in processes of their own: messages, memory, the command `compile`."""
 
 import os
 import shutil
@@ -45,7 +45,7 @@ from pathlib import Path
 from armcontour.core import compilation
 compilation.LIST = Path(sys.argv[1])
 steps = []
-found = compilation.warm("all", steps.append)
+found = compilation.compile_kernels("all", steps.append)
 print(found.functions, found.compiled, found.folder, *map(str, steps), sep="|")
 """
 
@@ -77,14 +77,14 @@ def test_a_compiled_function_is_not_compiled_again(tmp_path):
     (tmp_path / "list.txt").write_text(text + gone)
     own = {"NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONPATH": str(PACKAGE.parent)}
 
-    def warm():
+    def compile_all():
         return run(WARM, str(tmp_path / "list.txt"), **own).stdout.strip().split("|")
 
-    functions, compiled, folder, *steps = warm()
+    functions, compiled, folder, *steps = compile_all()
     assert (functions, compiled) == ("2", "1") and folder.startswith(str(tmp_path / "kept"))
     assert steps[0].startswith("compiling, once: 2 functions in ")
     assert steps[-1].endswith(": geometry.kernels.find_foot")
     # The second time it reports no steps.
-    assert warm() == ["2", "0", folder]
+    assert compile_all() == ["2", "0", folder]
     shutil.rmtree(tmp_path / "kept")
-    assert warm()[1] == "1"
+    assert compile_all()[1] == "1"

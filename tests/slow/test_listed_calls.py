@@ -15,7 +15,7 @@ WORK = (
     ["run", "{drawings}/gasket.dxf", "--cell", "ur10e", "--out", "gasket"],
     ["run", "{drawings}/lettering.svg", "--cell", "pmk3s", "--out", "lettering"],
     ["run", "{drawings}/gasket.dxf", "--cell", "{drawings}/gentle.yaml", "--out", "gentle"],
-    ["run", "{drawings}/pocket.ngc", "--cell", "pmk3s", "--flat", "--out", "pocket"],
+    ["run", "{drawings}/pocket.ngc", "--cell", "pmk3s", "--ignore-z", "--out", "pocket"],
     [
         "place",
         "{drawings}/gasket.dxf",

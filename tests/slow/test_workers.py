@@ -13,6 +13,7 @@ from threading import Timer
 import pytest
 
 from armcontour.core import pool
+from armcontour.core.child_process import ProcessEnded
 from armcontour.core.errors import ExecutionError
 from armcontour.core.pool import (
     ProcessPool,
@@ -22,7 +23,6 @@ from armcontour.core.pool import (
     map_in_processes,
     open_executor,
 )
-from armcontour.core.process import ProcessEnded
 
 halve = partial(truediv, 1.0)
 PID = "__import__('os').getpid()"

@@ -12,7 +12,7 @@ from tests.studio.talking import JOB, Tab, session_of
 from tools.studio_page import SQUARE
 
 from armcontour.core.yaml_loader import load
-from armcontour.studio import planner
+from armcontour.studio import scheduler
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.view import View
 
@@ -42,8 +42,8 @@ def home(tmp_path_factory, monkeypatch):
 @pytest.fixture
 def no_hurry(monkeypatch):
     """Plans are quick however busy the machine is."""
-    monkeypatch.setattr(planner, "QUICK", 1e6)
-    monkeypatch.setattr(planner, "SLOW", 1e6)
+    monkeypatch.setattr(scheduler, "FAST_PLAN", 1e6)
+    monkeypatch.setattr(scheduler, "SLOW_PLAN", 1e6)
 
 
 @pytest.fixture

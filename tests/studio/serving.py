@@ -9,9 +9,9 @@ from threading import Thread
 from tests.studio.talking import NoLane
 from websockets.sync.client import connect
 
-from armcontour.studio import opening
+from armcontour.studio import connection as module
+from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.server import serve
-from armcontour.studio.wire import Frame
 
 
 class Running:
@@ -22,8 +22,8 @@ class Running:
         desk: Its session, and how it ends.
     """
 
-    def __init__(self, address, desk):
-        self.address, self.desk = address, desk
+    def __init__(self, address, session_host):
+        self.address, self.session_host = address, session_host
         self.base, _, self.token = address.partition("/#")
         self.host = self.base.removeprefix("http://")
         self.port = int(self.host.partition(":")[2])
@@ -88,7 +88,7 @@ class Page:
     def hear(self, *kinds, seq=None):
         """The next frame of some kinds that answers a message, or a later one."""
         while True:
-            frame = Frame.unpack(self.socket.recv())
+            frame = PageFrame.unpack(self.socket.recv())
             given = frame.header.get("seq")
             if frame.kind in kinds and (seq is None or (given is not None and given >= seq)):
                 return frame
@@ -99,7 +99,7 @@ class Page:
 
 
 @contextmanager
-def running(file, *, make=opening.open_session, **how):
+def running(file, *, make=module.open_session, **how):
     """A Studio in a thread of this process.
 
     Args:
@@ -124,9 +124,9 @@ def running(file, *, make=opening.open_session, **how):
 
     thread = Thread(target=work)
     thread.start()
-    address, desk = found.get(), found.get()
+    address, session_host = found.get(), found.get()
     try:
-        yield Running(address, desk)
+        yield Running(address, session_host)
     finally:
-        desk.stop()
+        session_host.stop()
         thread.join()

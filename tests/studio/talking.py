@@ -1,9 +1,9 @@
 """Pages that talk with a session in this process, without a server."""
 
 from armcontour.studio.document import Document
+from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.session import Session
-from armcontour.studio.wire import Frame
 
 JOB = """\
 name: small
@@ -83,7 +83,7 @@ class Tab:
         session.join(self)
 
     def send(self, data, replaces=None):
-        self.frames.append(Frame.unpack(data))
+        self.frames.append(PageFrame.unpack(data))
 
     def say(self, op, **more):
         """Send a message; returns what is heard then."""
@@ -109,4 +109,4 @@ def kinds(frames):
 def session_of(file, fast=AtOnce, rest=NEVER):
     document = Document.open(file)
     previewer = CoarsePlanner(document.folder)
-    return Session(document, previewer, fast=fast, slow=NoLane, rest=rest)
+    return Session(document, previewer, fast=fast, slow=NoLane, rest_time=rest)

@@ -16,7 +16,7 @@ from armcontour.core import palette
 from armcontour.core.frames import Frame
 from armcontour.core.render import jsonable
 from armcontour.robot.chain import link_poses
-from armcontour.studio.robot import arm_frame
+from armcontour.studio.arm_picture import arm_frame
 
 STATIC = FilePath(studio.__file__).parent / "static"
 URDF = FilePath(__file__).parents[1] / "files" / "robots" / "data" / "robot.urdf"

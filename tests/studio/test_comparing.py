@@ -10,7 +10,7 @@ from armcontour.core.render import cells, number
 from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.jobs.differences import differences
-from armcontour.studio.tasks.working import do
+from armcontour.studio.tasks.dispatch import do
 
 NAMES = ("optimal", "conventional")
 

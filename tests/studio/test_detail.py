@@ -9,7 +9,7 @@ from tools.studio_page import write_shapes
 from armcontour.studio.document import Document
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.session import Session
-from armcontour.studio.thinning import Detail
+from armcontour.studio.view import Detail
 
 COLUMNS, ROWS, PITCH, RADIUS = 40, 50, 8e-3, 2.5e-3
 # Width of the view [px]; half a pixel is not seen.
@@ -71,7 +71,7 @@ def page(tmp_path_factory):
     file = tmp_path_factory.mktemp("many") / "many.dxf"
     draw(file)
     document = Document.of_drawing(file, "ur5e")
-    session = Session(document, CoarsePlanner(file.parent), fast=AtOnce, slow=NoLane, rest=1e6)
+    session = Session(document, CoarsePlanner(file.parent), fast=AtOnce, slow=NoLane, rest_time=1e6)
     session.begin()
     tab = Tab(session)
     yield tab
@@ -81,7 +81,7 @@ def page(tmp_path_factory):
 @pytest.fixture(scope="module")
 def program(page):
     """The drawing as it was read."""
-    return page.session.editor.seen.job.program
+    return page.session.editor.state.job.program
 
 
 @pytest.fixture(scope="module")
@@ -141,13 +141,13 @@ def test_a_plan_and_its_execution_are_drawn_finer_too(tmp_path, no_hurry):
     file = tmp_path / "few.dxf"
     draw(file, 3)
     document = Document.of_drawing(file, "ur5e")
-    session = Session(document, CoarsePlanner(tmp_path), fast=AtOnce, slow=NoLane, rest=1e6)
+    session = Session(document, CoarsePlanner(tmp_path), fast=AtOnce, slow=NoLane, rest_time=1e6)
     session.begin()
     tab = Tab(session)
     picture, executed = (
         next(x for x in tab.frames if x.kind == y) for y in ("picture", "executed")
     )
-    planned, view = session.display.planner.planned, session.editor.seen.handles
+    planned, view = session.display.scheduler.planned, session.editor.state.handles
     scale, box = 1e6, [-1e-4, -1e-4, 1e-4, 1e-4]
     point = planned.path.contours[0].path(np.array([1e-3]))
     middle = view.plane.uv(point)[0] - view.centre
@@ -172,11 +172,11 @@ def test_a_plan_and_its_execution_are_drawn_finer_too(tmp_path, no_hurry):
 def test_a_part_that_is_moved_has_the_same_points(program):
     paths = [x.path for x in program.contours]
     smooth = Detail(np.inf)
-    parts = [x(smooth.places(x)) for x in paths]
+    parts = [x(smooth.arc_lengths(x)) for x in paths]
     points, ends = np.concatenate(parts)[:, :2], np.cumsum([0, *map(len, parts)])
     turn = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
     kept = []
     for moved in (points, points @ turn.T + [0.1, 0.2]):
-        detail = Detail.of_whole(moved)
-        kept.append(detail.needed(moved, ends))
+        detail = Detail.for_points(moved)
+        kept.append(detail.essential_points(moved, ends))
     assert np.array_equal(*kept) and 10_000 < kept[0].sum() < len(points) / 2

@@ -13,8 +13,8 @@ from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.job_edits import Change, change_data
 from armcontour.studio.document import Document
-from armcontour.studio.edits import EditState, changes_of
-from armcontour.studio.handles import handles_of
+from armcontour.studio.edits import changes_of
+from armcontour.studio.handles import EditState, handles_of
 from armcontour.studio.uploads import Uploads
 
 TEXT = """\

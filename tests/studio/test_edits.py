@@ -16,11 +16,11 @@ from armcontour.files.cell import cell_names, cell_text
 from armcontour.files.job_edits import change_data, change_text, value_at
 from armcontour.files.patch import key_of, locate_key
 from armcontour.files.units import parse_quantity
-from armcontour.studio.edits import EDITS, EditState, changes_of
-from armcontour.studio.edits.runs import remove_run
-from armcontour.studio.edits.tilt import tilt_of
-from armcontour.studio.fields import values_of
-from armcontour.studio.handles import blank_handles, handles_of, is_blank
+from armcontour.studio.description import slider_rows
+from armcontour.studio.edits import EDITS, changes_of
+from armcontour.studio.edits.keys import remove_run
+from armcontour.studio.edits.layout import tilt_of
+from armcontour.studio.handles import EditState, blank_handles, handles_of, is_blank
 
 HEAD = "name: a\narm: {arm}\n"
 TAIL = """\
@@ -397,7 +397,7 @@ MIXED = TEXT.replace(
 def test_every_field_can_be_set_and_then_has_that_value(text, run):
     data, job = load(text, ""), parse_job(text)
     state = EditState(data=data, run=run, handles=handles_of(job, data))
-    for key, x in values_of(data, job, run).items():
+    for key, x in slider_rows(data, job, run).items():
         wanted = 0.8 * x["max"]
         changes = changes_of({"do": "set", "key": key, "value": wanted}, state)
         new = change_data(data, changes)
@@ -407,7 +407,7 @@ def test_every_field_can_be_set_and_then_has_that_value(text, run):
             # These values go with others only.
             continue
         try:
-            found = values_of(new, parse_job(written), run)[key]
+            found = slider_rows(new, parse_job(written), run)[key]
         except InvalidInput as error:
             assert "joint_jerk" in str(error) or "jerk" in str(error)
             continue

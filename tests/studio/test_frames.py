@@ -18,19 +18,23 @@ from armcontour.core.errors import Collision, ExecutionError, InvalidInput, Unre
 from armcontour.core.palette import LIMITS
 from armcontour.files import parse_job
 from armcontour.jobs import run
-from armcontour.studio.executed import executed_frame
-from armcontour.studio.line import NOTHING
-from armcontour.studio.picture import MOST_SHORTFALLS, drawing_frame, picture_frame
+from armcontour.studio.execution_picture import execution_frame
+from armcontour.studio.page_frame import TYPES, PageFrame
+from armcontour.studio.picture import (
+    MAX_SHORTFALLS,
+    NO_LIMIT,
+    drawing_frame,
+    picture_frame,
+    refusal_header,
+)
 from armcontour.studio.preview import CONFIGURATION, MOVING_SAMPLES, CoarsePlanner, Tier
-from armcontour.studio.refusals import refusal_header
-from armcontour.studio.thinning import thin
-from armcontour.studio.wire import TYPES, Frame
+from armcontour.studio.view import select_points
 from armcontour.verification import check, evaluate
 
 
 def packed(frame):
     """What the page gets."""
-    return Frame.unpack(frame.pack())
+    return PageFrame.unpack(frame.pack())
 
 
 def uv(view, points):
@@ -81,7 +85,7 @@ def test_colours_are_what_explain_says(shown):
     for s in random[~close]:
         (why,) = (x.name for x in bindings if x.s[0] <= s < x.s[1])
         k = a["binding"][np.searchsorted(drawn, s, side="right") - 1]
-        assert (names[k] if k != NOTHING else "nothing") == why
+        assert (names[k] if k != NO_LIMIT else "nothing") == why
     kinds = {x["name"]: x["kind"] for x in frame.header["limits"]}
     assert kinds["joint 2 acceleration"] == "acceleration"
     assert kinds["assigned velocity"] == "assigned velocity"
@@ -124,7 +128,7 @@ def test_corners_and_shortfalls_have_their_places(shown, gasket, view):
 
 
 def test_slow_places_that_are_not_listed_are_counted(shown, view):
-    why, most = shown[0].explanation, MOST_SHORTFALLS
+    why, most = shown[0].explanation, MAX_SHORTFALLS
     slow = [replace(why.shortfalls[0], speed=0.01 + 1e-4 * (k % most)) for k in range(2 * most)]
     planned = replace(shown[0], explanation=replace(why, shortfalls=tuple(slow)))
     header = picture_frame(planned, view).header
@@ -135,7 +139,7 @@ def test_slow_places_that_are_not_listed_are_counted(shown, view):
 def test_other_methods_have_no_colours(plans, view):
     for name in ("proposed", "conventional"):
         frame = packed(picture_frame(plans[name], view))
-        assert (frame.arrays["binding"] == NOTHING).all()
+        assert (frame.arrays["binding"] == NO_LIMIT).all()
         assert not frame.header["limits"] and not frame.header["time"]
 
 
@@ -168,7 +172,7 @@ def test_contours_and_rapids_are_parts_with_their_own_colours(gasket, view):
     for begin, end, span in zip(starts, starts[1:], spans, strict=False):
         own = a["binding"][begin : end - 1]
         told = {y.name for y in planned.explanation.bindings if span.s[0] <= y.s[0] < span.s[1]}
-        assert {names[k] if k != NOTHING else "nothing" for k in own} == told
+        assert {names[k] if k != NO_LIMIT else "nothing" for k in own} == told
     path_s, starts = a["path_s"].astype(float), planned.path.breaks
     size = np.ptp(a["path"], axis=0).max()
     for x, start, end in zip(planned.path.contours, starts, starts[1:], strict=False):
@@ -230,7 +234,7 @@ def test_long_programs_are_drawn_before_they_are_planned(previewer, paper, view)
     given = np.stack([0.3 + 1e-5 * k % 0.05, 0.2 + 0.01 * (k % 2)], axis=1)
     data = paper | {"path": {"points": given.tolist()}}
     assert previewer.is_long(data) and not previewer.is_long(paper)
-    frame = packed(drawing_frame(previewer.drawn(data), view))
+    frame = packed(drawing_frame(previewer.path_program(data), view))
     points = frame.arrays["objective"]
     assert len(points) == len(given), "every corner is drawn"
     assert frame.header["rows"] == [] and frame.header["tier"] == "outline"
@@ -241,7 +245,7 @@ def test_long_programs_are_drawn_before_they_are_planned(previewer, paper, view)
 @pytest.fixture(scope="module")
 def done(previewer_of_plans, plans, view):
     executed = previewer_of_plans.execute(plans["uncompensated"])
-    return executed, packed(executed_frame(executed, view))
+    return executed, packed(execution_frame(executed, view))
 
 
 def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view):
@@ -279,7 +283,7 @@ def test_the_arm_is_played_closely_also_between_contours(
 ):
     for planned in (plans["proposed"], gasket_plan):
         executed = previewer_of_plans.execute(planned)
-        a, execution = packed(executed_frame(executed, view)).arrays, executed.execution
+        a, execution = packed(execution_frame(executed, view)).arrays, executed.execution
         played = [np.interp(execution.t, a["pose_t"], q) for q in a["q"].T]
         np.testing.assert_allclose(np.transpose(played), execution.q, rtol=0, atol=1e-4)
         tool = execution.arm.tool_position(a["q"])
@@ -295,7 +299,7 @@ def test_refusals_are_where_they_are(paper, plans, view):
     assert told["sentence"] == str(error) and told["exit"] == 3
     assert (told["error"], told["tier"], told["run"]) == ("Unreachable", 1, "optimal")
     np.testing.assert_allclose(told["at"]["uv"], uv(view, np.array(error.point)))
-    packed(Frame("refusal", told))
+    packed(PageFrame("refusal", told))
     # At a waypoint, it is named.
     error = Unreachable("Too far.", point=(0.4, 0.2), s=0.3, joint=2)
     waypoints = uv(view, np.array([[0.1, 0.1], [0.4, 0.2]]))
@@ -322,8 +326,8 @@ arrays = st.dictionaries(
 
 @given(arrays=arrays)
 def test_what_is_unpacked_is_what_was_packed(arrays):
-    frame = Frame("picture", {"text": "0,5 µm", "n": [1, None, True, 0.1]}, arrays)
-    found = Frame.unpack(frame.pack())
+    frame = PageFrame("picture", {"text": "0,5 µm", "n": [1, None, True, 0.1]}, arrays)
+    found = PageFrame.unpack(frame.pack())
     assert (found.kind, found.header) == (frame.kind, frame.header)
     assert found.arrays.keys() == arrays.keys()
     for name, values in arrays.items():
@@ -342,7 +346,7 @@ def test_what_stands_out_is_kept(count, most, seed, heavy):
     rows = list(random.normal(size=(2, count)))
     weight = random.uniform(size=count) * (random.uniform(size=count) < heavy)
     weight[random.integers(count)] = np.inf
-    kept = thin(weight, rows, most)
+    kept = select_points(weight, rows, most)
     assert (np.diff(kept) > 0).all() and kept[0] == 0 and kept[-1] == count - 1
     assert len(kept) <= max(most + 20, 0) or count <= most
     if count <= most:

@@ -12,9 +12,9 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.job_edits import change_text
-from armcontour.studio.converting import is_convertible
-from armcontour.studio.edits import EditState, changes_of
-from armcontour.studio.handles import handles_of, obstacles_of
+from armcontour.studio.edits import changes_of
+from armcontour.studio.edits.conversion import is_convertible
+from armcontour.studio.handles import EditState, handles_of, obstacles_of
 
 TAIL = """
 limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2}

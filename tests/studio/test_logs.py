@@ -14,9 +14,9 @@ from armcontour.core.render import cells
 from armcontour.files import parse_job, ros_files
 from armcontour.files.log_file import read_log, read_run_log
 from armcontour.jobs.run_learning import judge_log
-from armcontour.studio.disk import state_folder
-from armcontour.studio.tasks.working import do
-from armcontour.studio.uploads import MOST_LOGS
+from armcontour.studio.drafts import state_folder
+from armcontour.studio.tasks.dispatch import do
+from armcontour.studio.uploads import MAX_LOGS
 
 
 def quiet(step):
@@ -245,9 +245,9 @@ def test_logs_are_kept_in_the_folder_of_the_user_until_the_session_ends(file, ho
             session.open_upload(name, b"t,q1\n", None, log=True)
     with pytest.raises(InvalidInput, match="empty"):
         session.open_upload("a.csv", b"", None, log=True)
-    for k in range(MOST_LOGS + 2):
+    for k in range(MAX_LOGS + 2):
         session.open_upload("run.csv", b"%d" % k, None, log=True)
-    assert len(tab.last("document")["logs"]) == MOST_LOGS
+    assert len(tab.last("document")["logs"]) == MAX_LOGS
     kept = list(uploads.logs.values())
     assert sorted(kept[0].parent.iterdir()) == sorted(kept)
     session.close()

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from tests.studio.test_arithmetic import NODE, compute
 
-from armcontour.core.frames import Frame as Pose
-from armcontour.studio.executed import executed_frame
+from armcontour.core.frames import PageFrame as Pose
+from armcontour.studio.execution_picture import execution_frame
+from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.preview import CoarsePlanner
-from armcontour.studio.wire import Frame
 
 pytestmark = pytest.mark.skipif(NODE is None, reason="the page's arithmetic is run by node")
 
@@ -22,7 +22,7 @@ def test_the_page_reads_the_frames_that_the_server_writes():
         "none": np.empty((0, 2), dtype=np.float32),
     }
     head = {"seq": 7, "rev": 2, "sentence": "a μ of 1° — „done“"}
-    data = Frame("picture", head, arrays).pack()
+    data = PageFrame("picture", head, arrays).pack()
     found = compute(
         """
         const { unpack } = await import("./wire.js");
@@ -46,7 +46,7 @@ def test_executions_break_between_contours(paper, view, tmp_path):
     (tmp_path / "two.svg").write_text(drawing)
     previewer = CoarsePlanner(tmp_path)
     executed = previewer.execute(previewer.plan({**paper, "path": {"file": "two.svg"}}, "optimal"))
-    arrays = executed_frame(executed, view).arrays
+    arrays = execution_frame(executed, view).arrays
     steps = np.linalg.norm(np.diff(arrays["base"], axis=0), axis=1)
     assert arrays["breaks"].tolist() == [0, 1 + steps.argmax()]
 

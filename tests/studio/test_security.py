@@ -10,9 +10,9 @@ from tests.studio.talking import JOB
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from armcontour.core.errors import InvalidInput
-from armcontour.studio import guard, server
-from armcontour.studio.guard import LARGEST_UPLOAD
-from armcontour.studio.tasks.working import do
+from armcontour.studio import access_control, server
+from armcontour.studio.access_control import MAX_UPLOAD
+from armcontour.studio.tasks.dispatch import do
 
 SECRET = "the-secret"
 OPEN = ("POST", "/open?name=a.csv", b"1")
@@ -137,7 +137,7 @@ def test_s3_no_token_or_silence(studio, monkeypatch):
         said = first if isinstance(first, bytes) else first.replace("TOKEN", studio.token)
         with studio.socket() as page:
             assert closed(page, said).code == 1008, first[:40]
-    monkeypatch.setattr(server, "HELLO_WITHIN", 0.05)
+    monkeypatch.setattr(server, "HELLO_TIMEOUT", 0.05)
     with studio.socket() as page:
         assert closed(page).code == 1008
 
@@ -206,7 +206,7 @@ def test_s7_logs_are_kept_apart_and_need_the_token(studio, folder):
         assert studio.request(*log, token=token)[0] == 401
     for hostile in ({"Origin": "http://attacker.test"}, {"X_Armcontour": None}):
         assert studio.request(*log, **hostile)[0] == 403
-    size = str(LARGEST_UPLOAD + 1)
+    size = str(MAX_UPLOAD + 1)
     status, _, body = studio.request(*log[:2], Content_Length=size)
     assert status == 413 and b"64 MB" in body and b"armcontour learn" in body
     names = ("../a.csv", "%2e%2e%2fa.csv", ".csv", "a%00.csv", "C:%5ca.csv", "job.yaml", "a.csv.gz")
@@ -258,19 +258,19 @@ def test_s9_hostile_yaml(studio):
 
 
 def test_s9_too_much_of_everything(studio, monkeypatch):
-    size = str(LARGEST_UPLOAD + 1)
+    size = str(MAX_UPLOAD + 1)
     status, _, body = studio.request(*OPEN[:2], Content_Length=size)
     assert status == 413 and b"64 MB" in body
     with studio.page() as page:
-        closed(page.socket, "x" * (server.LARGEST_MESSAGE + 1))
+        closed(page.socket, "x" * (server.MAX_MESSAGE + 1))
     with ExitStack() as many:
-        for _ in range(server.MOST_TABS):
+        for _ in range(server.MAX_PAGES):
             many.enter_context(studio.page()).hear("document")
         closed(many.enter_context(studio.page()).socket)
     with studio.page() as page:
         page.hear("document")
-    monkeypatch.setattr(guard, "BURST", 20.0)
-    monkeypatch.setattr(guard, "RATE", 0.0)
+    monkeypatch.setattr(access_control, "BURST", 20.0)
+    monkeypatch.setattr(access_control, "RATE", 0.0)
     with studio.page() as page:
         messages = ['{"op": "pose", "t": 0, "of": "planned"}'] * 21
         assert "too many" in closed(page.socket, *messages).reason

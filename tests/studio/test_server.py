@@ -12,10 +12,9 @@ from tests.studio.talking import MOVE
 
 from armcontour.core.errors import InvalidInput
 from armcontour.studio import server
-from armcontour.studio.desk import MOST_WAITING, Desk, Tab
-from armcontour.studio.opening import open_session
-from armcontour.studio.server import MOST_CONNECTIONS, listen, require_server, serve
-from armcontour.studio.wire import Frame
+from armcontour.studio.connection import MAX_QUEUED, OpenPage, SessionHost, open_session
+from armcontour.studio.page_frame import PageFrame
+from armcontour.studio.server import MAX_CONNECTIONS, listen, require_server, serve
 
 
 def test_a_page_talks_with_the_session(file):
@@ -24,7 +23,7 @@ def test_a_page_talks_with_the_session(file):
         other.hear("executed")
         page.edit({"do": "set", "key": "corners.tolerance", "value": "4 mm"})
         assert other.hear("document").header["undo_label"] == "set tolerance"
-        tabs = studio.desk.session.display.tabs
+        tabs = studio.session_host.session.display.pages
         number = tabs.keep_file("a b.html", "text/html", b"x")
         status, headers, body = studio.request("GET", f"/files/{number}")
         assert (status, body) == (200, b"x")
@@ -40,21 +39,21 @@ def test_the_end_a_minute_after_the_last_page(file, monkeypatch):
 
         time = count(0, 10).__next__
 
-    class Tabs(list):
+    class Pages(list):
         """Pages at each look: none yet, one for long, then none."""
 
         looks = iter([*[False] * 20, *[True] * 20, *[False] * 20])
         seen = 0
 
         def __bool__(self):
-            Tabs.seen += 1
+            Pages.state += 1
             return next(self.looks)
 
     async def watch():
-        desk = Desk(lambda say: None)
-        desk.tabs = Tabs()
-        watching = asyncio.create_task(server.watch(desk, True))
-        desk.stop = watching.cancel
+        session_host = SessionHost(lambda say: None)
+        session_host.pages = Pages()
+        watching = asyncio.create_task(server.watch(session_host, True))
+        session_host.stop = watching.cancel
         with contextlib.suppress(asyncio.CancelledError):
             await watching
 
@@ -62,7 +61,7 @@ def test_the_end_a_minute_after_the_last_page(file, monkeypatch):
     monkeypatch.setattr(server, "asyncio", fake)
     asyncio.run(watch())
     # The last look at a page was the 40th.
-    assert Tabs.seen == 40 + server.CLOSED_FOR / 10
+    assert Pages.state == 40 + server.EXIT_DELAY / 10
 
 
 def test_what_cannot_be_served_ends_the_server(tmp_path, monkeypatch):
@@ -75,14 +74,14 @@ def test_what_cannot_be_served_ends_the_server(tmp_path, monkeypatch):
         assert taken.getsockname()[0] == "127.0.0.1"
         with pytest.raises(InvalidInput, match="Port .* cannot be used.*--port"):
             listen(taken.getsockname()[1])
-    monkeypatch.setattr(server, "NEEDED", ("uvicorn", "no_such_library"))
+    monkeypatch.setattr(server, "REQUIRED_LIBRARIES", ("uvicorn", "no_such_library"))
     with pytest.raises(InvalidInput, match=r"needs no_such_library: .*armcontour\[studio\]"):
         require_server()
 
 
 def test_connections_that_say_nothing_or_never_all_stop_no_page(file):
     with running(file) as studio, contextlib.ExitStack() as closing:
-        for k in range(20 + 2 * MOST_CONNECTIONS):
+        for k in range(20 + 2 * MAX_CONNECTIONS):
             half = closing.enter_context(socket.create_connection(("127.0.0.1", studio.port)))
             if k >= 20:
                 half.sendall(b"GET / HTTP/1.1\r\nHost: ")
@@ -107,7 +106,7 @@ def test_a_job_that_is_a_link_to_another_folder_is_watched_and_saved(file, tmp_p
 
 def test_pages_that_read_slowly_get_the_newest_and_those_that_never_read_are_let_go():
     async def talk():
-        tab, sent = Tab(), []
+        tab, sent = OpenPage(), []
         for k in range(100):
             tab.send(b"%d" % k, "picture")
         tab.send(b"notice")
@@ -125,8 +124,8 @@ def test_pages_that_read_slowly_get_the_newest_and_those_that_never_read_are_let
     assert asyncio.run(talk()) == [b"notice", b"again"]
 
     async def talk():
-        tab = Tab()
-        for _ in range(MOST_WAITING + 1):
+        tab = OpenPage()
+        for _ in range(MAX_QUEUED + 1):
             tab.send(b"")
         await tab.write(lambda message: asyncio.sleep(0))
 
@@ -136,19 +135,19 @@ def test_pages_that_read_slowly_get_the_newest_and_those_that_never_read_are_let
 @pytest.mark.parametrize("starting", [False, True])
 def test_messages_before_a_page_has_joined_are_answered_when_it_has(session, starting):
     async def talk():
-        desk, tab = Desk(lambda say: session), Tab()
+        session_host, tab = SessionHost(lambda say: session), OpenPage()
         if not starting:
-            desk.session = session
+            session_host.session = session
         # The server passes messages on in another thread than the one in which the page joins.
-        assert all(desk.receive(tab, {"op": "nonsense", "id": k}) for k in (0, 1))
-        desk.join(tab)
+        assert all(session_host.receive(tab, {"op": "nonsense", "id": k}) for k in (0, 1))
+        session_host.join(tab)
         if starting:
-            assert desk.receive(tab, {"op": "nonsense", "id": 2})
-            desk.start()
-        assert desk.receive(tab, {"op": "nonsense", "id": 3})
-        desk.leave(tab)
-        assert desk.tabs == [] and desk.failure is None
-        frames = [Frame.unpack(x) for x in tab._waiting.values()]
+            assert session_host.receive(tab, {"op": "nonsense", "id": 2})
+            session_host.start()
+        assert session_host.receive(tab, {"op": "nonsense", "id": 3})
+        session_host.leave(tab)
+        assert session_host.pages == [] and session_host.failure is None
+        frames = [PageFrame.unpack(x) for x in tab._waiting.values()]
         return [x.header["id"] for x in frames if x.kind == "failed"]
 
     assert asyncio.run(talk()) == ([0, 1, 2, 3] if starting else [0, 1, 3])

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from tests.studio.talking import JOB, MOVE, NoLane, Tab, figure, kinds, session_of
 
-from armcontour.studio import tabs as module
-from armcontour.studio.gestures import MOST_EDITS
-from armcontour.studio.opening import open_session
-from armcontour.studio.tabs import MOST_FILES, Tabs, without_options
-from armcontour.studio.wire import Frame
+from armcontour.studio import pages as module
+from armcontour.studio.commands import MAX_EDITS
+from armcontour.studio.connection import open_session
+from armcontour.studio.page_frame import PageFrame
+from armcontour.studio.pages import MAX_FILES, Pages, without_options
 
 CSV = b"x [mm],y [mm]\n300,100\n350,120\n300,150\n"
 pytestmark = pytest.mark.usefixtures("no_hurry")
@@ -125,10 +125,10 @@ def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path):
 
 def test_a_message_has_a_bounded_number_of_edits(tab):
     before = tab.last("document")["text"]
-    assert tab.edit(*[MOVE] * (MOST_EDITS + 1))[-1].kind in ("refusal", "executed")
+    assert tab.edit(*[MOVE] * (MAX_EDITS + 1))[-1].kind in ("refusal", "executed")
     assert tab.last("refusal")["error"] == "InvalidInput"
     assert tab.last("document")["text"] == before
-    tab.edit(*[MOVE] * MOST_EDITS, gesture=1)
+    tab.edit(*[MOVE] * MAX_EDITS, gesture=1)
     assert tab.last("document")["text"] != before
 
 
@@ -244,7 +244,7 @@ def test_a_job_without_a_file_is_a_download(tmp_path, monkeypatch):
         tab.say("new", card="paper", arm="ur5e")
         assert tab.last("document")["run"] == "optimal"
         (heard,) = tab.say("save")
-        file = session.display.tabs.files[heard.header["file"]]
+        file = session.display.pages.files[heard.header["file"]]
         assert heard.header["name"] == file.name == "paper.yaml"
         assert file.data.decode() == session.document.text
     finally:
@@ -260,22 +260,22 @@ def test_tasks_run_are_cancelled_and_give_files(session, tab):
     assert "running already" in sentence(tab.say("task", id="t1", task="check"))
     tab.say("cancel", id="t1")
     assert lane.cancelled == ["t1"] and tab.say("cancel", id="t2") == []
-    lane.deliver(Frame("progress", {"id": "t1", "share": 0.5}))
+    lane.deliver(PageFrame("progress", {"id": "t1", "share": 0.5}))
     header = {"id": "t1", "name": "a.html", "type": "text/html"}
-    lane.deliver(Frame("result", header, {"content": np.frombuffer(b"<html>", np.uint8)}))
-    assert session.display.tabs.files[tab.last("result")["file"]].data == b"<html>"
+    lane.deliver(PageFrame("result", header, {"content": np.frombuffer(b"<html>", np.uint8)}))
+    assert session.display.pages.files[tab.last("result")["file"]].data == b"<html>"
     assert tab.last("progress")["share"] == 0.5
     tab.say("task", id="t1", task="check")
     assert len(lane.given) == 2
 
 
 def test_the_newest_files_are_kept_as_far_as_there_is_room(monkeypatch):
-    tabs = Tabs()
-    numbers = [tabs.keep_file(f"{k}.csv", "text/csv", b"%d" % k) for k in range(MOST_FILES + 2)]
+    tabs = Pages()
+    numbers = [tabs.keep_file(f"{k}.csv", "text/csv", b"%d" % k) for k in range(MAX_FILES + 2)]
     assert list(tabs.files) == numbers[2:]
-    assert tabs.files[numbers[-1]].data == b"%d" % (MOST_FILES + 1)
-    monkeypatch.setattr(module, "MOST_BYTES", 100)
-    tabs = Tabs()
+    assert tabs.files[numbers[-1]].data == b"%d" % (MAX_FILES + 1)
+    monkeypatch.setattr(module, "MAX_BYTES", 100)
+    tabs = Pages()
     first, second = (tabs.keep_file("x.csv", "text/csv", bytes(60)) for _ in range(2))
     assert list(tabs.files) == [second] and first != second
     third = tabs.keep_file("x.csv", "text/csv", bytes(200))
@@ -286,8 +286,8 @@ def test_sentences_for_pages_have_no_options_of_the_command_line():
     pairs = {
         "a text (unknown: skip, or --skip-unknown).": "a text (unknown: skip).",
         "such as `units: mm` or --units mm.": "such as `units: mm`.",
-        "the part (path.frame, --at), with which": "the part (path.frame), with which",
-        "leave z out (on the command line --flat), or": "leave z out, or",
+        "the part (path.frame, --position), with which": "the part (path.frame), with which",
+        "leave z out (on the command line --ignore-z), or": "leave z out, or",
         "with path.texts or --texts: contours.": "with path.texts: contours.",
         "name one such as u1, also with --columns 'u#=NAME_#'.": "name one such as u1.",
         "name the unit, such as --columns 'q# [deg]=q#' for degrees": "name the unit for degrees",

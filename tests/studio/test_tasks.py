@@ -16,9 +16,9 @@ import armcontour as ac
 from armcontour.core.errors import InvalidInput
 from armcontour.files import parse_job
 from armcontour.jobs import run
-from armcontour.studio.tasks import working
-from armcontour.studio.tasks.working import SMALL, do, work
-from armcontour.studio.wire import Frame
+from armcontour.studio.page_frame import PageFrame
+from armcontour.studio.tasks import dispatch
+from armcontour.studio.tasks.dispatch import WARMUP_JOB, do, work
 
 
 def quiet(step):
@@ -42,7 +42,7 @@ def coarse(paper):
 
 
 @pytest.fixture
-def short(coarse):
+def to_float32(coarse):
     return coarse | {"path": {"points": [[0.35, 0.1], [0.37, 0.12], [0.36, 0.13]]}}
 
 
@@ -54,15 +54,15 @@ def line(square):
 
 def test_progress_has_the_share_and_the_time_that_is_left(monkeypatch):
     # Each look at the clock is a second later than the one before.
-    monkeypatch.setattr(working, "time", SimpleNamespace(monotonic=count().__next__))
+    monkeypatch.setattr(dispatch, "time", SimpleNamespace(monotonic=count().__next__))
     told = []
     options = {"key": "limits.speed", "values": [0.1, 0.2]}
-    work(("a", "sweep", {"text": SMALL, "options": options}), told.append)
-    for k, frame in enumerate(map(Frame.unpack, told), 1):
+    work(("a", "sweep", {"text": WARMUP_JOB, "options": options}), told.append)
+    for k, frame in enumerate(map(PageFrame.unpack, told), 1):
         share, eta = frame.header["share"], frame.header["eta"]
         assert frame.kind == "progress" and frame.header["id"] == "a" and 0 <= share <= 1
         assert eta == (pytest.approx(k * (1 - share) / share) if share else None)
-    assert any(0 < Frame.unpack(x).header["share"] < 1 for x in told)
+    assert any(0 < PageFrame.unpack(x).header["share"] < 1 for x in told)
 
 
 def test_a_check_has_a_row_per_limit(coarse):

@@ -38,36 +38,25 @@ CHOOSERS = {CERTIFY: "certificate", PLACE: "placement"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BaseJob:
-    """A job before its parameters have values.
+    """A job before its parameters have values."""
 
-    Args:
-        name: Name of the job in results.
-        source: Name of the file in messages.
-        folder: Folder of relative file names.
-        data: Data of the file, in SI units, with one run only.
-        run: Name of that run; None if the certificate or the placement chooses.
-        files: Digests of files that the job reads and no key names, such as meshes.
-        dimension: Dimension of the arm's work space.
-    """
-
+    # Name of the job in results
     name: str
+    # Name of the file in messages
     source: str
+    # Folder of relative file names
     folder: FilePath
+    # Data of the file, in SI units, with one run only
     data: Mapping[str, Any]
+    # Name of that run; None if the certificate or the placement chooses
     run: str | None
+    # Digests of files that the job reads and no key names, such as meshes
     files: tuple[str, ...] = ()
+    # Dimension of the arm's work space
     dimension: int = 0
 
     def data_with(self, keys: Sequence[Keys], values: Sequence[Any]) -> dict[str, Any]:
-        """The data with values of parameters.
-
-        Args:
-            keys: The keys that lead to each value.
-            values: The values.
-
-        Raises:
-            InvalidInput: A key inside a value that has no keys.
-        """
+        """The data with values of parameters."""
         with error_context(self.source):
             data: dict[str, Any] = apply_patch(
                 self.data, dict(zip(keys, values, strict=True)), self.run
@@ -75,23 +64,11 @@ class BaseJob:
         return data
 
     def model(self, data: Mapping[str, Any]) -> JobModel:
-        """Model of the keys of a job.
-
-        Raises:
-            InvalidInput: An unknown key, or an invalid value.
-        """
+        """Model of the keys of a job."""
         return model_of(JobModel, data, self.source)
 
     def job(self, data: Mapping[str, Any], *, trust_xacro: bool = False) -> Job:
-        """The job of some data; arm and path are cached while their data stay the same.
-
-        Args:
-            data: The data.
-            trust_xacro: As in `read_job`.
-
-        Raises:
-            InvalidInput: Values that are no valid job.
-        """
+        """The job of some data; arm and path are cached while their data stay the same."""
         model = self.model(data)
         with error_context(self.source):
             text = _text([data.get(x) for x in WITH_FILES])
@@ -100,32 +77,14 @@ class BaseJob:
             )
 
     def key(self, data: Mapping[str, Any], request: Sequence[str]) -> str:
-        """Digest of all that the results of a job depend on.
-
-        It covers the data, the files that the job reads, the work, and the version of the package.
-
-        Args:
-            data: The data.
-            request: Kind of work, and the columns.
-
-        Raises:
-            InvalidInput: A file that a key names is missing.
-        """
+        """Digest of all that the results of a job depend on."""
         with error_context(self.source):
             named = [_digest_of(self.folder / x) for x in named_files(data)]
         text = _text([__version__, request, data, named, self.files])
         return hashlib.sha256(text.encode()).hexdigest()
 
     def with_digests(self, data: Mapping[str, Any], *, trust_xacro: bool) -> BaseJob:
-        """Copy with the arm's dimension, and digests of the files that arm, path and scene read.
-
-        Args:
-            data: The data with values of all parameters.
-            trust_xacro: As in `read_job`.
-
-        Raises:
-            InvalidInput: A file is missing, or an arm or a path is wrong.
-        """
+        """Copy with the arm's dimension, and digests of the files that arm, path and scene read."""
         digests: dict[FilePath, str] = {}
 
         def add_digest(file: FilePath, content: bytes) -> None:
@@ -135,8 +94,8 @@ class BaseJob:
             arm, *_ = _PartFactory(self.model(data), self.folder, trust_xacro).make()
             # Meshes are read at the first access to the shapes.
             arm.knows_shapes  # noqa: B018
-        for x in named_files(data):
-            digests.pop((self.folder / x).resolve(), None)
+        for name in named_files(data):
+            digests.pop((self.folder / name).resolve(), None)
         return replace(self, files=tuple(sorted(digests.values())), dimension=arm.dimension)
 
 
@@ -162,17 +121,7 @@ def _cached_parts(text: str, factory: _PartFactory) -> tuple[Arm, Path | Program
 def read_base(
     job: str | Mapping[str, str], folder: FilePath, run: str | None, work: str
 ) -> BaseJob:
-    """Read a job of a plan.
-
-    Args:
-        job: A job file, or a drawing and a cell.
-        folder: Folder of relative file names.
-        run: Name of the run; None for the only one.
-        work: Kind of work.
-
-    Raises:
-        InvalidInput: An invalid job, or no such run.
-    """
+    """Read a job of a plan."""
     if isinstance(job, str):
         file = folder / job
         data, source, home = read_data(job_text(file), file.name), file.name, file.parent
@@ -222,15 +171,7 @@ def _without(data: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 
 def check_placed(base: BaseJob, data: Mapping[str, Any]) -> None:
-    """Check that a job has axes for its placement.
-
-    Args:
-        base: The job.
-        data: The data with the first values of all parameters.
-
-    Raises:
-        InvalidInput: The key placement.over is missing.
-    """
+    """Check that a job has axes for its placement."""
     placement = data.get("placement") or {}
     if not placement.get("over"):
         raise InvalidInput(
@@ -244,19 +185,21 @@ def named_files(data: Mapping[str, Any]) -> Iterator[str]:
     arm = data.get("arm")
     if isinstance(arm, str) and arm.lower().endswith(ARM_FILES):
         yield arm
-    for x in WITH_FILES:
-        yield from _files_in(data.get(x))
+    for key in WITH_FILES:
+        yield from _files_in(data.get(key))
 
 
 def _files_in(data: Any) -> Iterator[str]:
     if isinstance(data, list):
-        for x in data:
-            yield from _files_in(x)
+        for value in data:
+            yield from _files_in(value)
     elif isinstance(data, Mapping):
-        for key, x in data.items():
+        for key, value in data.items():
             if key in FILE_KEYS:
-                yield from (y for y in (x if isinstance(x, list) else [x]) if isinstance(y, str))
-            yield from _files_in(x)
+                yield from (
+                    y for y in (value if isinstance(value, list) else [value]) if isinstance(y, str)
+                )
+            yield from _files_in(value)
 
 
 def _text(value: Any) -> str:

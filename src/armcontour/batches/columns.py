@@ -13,21 +13,18 @@ from armcontour.core.text import suggest
 from armcontour.jobs.place_search import UNITS
 
 # Kinds of work on each job: each of the first includes those before it; `PLACE` is separate.
-TEACH, RUN, CERTIFY = RISING = ("teach", "run", "certify")
+COMPENSATE, RUN, CERTIFY = RISING = ("compensate", "run", "certify")
 PLACE = "place"
 WORKS = (*RISING, PLACE)
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A figure of a job, known before the job runs.
+    """A figure of a job, known before the job runs."""
 
-    Args:
-        unit: Its SI unit, as in the row.
-        since: The smallest work that computes it.
-    """
-
+    # Its SI unit, as in the row
     unit: str
+    # The smallest work that computes it
     since: str
 
     def is_computed_by(self, work: str) -> bool:
@@ -41,7 +38,7 @@ ERRORS = ("contour_error", "objective_error", "tracking_error", "experiment.cont
 PLACED = {"duration": "s", "singular": "m/rad", "clearance": "m", "torque_margin": "1"}
 # Units of the rows by name, for the smallest work that computes them.
 ROWS: dict[str, dict[str, str]] = {
-    TEACH: {
+    COMPENSATE: {
         **{"duration": "s", "length": "m", "corner_error": "m", "full_stops.count": ""},
         "set_points": "",
     },
@@ -64,7 +61,7 @@ ROWS: dict[str, dict[str, str]] = {
 }
 COLUMNS = {x: Column(unit, since) for since, rows in ROWS.items() for x, unit in rows.items()}
 USUAL = {
-    TEACH: ("duration", "corner_error"),
+    COMPENSATE: ("duration", "corner_error"),
     RUN: ("duration", "contour_error.rms", "contour_error.max", "corner_error", "demand_ratio"),
     PLACE: (
         *(f"best.place.{x}" for x in UNITS),
@@ -80,15 +77,7 @@ USUAL = {
 
 
 def read_columns(requested: Iterable[str] | None, work: str) -> tuple[str, ...]:
-    """Names of the columns of a plan, or the usual ones.
-
-    Args:
-        requested: The names; None for the usual ones.
-        work: Kind of work on each job.
-
-    Raises:
-        InvalidInput: An unknown column, one that this work does not compute, or a repeated one.
-    """
+    """Names of the columns of a plan, or the usual ones."""
     if requested is None:
         return USUAL[work]
     available = [x for x, column in COLUMNS.items() if column.is_computed_by(work)]
@@ -111,13 +100,7 @@ def read_columns(requested: Iterable[str] | None, work: str) -> tuple[str, ...]:
 
 
 def figures_of(result: Any, names: Iterable[str], work: str) -> tuple[float | None, ...]:
-    """Figures of a job, in the order of the columns.
-
-    Args:
-        result: Result of the work: a `RunResult`, a `Certificate` or a `Placement`.
-        names: The columns.
-        work: Kind of work.
-    """
+    """Figures of a job, in the order of the columns."""
     from armcontour.jobs.job_result import judging_rows
 
     rows: list[Row] = []

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from armcontour.batches.columns import CERTIFY, COLUMNS, PLACE, TEACH, figures_of
+from armcontour.batches.columns import CERTIFY, COLUMNS, COMPENSATE, PLACE, figures_of
 from armcontour.batches.plan import Plan
 from armcontour.core import staging
 from armcontour.core.checks import FloatArray
@@ -23,38 +23,32 @@ from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.jobs import Job
 
 if TYPE_CHECKING:
-    from armcontour.report.sections.batch import Axis
+    from armcontour.report.sections.batch import PlotValues
 
 # Statuses of jobs: with figures, refused by this library, or failed, which may be repeated.
 DONE, REFUSED, FAILED = STATUSES = ("done", "refused", "failed")
 
 
 class Outcome(NamedTuple):
-    """Outcome of a job.
+    """Outcome of a job."""
 
-    Args:
-        status: One of STATUSES.
-        error: Name of the error; None for a job that is done.
-        sentence: Message of the error.
-        figures: Figures for the columns of the plan; empty for a job that is not done.
-        seconds: Duration of the work [s].
-    """
-
+    # One of STATUSES
     status: str
+    # Name of the error; None for a job that is done
     error: str | None = None
+    # Message of the error
     sentence: str | None = None
+    # Figures for the columns of the plan; empty for a job that is not done
     figures: tuple[float | None, ...] = ()
+    # Duration of the work [s]
     seconds: float = 0.0
 
 
 @dataclass(frozen=True)
 class Work:
-    """Work on jobs of a plan; picklable for other processes.
+    """Work on jobs of a plan; picklable for other processes."""
 
-    Args:
-        plan: The plan.
-    """
-
+    # The plan
     plan: Plan
 
     def __call__(self, index: int) -> Outcome:
@@ -95,7 +89,7 @@ def _do(work: str, job: Job, run: str | None) -> Any:
         return place(job, run=run, processes=1)
     from armcontour import jobs
 
-    return jobs.run(job, simulate=work != TEACH).runs[str(run)]
+    return jobs.run(job, simulate=work != COMPENSATE).runs[str(run)]
 
 
 ROWS, TABLE, REPORT = "results.jsonl", "results.parquet", "report.html"
@@ -104,18 +98,7 @@ SECONDS = "seconds (not reproducible)"
 
 
 class Results:
-    """Results of a batch in its folder; as a context manager it locks the folder.
-
-    Args:
-        folder: The folder.
-        plan: The plan.
-
-    Attributes:
-        rows: Rows by the indices of their jobs.
-
-    Raises:
-        InvalidInput: The folder has other files, cannot be written, or is in use by another run.
-    """
+    """Results of a batch in its folder; as a context manager it locks the folder."""
 
     def __init__(self, folder: FilePath, plan: Plan) -> None:
         self.folder, self.rows = folder, dict[int, dict[str, Any]]()
@@ -144,11 +127,7 @@ class Results:
         self._closing.close()
 
     def left(self, *, retry: bool) -> list[int]:
-        """Indices of the jobs without a result.
-
-        Args:
-            retry: Whether to include failed jobs.
-        """
+        """Indices of the jobs without a result."""
         again = FAILED if retry else None
         rows = (self.rows.get(k, {"status": again}) for k in range(len(self._plan)))
         return [k for k, row in enumerate(rows) if row["status"] == again]
@@ -256,12 +235,7 @@ MAX_DRAWN = 5_000
 
 
 def render_page(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
-    """Render the results of a batch as one HTML page without other files.
-
-    Args:
-        plan: The plan.
-        rows: The results.
-    """
+    """Render the results of a batch as one HTML page without other files."""
     # Imported here, because worker processes do not need the library for drawing.
     from armcontour.report import render_batch
     from armcontour.report.sections.batch import BatchView
@@ -290,9 +264,9 @@ def render_page(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
 
 def _axis(
     name: str, unit: str | None, rows: Sequence[Mapping[str, Any]], *, log: bool = False
-) -> Axis:
+) -> PlotValues:
     """Values of a column, in SI units."""
-    from armcontour.report.sections.batch import Axis
+    from armcontour.report.sections.batch import PlotValues
 
     values: FloatArray = np.array([x[name] for x in rows], dtype=float)
-    return Axis(name, unit or "", values, log)
+    return PlotValues(name, unit or "", values, log)

@@ -23,27 +23,24 @@ from armcontour.files.units import parse_quantity, read_quantity
 RANGE = ("from", "to", "steps", "scale")
 SCALES = ("linear", "log")
 # Largest number of values of one parameter.
-MOST_VALUES = 1_000_000
+MAX_VALUES = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A key of job files with its values.
+    """A key of job files with its values."""
 
-    Args:
-        key: The key, with dots between the keys that lead there.
-        unit: Unit of the numbers; None if they are not quantities.
-        values: Values in SI units; the ends of a sampled range.
-        ranged: Whether the values are a range.
-        log: Whether the range has a logarithmic scale.
-        sampled: Whether the plan draws samples of the range.
-    """
-
+    # The key, with dots between the keys that lead there
     key: str
+    # Unit of the numbers; None if they are not quantities
     unit: str | None
+    # Values in SI units; the ends of a sampled range
     values: tuple[Any, ...]
+    # Whether the values are a range
     ranged: bool = False
+    # Whether the range has a logarithmic scale
     log: bool = False
+    # Whether the plan draws samples of the range
     sampled: bool = False
 
     @property
@@ -57,25 +54,12 @@ class Parameter:
         return all(isinstance(x, int | float) and not isinstance(x, bool) for x in self.values)
 
     def values_at(self, fractions: FloatArray) -> FloatArray:
-        """Values at fractions of a range.
-
-        Args:
-            fractions: Positions in the range, from 0 to 1.
-        """
+        """Values at fractions of a range."""
         return _between(self.values[0], self.values[-1], fractions, log=self.log)
 
 
 def read_parameter(key: str, specified: Any, *, sampled: bool) -> Parameter:
-    """Read the values of a key of a plan.
-
-    Args:
-        key: The key.
-        specified: A list of values, a range, or a value for all jobs.
-        sampled: Whether the plan draws samples of its ranges.
-
-    Raises:
-        InvalidInput: A wrong range, or no value.
-    """
+    """Read the values of a key of a plan."""
     location = f"over.{key}"
     with error_context("over"):
         quantity = quantity_of(JobModel, full_key(key_of(key)))
@@ -97,7 +81,7 @@ def read_parameter(key: str, specified: Any, *, sampled: bool) -> Parameter:
         "combine: product.",
     )
     raise_if(count == 0, f"{location} is an empty list: give a value, or remove the key.")
-    raise_if(count > MOST_VALUES, f"{location} has {count} values, more than {MOST_VALUES}.")
+    raise_if(count > MAX_VALUES, f"{location} has {count} values, more than {MAX_VALUES}.")
     return Parameter(key, unit, tuple(_in_si(key, x) for x in listed))
 
 
@@ -122,10 +106,9 @@ def _read_range(
     scale = checks.check_choice(f"{location}.scale", ends.get("scale", "linear"), SCALES)
     low, high = (_read_end(f"{location}.{x}", ends[x], quantity) for x in ("from", "to"))
     count = 2 if sampled else ends["steps"]
-    if not (_whole(count) and 1 <= count <= MOST_VALUES):
+    if not (_whole(count) and 1 <= count <= MAX_VALUES):
         raise InvalidInput(
-            f"{location}.steps must be a whole number from 1 to {MOST_VALUES}, "
-            f"but is {show(count)}."
+            f"{location}.steps must be a whole number from 1 to {MAX_VALUES}, but is {show(count)}."
         )
     start, end = show(ends["from"]), show(ends["to"])
     empty = f"{location} is an empty range: from and to are both {end}."

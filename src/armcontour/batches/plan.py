@@ -29,59 +29,50 @@ from armcontour.files.file_keys import MappingKeys, read_keys
 
 PRODUCT, ZIP = "product", "zip"
 # Largest number of jobs of a plan: their rows take about 1 kB each.
-MOST_JOBS = 1_000_000
+MAX_JOBS = 1_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawingModel:
-    """A drawing and its cell.
+    """A drawing and its cell."""
 
-    Args:
-        drawing: The drawing, relative to the plan.
-        cell: Name of a built-in cell, or a job file relative to the plan.
-    """
-
+    # The drawing, relative to the plan
     drawing: str
+    # Name of a built-in cell, or a job file relative to the plan
     cell: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SamplesModel:
-    """Samples of a Sobol sequence, which fill all ranges evenly.
+    """Samples of a Sobol sequence, which fill all ranges evenly."""
 
-    Args:
-        sobol: Number of samples; powers of 2 fill most evenly.
-        seed: Seed of the scrambling of the sequence.
-    """
-
+    # Number of samples; powers of 2 fill most evenly
     sobol: Annotated[int, AtLeast(1)]
+    # Seed of the scrambling of the sequence
     seed: Annotated[int, AtLeast(0)] = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanModel:
-    """A plan of many jobs.
+    """A plan of many jobs."""
 
-    Args:
-        name: Name of the plan; by default that of its file.
-        job: A job file relative to the plan, or a drawing and its cell.
-        jobs: Several of them, each with all parameters.
-        run: Name of the run of the jobs; not needed if they have one run.
-        do: Kind of work: `teach` plans and compensates, `run` also simulates, `certify` finds the
-            fastest plan that satisfies the job's certificate, `place` finds the best placement.
-        over: Values of keys of the jobs, by the keys with dots between them.
-        combine: Combination of the values: `product` combines each with each, `zip` the first
-            values of all, the second values of all and so on; or samples of ranges.
-        columns: Stored figures of each job; the guide lists them.
-    """
-
+    # Name of the plan; by default that of its file
     name: str | None = None
+    # A job file relative to the plan, or a drawing and its cell
     job: str | DrawingModel | None = None
+    # Several of them, each with all parameters
     jobs: Annotated[list[str | DrawingModel], Field(min_length=1)] | None = None
+    # Name of the run of the jobs; not needed if they have one run
     run: str | None = None
+    # Kind of work: `compensate` plans and compensates, `run` also simulates, `certify` finds the
+    # fastest plan that satisfies the job's certificate, `place` finds the best placement
     do: Annotated[str, Choice(WORKS)] = RUN
+    # Values of keys of the jobs, by the keys with dots between them
     over: dict[str, Any] = field(default_factory=dict)
+    # Combination of the values: `product` combines each with each, `zip` the first values of all,
+    # the second values of all and so on; or samples of ranges
     combine: Literal["product", "zip"] | SamplesModel = "product"
+    # Stored figures of each job; the guide lists them
     columns: list[str] | None = None
 
 
@@ -93,7 +84,7 @@ class Plan:
         name: Name of the plan.
         bases: Base jobs, without values of parameters.
         parameters: The parameters.
-        work: Kind of work: "teach", "run", "certify" or "place".
+        work: Kind of work: "compensate", "run", "certify" or "place".
         columns: Names of the stored figures.
         combine: "product" or "zip"; not used with samples.
         samples: Values of the sampled parameters, (n, sampled); None without samples.
@@ -153,9 +144,9 @@ class Plan:
         if self.combine == ZIP:
             return tuple(x.values[position if len(x.values) > 1 else 0] for x in self.parameters)
         values: list[Any] = []
-        for x in reversed(self.parameters):
-            position, k = divmod(position, len(x.values))
-            values.append(x.values[k])
+        for parameter in reversed(self.parameters):
+            position, k = divmod(position, len(parameter.values))
+            values.append(parameter.values[k])
         return tuple(reversed(values))
 
     def data(self, index: int) -> dict[str, Any]:
@@ -231,7 +222,7 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
         _refuse_unreadable(base, parameters)
     plan = Plan(
         name=checks.check_name("name of the plan", model.name or name),
-        bases=tuple(_with_digests(x, parameters, trust_xacro) for x in bases),
+        bases=tuple(x.with_digests(_first(x, parameters), trust_xacro=trust_xacro) for x in bases),
         parameters=parameters,
         work=model.do,
         columns=columns,
@@ -240,17 +231,12 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
         trust_xacro=trust_xacro,
     )
     _refuse_uneven(plan)
-    if len(plan) > MOST_JOBS:
+    if len(plan) > MAX_JOBS:
         raise InvalidInput(
-            f"the plan has {len(plan)} jobs, more than {MOST_JOBS}: take fewer steps, or samples "
+            f"the plan has {len(plan)} jobs, more than {MAX_JOBS}: take fewer steps, or samples "
             "with combine: {sobol: 4096}."
         )
     return plan
-
-
-def _with_digests(base: BaseJob, parameters: Sequence[Parameter], trust_xacro: bool) -> BaseJob:
-    """Base job with the digests of all files that it reads."""
-    return base.with_digests(_first(base, parameters), trust_xacro=trust_xacro)
 
 
 def _first(base: BaseJob, parameters: Sequence[Parameter]) -> dict[str, Any]:
@@ -280,25 +266,25 @@ def _refuse_uneven(plan: Plan) -> None:
 
 
 def _refuse_unreadable(base: BaseJob, parameters: Sequence[Parameter]) -> None:
-    """Reject keys and values that are invalid in a job file.
-
-    Values that are valid only with other values of the plan, such as gains of a servo model, may
-    pass; the jobs in which they are invalid are refused individually.
-    """
+    """Reject keys and values that are invalid in a job file."""
     keys = [x.parts for x in parameters]
-    for k, x in enumerate(parameters):
+    for k, parameter in enumerate(parameters):
         # The ends of a range represent its values.
-        tried = {0, len(x.values) - 1} if x.ranged else range(len(x.values))
+        tried = {0, len(parameter.values) - 1} if parameter.ranged else range(len(parameter.values))
         for i in sorted(tried):
-            location = f"over.{x.key} (item {i + 1})" if len(x.values) > 1 else f"over.{x.key}"
-            problem = _problem(base, [x.parts], [x.values[i]])
+            location = (
+                f"over.{parameter.key} (item {i + 1})"
+                if len(parameter.values) > 1
+                else f"over.{parameter.key}"
+            )
+            problem = _problem(base, [parameter.parts], [parameter.values[i]])
             if problem is None:
                 continue
             # With the first values of the others, and with those of the same index.
             problems = []
             for j in (0, i):
                 values = [y.values[min(j, len(y.values) - 1)] for y in parameters]
-                values[k] = x.values[i]
+                values[k] = parameter.values[i]
                 problems.append(_problem(base, keys, values))
             if None not in problems:
                 raise problem.with_location(location)
@@ -328,8 +314,8 @@ def _samples(combine: Any, parameters: Sequence[Parameter]) -> FloatArray | None
         raise InvalidInput(
             "combine.sobol draws samples of ranges, but over has none: write {from: ..., to: ...}."
         )
-    if combine.sobol > MOST_JOBS:
-        raise InvalidInput(f"combine.sobol is {combine.sobol}, more than {MOST_JOBS} jobs.")
+    if combine.sobol > MAX_JOBS:
+        raise InvalidInput(f"combine.sobol is {combine.sobol}, more than {MAX_JOBS} jobs.")
     from scipy.stats import qmc
 
     sequence = qmc.Sobol(len(ranges), scramble=True, seed=combine.seed)

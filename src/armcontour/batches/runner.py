@@ -12,7 +12,7 @@ from typing import Any
 
 from armcontour.batches.outcomes import Outcome, Results, Work, killed
 from armcontour.batches.plan import Plan, read_plan
-from armcontour.core.compilation import warm
+from armcontour.core.compilation import compile_kernels
 from armcontour.core.fields import checked
 from armcontour.core.pool import InProcess, TaskQueue, open_executor
 from armcontour.core.progress import Progress
@@ -125,6 +125,10 @@ def batch(
     An error of a job is a result, too: a row with the message. Each row is written to the file
     `results.jsonl` as soon as it exists; table and page are written when all jobs have a result.
 
+    >>> done = ac.batch("plan.yaml", "out", workers=0)
+    >>> [row["status"] for row in done.rows]
+    ['done']
+
     Args:
         plan: A plan file (YAML), or its data; the guide on batches explains its keys.
         out: Folder for the results: a new one, or that of an earlier run of this plan.
@@ -150,8 +154,8 @@ def batch(
         if remaining:
             if not isinstance(opened, InProcess):
                 # Otherwise several processes would compile the same functions.
-                for x in {x.dimension for x in parsed.bases}:
-                    warm("plane" if x == 2 else "space", compiling)
+                for dimension in {x.dimension for x in parsed.bases}:
+                    compile_kernels("plane" if dimension == 2 else "space", compiling)
             _work(parsed, remaining, opened, results, progress or (lambda tally: None))
         return Batch(plan=parsed, folder=results.folder, rows=results.finish())
 

@@ -22,19 +22,7 @@ EVERY = 1.0
 
 
 def batch_file(plan: FilePath, out: FilePath, options: BatchOptions) -> int:
-    """Run all jobs of a plan.
-
-    Args:
-        plan: The plan file.
-        out: Folder for the results.
-        options: Options of the command.
-
-    Returns:
-        Exit code: 1 if some jobs failed.
-
-    Raises:
-        ArmContourError: A wrong plan, or an executor that accepts no work.
-    """
+    """Run all jobs of a plan; the exit code is 1 if some jobs failed."""
     from armcontour.batches import batch
 
     with _shown(options.as_json) as (progress, compiling):

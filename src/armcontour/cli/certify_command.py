@@ -16,16 +16,7 @@ if TYPE_CHECKING:
 
 
 def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOptions) -> None:
-    """Certify a job, print the certificate, and write it with its set-points.
-
-    Args:
-        file: A job file, or a drawing.
-        job_options: Options that replace values of the job.
-        options: Options of the command; the folder gets summary.json, report.html and trajectories.
-
-    Raises:
-        ArmContourError: An invalid job, or no plan that meets the goal. Nothing is written then.
-    """
+    """Certify a job, print the certificate, and write it with its set-points."""
     from armcontour.cli.inputs import open_job
     from armcontour.cli.progress_bars import search_progress
     from armcontour.core.errors import InvalidInput
@@ -42,7 +33,7 @@ def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOption
         else ResultFolder(options.out, force=options.force) as folder,
     ):
         from armcontour.studies.certification import certify
-        from armcontour.studies.certification.certifying import goal_of
+        from armcontour.studies.certification.certification import goal_of
 
         with search_progress("certifying") as progress:
             job = open_job(file, job_options, subprogress(progress, "reading"), options)

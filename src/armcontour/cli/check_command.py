@@ -13,7 +13,7 @@ from armcontour.cli.console import Console
 from armcontour.core.text import digits, joint_label, list_some, show
 
 if TYPE_CHECKING:
-    from armcontour.cli.options import ArmOptions, CheckOptions
+    from armcontour.cli.options import CheckOptions, DescriptionOptions
     from armcontour.core.checks import FloatArray
     from armcontour.files.joint_table import TrajectoryFile
     from armcontour.jobs import Job, Run
@@ -28,20 +28,14 @@ MIN_NOISE = 1e-9
 # Largest number of listed column titles.
 MAX_TITLES = 8
 JOB_FILES = (".yaml", ".yml")
+# Options of an arm from a robot description, which go with --arm.
+ARM_OPTIONS = ("tip", "base", "joint_limits", "package", "xacro_arg")
 # Exit codes of the verdicts; no error has the code 7.
 EXIT_CODES = {"kept": 0, "violated": 1, "cannot tell": 7}
 
 
 def check_file(trajectory: FilePath, options: CheckOptions) -> int:
-    """Check a trajectory file, print the result, and return the exit code of the verdict.
-
-    Args:
-        trajectory: CSV file, YAML or bag of ROS.
-        options: Options of the command; an arm of a job has its tool and payload.
-
-    Raises:
-        InvalidInput: A file or an option that cannot be used.
-    """
+    """Check a trajectory file, print the result, and return the exit code of the verdict."""
     from armcontour.core.errors import InvalidInput
     from armcontour.core.result import Row
     from armcontour.files import read_job
@@ -145,11 +139,9 @@ def _clearance(samples: TrajectoryFile, arm: Arm, scene: Scene) -> Clearance:
 
 
 def _arm_and_scene(options: CheckOptions, default: Arm | None) -> tuple[Arm, Scene | None]:
-    """Arm and scene of the options; no scene without `--scene`.
-
-    The arm is that of `--arm`, else `default` (that of the job), else that of the cell of the
-    scene.
-    """
+    """Arm and scene of the options; no scene without `--scene`."""
+    # The arm is that of `--arm`, else `default` (that of the job), else that of the cell of the
+    # scene.
     from armcontour.files.cell import cell_names, read_cell_scene
     from armcontour.files.scene_file import read_scene_file
     from armcontour.robot.scene import Scene
@@ -175,16 +167,7 @@ def _arm(options: CheckOptions, default: Arm | None) -> Arm:
         raise InvalidInput(
             "Name the arm with --arm, with --path a job that has one, or with --scene a cell."
         )
-    if any(
-        y is not None
-        for y in (
-            options.tip,
-            options.base,
-            options.joint_limits,
-            options.package,
-            options.xacro_arg,
-        )
-    ):
+    if any(getattr(options, x) is not None for x in ARM_OPTIONS):
         raise InvalidInput(
             "--tip, --base, --joint-limits, --package and --xacro-arg go with --arm: the job's arm "
             "has its own."
@@ -192,19 +175,19 @@ def _arm(options: CheckOptions, default: Arm | None) -> Arm:
     return default
 
 
-def named_arm(name: str, x: ArmOptions) -> Arm:
+def named_arm(name: str, command: DescriptionOptions) -> Arm:
     """Load the arm of a name or file with the options for robot descriptions."""
-    from armcontour.files.robots import options
+    from armcontour.files.robots.arm_options import ArmOptions
     from armcontour.files.robots.loading import load_arm
 
-    arm_options = options.ArmOptions(
-        tip=x.tip,
-        base=x.base,
-        joint_limits=x.joint_limits,
-        packages=_pairs("--package", x.package),
-        arguments=_pairs("--xacro-arg", x.xacro_arg),
+    arm_options = ArmOptions(
+        tip=command.tip,
+        base=command.base,
+        joint_limits=command.joint_limits,
+        packages=_pairs("--package", command.package),
+        arguments=_pairs("--xacro-arg", command.xacro_arg),
     )
-    return load_arm(name, arm_options, trust_xacro=x.trust_xacro)
+    return load_arm(name, arm_options, trust_xacro=command.trust_xacro)
 
 
 def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
@@ -303,10 +286,8 @@ def _noise(q: FloatArray) -> float:
 
 
 def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
-    """The run of a job whose path, and with `limited` whose limits, the check uses.
-
-    Without a name it is the first run that rounds corners; all such runs must round alike.
-    """
+    """The run of a job whose path, and with `limited` whose limits, the check uses."""
+    # Without a name it is the first run that rounds corners; all such runs must round alike.
     from armcontour.core.errors import InvalidInput
     from armcontour.jobs.job import find_run
     from armcontour.jobs.reuse import comparable

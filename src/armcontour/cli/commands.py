@@ -19,7 +19,7 @@ from armcontour.cli.options import (
     CertifyOptions,
     CheckOptions,
     Command,
-    Commands,
+    CommandGroup,
     DrawingOptions,
     ExportOptions,
     Force,
@@ -51,7 +51,7 @@ ROBOT, INSTALLED = "With the robot", "About this installation"
 
 
 class Kind(Enum):
-    """Functions that the command `warm` compiles."""
+    """Functions that the command `compile` compiles."""
 
     all = "all"
     usual = "usual"
@@ -70,7 +70,7 @@ app = typer.Typer(
         "not completed; 7 cannot tell; 8 collision; 9 provisional; 130, 141 and 143 interrupted. "
         "Example: armcontour run gasket.dxf --cell ur5e --out gasket"
     ),
-    cls=Commands,
+    cls=CommandGroup,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
@@ -90,10 +90,12 @@ def app_for(arguments: Sequence[str]) -> typer.Typer:
     return only
 
 
-def _command(topic: str, example: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def _command(
+    topic: str, example: str, name: str | None = None
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Decorator for a command with a topic in the help and the arguments of an example."""
     epilog = f"\b\nExample:\n  armcontour {example}"
-    return app.command(cls=Command, rich_help_panel=topic, epilog=epilog)
+    return app.command(name, cls=Command, rich_help_panel=topic, epilog=epilog)
 
 
 def _version(value: bool) -> None:
@@ -349,8 +351,8 @@ def init(
     )
 
 
-@_command(INSTALLED, "warm usual")
-def warm(
+@_command(INSTALLED, "compile usual", name="compile")
+def compile_functions(
     kind: Annotated[
         Kind,
         typer.Argument(
@@ -361,16 +363,16 @@ def warm(
     """Compile everything that is compiled at its first use, so that no command has to wait."""
     from armcontour.cli.console import Console
     from armcontour.cli.progress_bars import share_progress
-    from armcontour.core.compilation import warm
+    from armcontour.core.compilation import compile_kernels
 
     with share_progress() as progress:
-        warmed = warm(kind.value, progress)
+        compiled = compile_kernels(kind.value, progress)
     console = Console()
     console.print(
-        f"{warmed.functions} functions are compiled, {warmed.compiled} of them now. They are "
-        f"stored in {warmed.folder}."
+        f"{compiled.functions} functions are compiled, {compiled.compiled} of them now. They are "
+        f"stored in {compiled.folder}."
     )
-    if not os.environ.get("NUMBA_CACHE_DIR") and PACKAGE not in warmed.folder.parents:
+    if not os.environ.get("NUMBA_CACHE_DIR") and PACKAGE not in compiled.folder.parents:
         console.print(
             f"Note: only your own programs use these files, because the folder {PACKAGE} cannot "
             "be written. Other users compile their own, or set NUMBA_CACHE_DIR to a folder that "

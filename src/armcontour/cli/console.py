@@ -40,15 +40,7 @@ class Console:
         left_aligned: Collection[int] = (0,),
         whole: Collection[int] = (0,),
     ) -> None:
-        """Print a table.
-
-        Args:
-            headings: One heading per column.
-            rows: Cells, row by row.
-            title: A line above the table.
-            left_aligned: Indices of columns that are aligned left; others are aligned right.
-            whole: Indices of columns whose cells are not folded if they have a usual length.
-        """
+        """Print a table."""
         from rich.markup import escape
         from rich.table import Table
 
@@ -65,11 +57,7 @@ class Console:
         self._rich.print(table)
 
     def show(self, data: Data) -> None:
-        """Print the figures, tables and notes of a result.
-
-        Args:
-            data: The result.
-        """
+        """Print the figures, tables and notes of a result."""
         from armcontour.core.render import text
 
         for line in text(data).splitlines():

@@ -7,8 +7,12 @@ import sys
 from contextlib import suppress
 
 from armcontour.cli.interrupts import run_interruptibly
+from armcontour.core.child_process import (
+    import_path,
+    reduce_garbage_collection,
+    skip_exit_collection,
+)
 from armcontour.core.errors import ArmContourError
-from armcontour.core.process import import_path, reduce_garbage_collection, skip_exit_collection
 from armcontour.core.text import to_line
 
 # Exit code for a pipe whose reader has ended, as in `armcontour arms | head -1`.

@@ -35,15 +35,10 @@ Outputs = dict[str, int | str]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """One file of an export.
+    """One file of an export."""
 
-    Args:
-        format: The format, with its outputs of events.
-        ending: Ending of the file name.
-    """
-
-    format: ExportFormat
-    ending: str
+    format: ExportFormat  # The format, with its outputs of events
+    ending: str  # Ending of the file name
 
     @property
     def plans(self) -> bool:
@@ -61,29 +56,18 @@ class Target:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exports:
-    """Formats in which every run is exported.
-
-    Args:
-        targets: The files.
-        cycle: Time between points of the plan [s]; None for the cycle of the run.
-        derivatives: Highest derivative.
-        tool_motion: Whether files have point, orientation and speed of the tool.
-    """
+    """Formats in which every run is exported."""
 
     targets: tuple[Target, ...] = ()
-    cycle: float | None = None
+    cycle: float | None = None  # Time between points of the plan [s]; None for the cycle of the run
     derivatives: int = 2
-    tool_motion: bool = False
+    tool_motion: bool = False  # Whether files have point, orientation and speed of the tool
 
     def __bool__(self) -> bool:
         return bool(self.targets)
 
     def write(self, target: Target, table: SetPointTable, file: FilePath) -> None:
-        """Write a table to a file; analog outputs only if the format supports them.
-
-        Raises:
-            InvalidInput: The format cannot hold the table; names the option of the format.
-        """
+        """Write a table to a file; analog outputs only if the format supports them."""
         from armcontour.core.errors import error_context
         from armcontour.files.exports.formats import WITH_ANALOG
 
@@ -119,45 +103,38 @@ class Exports:
         }
 
 
-def exports_of(x: ExportOptions) -> Exports:
-    """Read the export options of a command line.
-
-    Args:
-        x: The options as text.
-
-    Raises:
-        InvalidInput: An unknown format, or an option that needs a format.
-    """
+def exports_of(command: ExportOptions) -> Exports:
+    """Read the export options of a command line."""
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import Interval
     from armcontour.files.exports.formats import TemplateFormat, format_named
     from armcontour.files.exports.template import ending_of
 
-    kinds = [format_named(name) for name in x.export or ()]
+    kinds = [format_named(name) for name in command.export or ()]
     if TemplateFormat in kinds:
         raise InvalidInput("--export template needs its template: give it with --template.")
     targets = [Target(format=of(), ending=of.ending) for of in kinds]
     targets += [
         Target(format=TemplateFormat(template=name), ending=ending_of(name))
-        for name in x.template or ()
+        for name in command.template or ()
     ]
-    cycle = read_option("--cycle", x.cycle, Interval)
+    cycle = read_option("--cycle", command.cycle, Interval)
     if not targets:
         options = {
             "--cycle": cycle is not None,
-            "--derivatives": x.derivatives != 2,
-            "--tool-motion": x.tool_motion,
-            "--call": x.call,
+            "--derivatives": command.derivatives != 2,
+            "--tool-motion": command.tool_motion,
+            "--call": command.call,
         }
         for option, is_set in options.items():
             if is_set:
                 raise InvalidInput(f"{option} goes with --export or --template.")
     _refuse_same_files(targets)
     return Exports(
-        targets=tuple(_with_outputs(targets, x.output or [], x.call)),
+        targets=tuple(_with_outputs(targets, command.output or [], command.call)),
         cycle=cycle,
-        derivatives=x.derivatives,
-        tool_motion=x.tool_motion,
+        derivatives=command.derivatives,
+        tool_motion=command.tool_motion,
     )
 
 
@@ -190,14 +167,14 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str], call: bool) -
             raise InvalidInput(f"--output gives the event {event!r} two outputs: give it one.")
         events[event] = int(number) if number.isdecimal() else number
     complete = []
-    for x in targets:
-        format = x.format
+    for target in targets:
+        format = target.format
         if isinstance(format, WITH_OUTPUTS):
             merged = outputs.get("", {}) | outputs.get(format.label, {})
             format = dataclasses.replace(format, outputs=merged)
         if isinstance(format, URScriptFormat):
             format = dataclasses.replace(format, call=call)
-        complete.append(Target(format=format, ending=x.ending))
+        complete.append(Target(format=format, ending=target.ending))
     return complete
 
 
@@ -206,30 +183,20 @@ def _refuse_same_files(targets: list[Target]) -> None:
     from armcontour.core.errors import InvalidInput
 
     taken: dict[str, str] = {}
-    for x in targets:
-        if taken.get(x.ending) == x.option:
-            raise InvalidInput(f"{x.option} is given twice: give it once.")
-        if x.ending in taken:
+    for target in targets:
+        if taken.get(target.ending) == target.option:
+            raise InvalidInput(f"{target.option} is given twice: give it once.")
+        if target.ending in taken:
             raise InvalidInput(
-                f"{taken[x.ending]} and {x.option} would both be written to "
-                f"{SET_POINTS}{x.ending}: remove one of them, or give a template "
+                f"{taken[target.ending]} and {target.option} would both be written to "
+                f"{SET_POINTS}{target.ending}: remove one of them, or give a template "
                 "another ending, such as cell.txt.j2."
             )
-        taken[x.ending] = x.option
+        taken[target.ending] = target.option
 
 
 def rehearse(job: Job, exports: Exports, scratch: FilePath) -> None:
-    """Write a table of two points in each format, to find errors before the run.
-
-    Args:
-        job: The job.
-        exports: The formats.
-        scratch: A folder for the files.
-
-    Raises:
-        InvalidInput: A format that cannot be written, or an output for an event that the job
-            does not have.
-    """
+    """Write a table of two points in each format, to find errors before the run."""
     from armcontour.core.errors import InvalidInput
 
     events = _events_of(job)
@@ -308,10 +275,7 @@ def _title(job: Job, label: str) -> str:
 def write_exports(
     folder: ResultFolder, job: Job, name: str, result: RunResult, exports: Exports
 ) -> tuple[list[str], list[str]]:
-    """Export set-points and plan of one run to the result folder.
-
-    Returns sentences on the files with their sizes, and warnings.
-    """
+    """Export set-points and plan of one run; return sentences on the files, and warnings."""
     from armcontour.files.exports import make_table
     from armcontour.files.exports.formats import FORMATS, WITH_ANALOG
     from armcontour.jobs import analog_outputs
@@ -401,17 +365,7 @@ def _warn_of_jumps(target: Target, table: SetPointTable, limits: Limits, name: s
 
 
 def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions) -> None:
-    """Export a run of an earlier result to a file, and print a summary.
-
-    Args:
-        result: Folder of a result.
-        file: The destination.
-        options: Options of the command.
-
-    Raises:
-        InvalidInput: No result, an unknown format, an option that does not fit, or a destination
-            that exists already.
-    """
+    """Export a run of an earlier result to a file, and print a summary."""
     from armcontour.cli.console import Console
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import Interval

@@ -20,24 +20,14 @@ DONE, DOUBTFUL, PROVISIONAL = 0, 1, 9
 
 
 def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
-    """Identify servos or an arm with masses, print the result, and return the exit code.
-
-    Args:
-        logs: CSV files, or bags of ROS.
-        options: Options of the command; the folder gets servo.yaml (if a joint has a model), with
-            masses robot.yaml, and report.html and summary.json.
-
-    Raises:
-        InvalidInput: A file or option that cannot be used.
-    """
-    from armcontour.cli.check_command import named_arm
+    """Identify servos or an arm with masses, print the result, and return the exit code."""
+    from armcontour.cli.check_command import ARM_OPTIONS, named_arm
     from armcontour.core.checks import raise_if
 
     lonely = options.out is None and (options.open_report or options.force)
     raise_if(lonely, "--open and --force go with --out, the folder for the report.")
     if options.arm is None:
-        arm_options = ("servo", "gravity", "tip", "base", "joint_limits", "package", "xacro_arg")
-        for name in arm_options:
+        for name in ("servo", "gravity", *ARM_OPTIONS):
             message = f"--{name.replace('_', '-')} goes with --arm: name the arm too."
             raise_if(getattr(options, name) is not None, message)
         return _identify_servos(logs, options, None)
@@ -50,7 +40,7 @@ def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
     if not arm.has_bodies and options.servo is None and options.gravity is None:
         return _identify_servos(logs, options, arm)
     for option, is_set in (
-        ("--predict", bool(options.predict)),
+        ("--validate", bool(options.validate)),
         ("--model", options.model != "auto"),
     ):
         raise_if(is_set, f"{option} is for joints without an arm: remove it or --arm.")
@@ -65,7 +55,7 @@ def _identify_servos(logs: list[FilePath], command: IdentifyOptions, arm: Arm | 
     from armcontour.core.result import Row
     from armcontour.files.robot_file import servo_yaml
 
-    unseen = [_read(log, command) for log in command.predict or []]
+    unseen = [_read(log, command) for log in command.validate or []]
     options = ServoFit(model=command.model, kinematics=arm, **_shared_options(command))
     samples = [_read(log, command) for log in logs]
     with search_progress("identifying") as progress:
@@ -98,13 +88,8 @@ def _identify_bodies(logs: list[FilePath], command: IdentifyOptions, name: str, 
     else:
         base: str | dict[str, str] = name
         if name not in arm_names():
-            keys = {
-                "file": name,
-                "tip": command.tip,
-                "base": command.base,
-                "joint_limits": command.joint_limits,
-            }
-            base = {key: str(value) for key, value in keys.items() if value is not None}
+            keys = {x: getattr(command, x) for x in ("tip", "base", "joint_limits")}
+            base = {x: str(y) for x, y in {"file": name, **keys}.items() if y is not None}
         files, remark = {"robot.yaml": robot_yaml(fit, base, command.out)}, ""
         try:
             files["servo.yaml"] = robot_servo_yaml(fit)

@@ -26,17 +26,7 @@ PAPER = "paper"
 
 
 def read_patch(*groups: Any) -> tuple[Patch, dict[str, str]]:
-    """Keys of a job that options set.
-
-    Args:
-        groups: Groups of options.
-
-    Returns:
-        The values by their keys, and the options by keys with dots.
-
-    Raises:
-        InvalidInput: Text of another form, or a key that two options set.
-    """
+    """Values that options set, by the keys of the job, and the options by keys with dots."""
     from armcontour.core.errors import InvalidInput, error_context
 
     patch: dict[tuple[str | int, ...], Any] = {}
@@ -71,11 +61,7 @@ def read_patch(*groups: Any) -> tuple[Patch, dict[str, str]]:
 
 @contextmanager
 def name_options(options: Mapping[str, str]) -> Iterator[None]:
-    """Context that puts the option of a key before the message of an error that names the key.
-
-    Args:
-        options: The options by keys with dots.
-    """
+    """Context that puts the option of a key before the message of an error that names the key."""
     from armcontour.core.errors import InvalidInput
 
     try:
@@ -104,17 +90,7 @@ def is_job(file: FilePath) -> bool:
 
 
 def open_job(file: FilePath, job_options: JobOptions, progress: Progress, *groups: Any) -> Job:
-    """Read the job in a job file, or combine a drawing with a cell.
-
-    Args:
-        file: A job file, or a drawing.
-        job_options: Options that set keys of the job; --cell is for a drawing only.
-        progress: Called with the progress of reading the drawing.
-        groups: More groups of options that set keys of the job.
-
-    Raises:
-        InvalidInput: A drawing without a cell, a job file with a cell, or an invalid file.
-    """
+    """Read the job in a job file, or combine a drawing with a cell."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files import read_job
     from armcontour.files.cell import cell_names, read_cell
@@ -150,29 +126,12 @@ def open_job(file: FilePath, job_options: JobOptions, progress: Progress, *group
 
 
 def read_option(option: str, text: str | int | None, kind: Any) -> float | None:
-    """Quantity of an option in SI units; None without the option.
-
-    Args:
-        option: The option, such as "--speed".
-        text: A number with its unit, or 0.
-        kind: The annotated type of the quantity, such as `Speed`.
-
-    Raises:
-        InvalidInput: The text is no quantity of the required unit, or has no unit.
-    """
+    """Quantity of an option in SI units; None without the option."""
     return None if text is None else _read(option, str(text), kind)
 
 
 def read_window(start: str | None, end: str | None) -> tuple[float, float]:
-    """First and last time of a log to use [s]; infinite without the option.
-
-    Args:
-        start: The option --from.
-        end: The option --to.
-
-    Raises:
-        InvalidInput: One of them is no time.
-    """
+    """First and last time of a log to use [s]; infinite without the option."""
     from armcontour.core.quantities import Moment
 
     first, last = read_option("--from", start, Moment), read_option("--to", end, Moment)

@@ -40,11 +40,8 @@ class _Stopped(BaseException):
 
 @contextmanager
 def before_interrupt(cleanup: Callable[[], str | None]) -> Iterator[None]:
-    """Context in which a function is called before a signal ends the program.
-
-    Args:
-        cleanup: Function that may take `PATIENCE`, and may return a sentence for the user.
-    """
+    """Context in which `cleanup` is called before a signal ends the program."""
+    # It may take `PATIENCE`, and may return a sentence for the user.
     _cleanups.append(cleanup)
     try:
         yield
@@ -53,16 +50,8 @@ def before_interrupt(cleanup: Callable[[], str | None]) -> Iterator[None]:
 
 
 def run_interruptibly(work: Callable[[], int]) -> int:
-    """Run work in a thread, and end the program if a signal arrives.
-
-    Ignored signals stay ignored, as under `nohup`.
-
-    Args:
-        work: Function that returns an exit code.
-
-    Returns:
-        The exit code. An error of the work is raised again.
-    """
+    """Run work, which returns the exit code, in a thread; end the program if a signal arrives."""
+    # Ignored signals stay ignored, as under `nohup`.
     done = threading.Event()
     codes: list[int] = []
     errors: list[BaseException] = []

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 from armcontour.cli.console import Console, open_page, show_notes
 from armcontour.cli.inputs import open_job, read_window
@@ -15,64 +14,31 @@ from armcontour.core.progress import Progress, Step, subprogress
 
 if TYPE_CHECKING:
     from armcontour.cli.options import JobOptions, LearnOptions
-    from armcontour.control.learning import Recording
-    from armcontour.core.checks import FloatArray
     from armcontour.files import ResultFolder
-    from armcontour.jobs import Job, RunResult
     from armcontour.jobs.run_learning import JudgedStudy, LearningStudy
-    from armcontour.motion import Log, SetPoints
-
-Study = TypeVar("Study", "JudgedStudy", "LearningStudy")
 
 
 def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -> None:
-    """Learn a run of a job from a log, or evaluate the log; print and write the result.
-
-    Args:
-        file: A job file, or a drawing.
-        job_options: Options that replace values of the job.
-        options: Options of the command. The folder gets summary.json and, unless the log is only
-            evaluated, the set-points of the next run and report.html.
-
-
-    Raises:
-        ArmContourError: An invalid job, or a log that is not of its set-points; then nothing is
-            written.
-    """
-    _refuse_missing(options)
-    window = read_window(options.start, options.end)
-    if options.judge_only:
-        judge = partial(_judge, file, job_options, options, window)
-        _do(options, "judging", judge, _write_judged, _print_judged)
-    else:
-        learn = partial(_learn, file, job_options, options, window)
-        _do(options, "learning", learn, _write, _print)
-
-
-def _do(
-    options: LearnOptions,
-    title: str,
-    work: Callable[[Progress], Study],
-    write: Callable[[Study, ResultFolder], None],
-    show: Callable[[Study, FilePath | None], None],
-) -> None:
-    """Run `work` with progress, write its result if there is a folder, and print it."""
+    """Learn a run of a job from a log, or evaluate the log; print and write the result."""
     from armcontour.files import ResultFolder
     from armcontour.files.result_folder import data_json
+
+    _refuse_missing(options)
+    window = read_window(options.start, options.end)
 
     with (
         nullcontext()
         if options.out is None
         else ResultFolder(options.out, force=options.force) as folder
     ):
-        with search_progress(title) as progress:
-            study = work(progress)
+        with search_progress("judging" if options.judge_only else "learning") as progress:
+            study = _study(file, job_options, options, window, progress)
         if folder is not None:
-            write(study, folder)
+            _write(study, folder)
     if options.as_json:
         print(data_json(study.to_data()), end="")
     else:
-        show(study, options.out)
+        _print(study, options)
     if options.out is not None and options.open_report:
         open_page(options.out / "report.html")
 
@@ -97,48 +63,17 @@ def _refuse_missing(options: LearnOptions) -> None:
         raise InvalidInput("learn requires --out, the folder for the set-points of the next run.")
 
 
-def _learn(
+def _study(
     file: FilePath,
     job_options: JobOptions,
     options: LearnOptions,
     window: tuple[float, float],
     progress: Progress,
-) -> LearningStudy:
-    """Read the job, plan its run, and learn from the log of a robot."""
-    from armcontour.jobs.run_learning import LearningStudy, learn_run
-
-    job, plan, set_points, log, tool = _read(file, job_options, options, window, progress)
-    progress(Step(("learning from the log",)))
-    result = learn_run(job, plan, set_points, log, tool=tool)
-    return LearningStudy(job=job, plan=plan, lesson=result)
-
-
-def _judge(
-    file: FilePath,
-    job_options: JobOptions,
-    options: LearnOptions,
-    window: tuple[float, float],
-    progress: Progress,
-) -> JudgedStudy:
-    """Read the job, plan its run, and evaluate the log of a robot."""
-    from armcontour.jobs.run_learning import judge_log
-
-    job, plan, set_points, log, tool = _read(file, job_options, options, window, progress)
-    progress(Step(("judging the log",)))
-    return judge_log(job, plan, set_points, log, tool=tool)
-
-
-def _read(
-    file: FilePath,
-    job_options: JobOptions,
-    options: LearnOptions,
-    window: tuple[float, float],
-    progress: Progress,
-) -> tuple[Job, RunResult, SetPoints, Log | Recording, tuple[FloatArray, FloatArray] | None]:
-    """Job, its plan, executed set-points, log, and measured tool positions if there are any."""
+) -> LearningStudy | JudgedStudy:
+    """Read the job, plan its run, and learn from the log of a robot, or evaluate the log."""
     from armcontour.files.log_file import read_run_log, read_tool_positions
     from armcontour.files.set_point_file import read_set_points
-    from armcontour.jobs.run_learning import plan_run
+    from armcontour.jobs.run_learning import LearningStudy, judge_log, learn_run, plan_run
 
     job = open_job(file, job_options, subprogress(progress, "reading"))
     plan = plan_run(job, options.run_name, progress=progress)
@@ -161,55 +96,50 @@ def _read(
     tool = None
     if options.tool_positions is not None:
         tool = read_tool_positions(options.tool_positions, job.program.dimension)
-    return job, plan, set_points, log, tool
+    if options.judge_only:
+        progress(Step(("judging the log",)))
+        return judge_log(job, plan, set_points, log, tool=tool)
+    progress(Step(("learning from the log",)))
+    lesson = learn_run(job, plan, set_points, log, tool=tool)
+    return LearningStudy(job=job, plan=plan, lesson=lesson)
 
 
-def _write(study: LearningStudy, folder: ResultFolder) -> None:
-    """Write the learned set-points, the report and the summary."""
+def _write(study: LearningStudy | JudgedStudy, folder: ResultFolder) -> None:
+    """Write the summary, and of learning also the set-points of the next run and the report."""
     import dataclasses
 
     from armcontour.cli.run_command import write_motions
     from armcontour.files.result_folder import data_json
     from armcontour.files.set_point_file import LESSON, write_lesson
+    from armcontour.jobs.run_learning import LearningStudy
     from armcontour.report import render_learning
 
-    name = study.plan.run.name
-    write_motions(
-        folder, study.job, {name: dataclasses.replace(study.plan, set_points=study.lesson)}
-    )
-    folder.place(f"{name}/{LESSON}", partial(write_lesson, lesson=study.lesson))
-    folder.write("report.html", render_learning(study))
+    if isinstance(study, LearningStudy):
+        name = study.plan.run.name
+        write_motions(
+            folder, study.job, {name: dataclasses.replace(study.plan, set_points=study.lesson)}
+        )
+        folder.place(f"{name}/{LESSON}", partial(write_lesson, lesson=study.lesson))
+        folder.write("report.html", render_learning(study))
     folder.write("summary.json", data_json(study.to_data([*folder.files, "summary.json"])))
 
 
-def _print(study: LearningStudy, out: FilePath | None) -> None:
-    """Print a table of the runs, the next step, and the written files."""
-    console = Console()
-    console.print(f"{study.job.title}, run {study.plan.run.name}: error of the tool")
+def _print(study: LearningStudy | JudgedStudy, options: LearnOptions) -> None:
+    """Print the errors of the runs, the next step, and the written files."""
+    from armcontour.jobs.run_learning import LearningStudy
+
+    console, name, out = Console(), study.plan.run.name, options.out
+    subject = "the robot by its log" if options.judge_only else "error of the tool"
+    console.print(f"{study.job.title}, run {name}: {subject}")
     console.show(study.result)
     for note in study.job.arm.notes:
         console.print(f"Note: {note}")
     if out is None:
         return
-    console.print(f"Set-points of the next run: {out / study.plan.run.name / 'set_points.csv'}")
+    if not isinstance(study, LearningStudy):
+        console.print(f"Summary: {out / 'summary.json'}")
+        return
+    console.print(f"Set-points of the next run: {out / name / 'set_points.csv'}")
     if not study.lesson.finished:
         console.print(f"Execute them, and give the log of that run with --set-points {out}.")
     console.print(f"Report: {(out / 'report.html').resolve().as_uri()}")
-
-
-def _write_judged(study: JudgedStudy, folder: ResultFolder) -> None:
-    """Write the summary of an evaluated run."""
-    from armcontour.files.result_folder import data_json
-
-    folder.write("summary.json", data_json(study.to_data([*folder.files, "summary.json"])))
-
-
-def _print_judged(study: JudgedStudy, out: FilePath | None) -> None:
-    """Print the errors of the tool and the joints by a log, and the written file."""
-    console = Console()
-    console.print(f"{study.job.title}, run {study.plan.run.name}: the robot by its log")
-    console.show(study.result)
-    for note in study.job.arm.notes:
-        console.print(f"Note: {note}")
-    if out is not None:
-        console.print(f"Summary: {out / 'summary.json'}")

@@ -57,14 +57,14 @@ class Command(TyperCommand):
             x: [] for x in ("Arguments", "Options", *TOPICS)
         }
         order = list(topics)
-        for x in sorted(
+        for parameter in sorted(
             self.get_params(ctx), key=lambda x: order.index(x.name) if x.name in topics else -1
         ):
-            record = x.get_help_record(ctx)
+            record = parameter.get_help_record(ctx)
             if record is not None:
                 form = _TYPE.sub(lambda found: f"<{WORDS[found[1].lower()]}>", record[0])
-                topic = topics.get(x.name or "", "Options")
-                if x.param_type_name == "argument":
+                topic = topics.get(parameter.name or "", "Options")
+                if parameter.param_type_name == "argument":
                     name, _, kind = form.partition(" ")
                     topic, form = "Arguments", f"{name.upper()} {kind}".strip()
                 sections[topic].append((form, record[1]))
@@ -76,15 +76,15 @@ class Command(TyperCommand):
         return [x.replace("...}...", "...").strip("{}").upper() for x in pieces]
 
 
-class Commands(TyperGroup):
+class CommandGroup(TyperGroup):
     """Group of commands whose help lists them by topic (`rich_help_panel`)."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write a section per topic."""
         sections: dict[str, list[tuple[str, str]]] = {}
-        for name, x in self.commands.items():
-            rows = sections.setdefault(getattr(x, "rich_help_panel", None) or "Commands", [])
-            rows.append((f"{name:<8}", x.get_short_help_str(200)))
+        for name, command in self.commands.items():
+            rows = sections.setdefault(getattr(command, "rich_help_panel", None) or "Commands", [])
+            rows.append((f"{name:<8}", command.get_short_help_str(200)))
         _write_sections(sections, formatter)
 
 
@@ -109,12 +109,7 @@ class Keys:
 
 
 def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorate a command so that the fields of its dataclass parameters become options.
-
-    Args:
-        command: Function whose parameters have annotations of typer. Fields of its dataclass
-            parameters may have them, too; by default options have names and texts of fields.
-    """
+    """Decorate a command so that the fields of its dataclass parameters become options."""
     hints = get_type_hints(command, include_extras=True)
     groups = {k: x for k, x in hints.items() if isinstance(x, type) and is_dataclass(x)}
 
@@ -130,9 +125,13 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
         return command(**options)
 
     parameters: list[inspect.Parameter] = []
-    for x in inspect.signature(command).parameters.values():
-        group = groups.get(x.name)
-        declared = {x.name: (hints[x.name], x.default)} if group is None else options_of(group)
+    for parameter in inspect.signature(command).parameters.values():
+        group = groups.get(parameter.name)
+        declared = (
+            {parameter.name: (hints[parameter.name], parameter.default)}
+            if group is None
+            else options_of(group)
+        )
         parameters += [
             inspect.Parameter(
                 name, inspect.Parameter.KEYWORD_ONLY, annotation=hint, default=default
@@ -145,11 +144,7 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def options_of(group: type) -> dict[str, tuple[Any, Any]]:
-    """Annotations of typer and defaults of the options of a dataclass, by name.
-
-    Args:
-        group: The dataclass.
-    """
+    """Annotations of typer and defaults of the options of a dataclass, by name."""
     texts, defaults = describe_fields(group), inspect.signature(group).parameters
     options: dict[str, tuple[Any, Any]] = {}
     for name, (kind, named, keys) in _fields_of(group).items():
@@ -158,10 +153,10 @@ def options_of(group: type) -> dict[str, tuple[Any, Any]]:
             option.help = option.help or texts[name]
             options[name] = (Annotated[kind, option], defaults[name].default)
             continue
-        for x in keys.options:
-            row = SHORT[x]
+        for short in keys.options:
+            row = SHORT[short]
             option = typer.Option(row["option"], help=row["help"], min=row["least"])
-            options[x] = (Annotated[KINDS[row["kind"]] | None, option], None)
+            options[short] = (Annotated[KINDS[row["kind"]] | None, option], None)
     return options
 
 
@@ -357,7 +352,7 @@ class StoredExportOptions(PointOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArmOptions:
+class DescriptionOptions:
     """Options of an arm from a robot description.
 
     Args:
@@ -377,7 +372,7 @@ class ArmOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CheckOptions(ArmOptions, LogOptions):
+class CheckOptions(DescriptionOptions, LogOptions):
     """Options of the command `check`.
 
     Args:
@@ -410,7 +405,7 @@ class CheckOptions(ArmOptions, LogOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdentifyOptions(ArmOptions, WindowOptions):
+class IdentifyOptions(DescriptionOptions, WindowOptions):
     """Options of the command `identify`.
 
     Args:
@@ -426,7 +421,7 @@ class IdentifyOptions(ArmOptions, WindowOptions):
         interpolation: Command between set-points: linear or step; by default determined from
             the log.
         longest_dead_time: Longest dead time in the search.
-        predict: Log to predict, which is not used otherwise; repeatable.
+        validate: Log on which the model is validated; it is not used otherwise; repeatable.
     """
 
     arm: Text = None
@@ -437,7 +432,7 @@ class IdentifyOptions(ArmOptions, WindowOptions):
     model: str = "auto"
     interpolation: Text = None
     longest_dead_time: str = "250 ms"
-    predict: list[FilePath] | None = None
+    validate: list[FilePath] | None = None
     force: Force = False
     open_report: Open = False
     as_json: AsJson = False

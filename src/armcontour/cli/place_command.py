@@ -20,17 +20,7 @@ JOB = "job.yaml"
 def place_file(
     file: FilePath, out: FilePath, job_options: JobOptions, options: PlaceOptions
 ) -> None:
-    """Place a job, print the best placement, and write maps, a table and the placed job.
-
-    Args:
-        file: A job file, or a drawing.
-        out: Folder for summary.json, placement.csv, report.html and job.yaml.
-        job_options: Options that replace values of the job.
-        options: Options of the command.
-
-    Raises:
-        ArmContourError: An invalid job, or no feasible placement. Nothing is written then.
-    """
+    """Place a job, print the best placement, and write maps, a table and the placed job."""
     from armcontour.cli.inputs import open_job
     from armcontour.cli.progress_bars import share_progress
     from armcontour.core.errors import InvalidInput

@@ -27,11 +27,7 @@ REFRESH = 0.05
 
 @contextmanager
 def search_progress(title: str) -> Iterator[Progress]:
-    """Show a line with the current step on a terminal; yields the function that updates it.
-
-    Args:
-        title: Text before the step.
-    """
+    """Show a line with the current step on a terminal; yields the function that updates it."""
     with _bar() as bar:
         task = bar.add_task(title)
         lines = Lines(bar.disable)
@@ -47,10 +43,8 @@ def search_progress(title: str) -> Iterator[Progress]:
 
 @contextmanager
 def share_progress() -> Iterator[Progress]:
-    """Show a bar with the completed fraction on a terminal; yields its update function.
-
-    A pipe or a file gets the first step at once.
-    """
+    """Show a bar with the completed fraction on a terminal; yields its update function."""
+    # A pipe or a file gets the first step at once.
     from rich.progress import BarColumn, TaskProgressColumn
 
     with _bar(BarColumn(), TaskProgressColumn()) as bar:
@@ -67,11 +61,9 @@ def share_progress() -> Iterator[Progress]:
 
 @contextmanager
 def batch_progress() -> Iterator[tuple[Callable[[BatchProgress], None], Progress]]:
-    """Show the progress of a batch as a bar with rate and remaining time; yields two functions.
-
-    The first takes the progress of the batch, the second a step before its start. A pipe gets
-    lines.
-    """
+    """Show the progress of a batch as a bar with rate and remaining time; yields two functions."""
+    # The first takes the progress of the batch, the second a step before its start. A pipe gets
+    # lines.
     from rich.progress import BarColumn, MofNCompleteColumn
 
     with _bar(BarColumn(), MofNCompleteColumn()) as bar:
@@ -111,7 +103,7 @@ def compiling_notice() -> Iterator[None]:
             subject = f"up to {name}" if name[:1].isdigit() else "functions"
             sys.stderr.write(
                 f"Compiling {subject}, once: no earlier command has needed all of them; "
-                "`armcontour warm` compiles everything in advance.\n"
+                "`armcontour compile` compiles everything in advance.\n"
             )
             sys.stderr.flush()
 
@@ -120,13 +112,7 @@ def compiling_notice() -> Iterator[None]:
 
 
 class Lines:
-    """Lines of progress on the standard error of a program whose output is not a terminal.
-
-    Args:
-        active: Whether to write lines.
-        clock: Gives the current time [s].
-        at_once: Whether the first line is written at once.
-    """
+    """Lines of progress on the standard error of a program whose output is not a terminal."""
 
     def __init__(
         self,
@@ -139,12 +125,7 @@ class Lines:
         self._last = clock() - (EVERY if at_once else 0.0)
 
     def write(self, words: str, detail: str | None = None) -> None:
-        """Write a line, at most one every EVERY seconds.
-
-        Args:
-            words: The current step.
-            detail: Further information on the step.
-        """
+        """Write a line, at most one every EVERY seconds."""
         now = self._clock()
         if not self._wanted or now - self._last < EVERY:
             return
@@ -154,14 +135,9 @@ class Lines:
 
 
 class JobProgress:
-    """Estimate of the remaining time of a job from the measured times of its steps.
+    """Estimate of the remaining time of a job from the measured times of its steps."""
 
-    The estimate for a step is the mean time of the same step in earlier runs, else of all steps.
-
-    Args:
-        show: Function of the description, the elapsed time and the expected total time [s].
-        clock: Function that returns the current time [s].
-    """
+    # The estimate for a step is the mean time of the same step in earlier runs, else of all steps.
 
     def __init__(
         self, show: Callable[[str, float, float], None], clock: Callable[[], float] = time.monotonic

@@ -26,20 +26,10 @@ COMPARED = ("conventional", "proposed", "shaped")
 
 
 def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
-    """Run three runs of the paper's job and cut a plate with a UR5e; write one report of both.
-
-    The results of the paper's job are in the folder itself, those of the plate in its subfolder. An
-    earlier result of the demo is replaced if its files did not change.
-
-    Args:
-        out: Folder for the results.
-        force: Whether an earlier result there may be replaced.
-        open_report: Whether to open the report in a browser.
-
-    Raises:
-        ArmContourError: The folder cannot be used.
-    """
-    from armcontour.core.compilation import warm_for_run
+    """Run three runs of the paper's job and cut a plate with a UR5e; write one report of both."""
+    # The results of the paper's job are in the folder itself, those of the plate in its subfolder.
+    # An earlier result of the demo is replaced if its files did not change.
+    from armcontour.core.compilation import compile_for_run
     from armcontour.files import ResultFolder, read_job
     from armcontour.files.result_folder import data_json
 
@@ -48,7 +38,7 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
         job_progress() as progress,
     ):
         jobs = {"": _compared_runs(), "plate/": read_job(library_file("plate.yaml"))}
-        with warm_for_run(None, progress):
+        with compile_for_run(None, progress):
             from armcontour.jobs import run, steps_of
             from armcontour.report import render_demo
 
@@ -102,22 +92,9 @@ def run_job(
     simulate: bool = True,
     changes: bool | None = None,
 ) -> None:
-    """Read a job, run it, and write its results.
-
-    Args:
-        read: Function that reads the job; its argument is a function that takes the progress.
-        out: Folder for the results.
-        force: Whether an earlier result there may be replaced.
-        open_report: Whether to open the report in a browser.
-        exports: Formats in which every run is exported.
-        simulate: Whether to simulate the servo and write a report.
-        changes: Whether to plan changes of each run; by default for small jobs.
-
-    Raises:
-        ArmContourError: An invalid job, or a run that fails. Nothing is written then.
-    """
+    """Read a job, run it, and write its results."""
     # Heavy imports follow the checks, so that a wrong folder or job is rejected at once.
-    from armcontour.core.compilation import warm_for_run
+    from armcontour.core.compilation import compile_for_run
     from armcontour.core.errors import InvalidInput
     from armcontour.files import ResultFolder
     from armcontour.files.result_folder import data_json
@@ -129,7 +106,7 @@ def run_job(
         if exports:
             # An export that cannot be written is rejected before the run.
             rehearse(job, exports, folder.scratch)
-        with warm_for_run(job.arm.dimension, progress):
+        with compile_for_run(job.arm.dimension, progress):
             from armcontour.jobs import run, steps_of
             from armcontour.jobs.advice import STEP, advised, is_small
 
@@ -164,14 +141,7 @@ def run_job(
 def write_motions(
     folder: ResultFolder, job: Job, plans: Mapping[str, RunResult], *, prefix: str = ""
 ) -> None:
-    """Write set-points, plan and torques of every run as CSV.
-
-    Args:
-        folder: The folder of the results.
-        job: The job.
-        plans: Plans by the names of their runs.
-        prefix: Prefix of all file names, such as `plate/`.
-    """
+    """Write set-points, plan and torques of every run as CSV."""
     from armcontour.files import write_planned, write_set_points, write_torque
 
     names = job.arm.joint_names
@@ -206,8 +176,8 @@ def _print_results(study: JobResult, notes: Sequence[str]) -> None:
         console.show_table(header, rows, title=title)
         for data in runs.values():
             console.print(verdict(data))
-            for x in (y for y in data.tables if y.level == VERDICT):
-                for line in lay_out("", cells(x)).splitlines()[1:]:
+            for table in (y for y in data.tables if y.level == VERDICT):
+                for line in lay_out("", cells(table)).splitlines()[1:]:
                     console.print(line)
     lines = [x for result in study.runs.values() for x in result.remarks]
     lines += [*(f"Warning: {x}" for x in warnings_of(study.runs.values())), *notes]

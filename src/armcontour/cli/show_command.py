@@ -17,16 +17,7 @@ if TYPE_CHECKING:
 
 
 def show_file(file: FilePath, drawing: DrawingOptions, as_json: bool) -> None:
-    """Print size, layers and notes of a drawing.
-
-    Args:
-        file: The drawing.
-        drawing: Options for reading it.
-        as_json: Whether to print JSON instead of a table.
-
-    Raises:
-        InvalidInput: The drawing cannot be read.
-    """
+    """Print size, layers and notes of a drawing."""
     from armcontour.cli.progress_bars import search_progress
 
     with search_progress("reading") as progress:
@@ -70,11 +61,11 @@ def _describe(program: Program) -> dict[str, Any]:
     """Size, layers and notes of a drawing for JSON, in SI units."""
     extents = np.array([x.path.segments.extent for x in program.contours])
     layers: dict[str, dict[str, Any]] = {}
-    for x in program.contours:
-        layer = layers.setdefault(x.layer, {"contours": 0, "closed": 0, "length": 0.0})
+    for contour in program.contours:
+        layer = layers.setdefault(contour.layer, {"contours": 0, "closed": 0, "length": 0.0})
         layer["contours"] += 1
-        layer["closed"] += x.closed
-        layer["length"] += x.path.length
+        layer["closed"] += contour.closed
+        layer["length"] += contour.path.length
     return {
         "dimension": program.dimension,
         "length": program.length,

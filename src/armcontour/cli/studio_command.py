@@ -10,34 +10,29 @@ from armcontour.cli.console import print_line
 
 if TYPE_CHECKING:
     from armcontour.cli.options import StudioOptions
-    from armcontour.studio.desk import Desk
+    from armcontour.studio.connection import SessionHost
     from armcontour.studio.session import Session
 
 
 def open_studio(file: FilePath | None, options: StudioOptions) -> None:
-    """Serve the Studio until it is interrupted, or its last page is closed.
-
-    Args:
-        file: A job file or a drawing; None opens the start page.
-        options: The options.
-
-    Raises:
-        InvalidInput: No such file, a drawing without a cell, or a library that is missing.
-    """
+    """Serve the Studio until it is interrupted, or its last page is closed."""
     from armcontour.cli.interrupts import before_interrupt
     from armcontour.studio.server import require_server, serve
 
     require_server()
     _check(file, options)
 
-    desks: list[Desk] = []
-    with before_interrupt(lambda: _unsaved(desks)), before_interrupt(lambda: _leave(desks)):
+    session_hosts: list[SessionHost] = []
+    with (
+        before_interrupt(lambda: _unsaved(session_hosts)),
+        before_interrupt(lambda: _leave(session_hosts)),
+    ):
         serve(
             lambda say: _session(file, options, say),
             port=options.port,
             announce=lambda address: _announce(address, options.open_page),
             exit_when_closed=options.exit_when_closed,
-            opened=desks.append,
+            opened=session_hosts.append,
         )
 
 
@@ -69,7 +64,7 @@ def _session(
     file: FilePath | None, options: StudioOptions, say: Callable[[bytes], None]
 ) -> Session:
     """Open the document; this loads the numerical libraries."""
-    from armcontour.studio.opening import open_session
+    from armcontour.studio.connection import open_session
 
     return open_session(file, cell=options.cell, trust_xacro=options.trust_xacro, say=say)
 
@@ -86,14 +81,14 @@ def _announce(address: str, open_page: bool) -> None:
         threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
 
-def _leave(desks: list[Desk]) -> None:
+def _leave(session_hosts: list[SessionHost]) -> None:
     """End the other processes."""
-    for desk in desks:
-        if desk.session is not None:
-            desk.session.close()
+    for session_host in session_hosts:
+        if session_host.session is not None:
+            session_host.session.close()
 
 
-def _unsaved(desks: list[Desk]) -> str | None:
+def _unsaved(session_hosts: list[SessionHost]) -> str | None:
     """Sentence on unsaved changes."""
-    session = desks[0].session if desks else None
+    session = session_hosts[0].session if session_hosts else None
     return None if session is None else session.document.unsaved()

@@ -10,7 +10,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 
 # Largest number of steps; 12 to 30 are usual.
-MOST_STEPS = 80
+MAX_STEPS = 80
 # Tolerances of a solution: violation relative to the bounds, and duality gap relative to the
 # objective; a gap of ROUNDED is accepted if rounding errors end the search.
 EXACT, OPTIMAL, ROUNDED = 1e-10, 1e-9, 1e-5
@@ -24,21 +24,11 @@ INSIDE = 0.995
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) -> FloatArray | None:
-    """Nearest values, in the mean square, whose differences are within bounds.
-
-    The first and the last value do not change, and values are constant before and after them. The
-    primal-dual interior-point method (Mehrotra, SIAM J. Optim. 2, 575-601, 1992) solves banded
-    equations in each step, so the time is proportional to the number of values.
-
-    Args:
-        values: The values, (n,).
-        bounds: Lower and upper bounds of the values, and of their differences of orders 1, 2, ...;
-            infinite without bounds.
-
-    Returns:
-        The nearest values, (n,); `values` itself if it satisfies the bounds; None if the bounds
-        cannot be satisfied.
-    """
+    """Nearest values in the mean square whose differences are within bounds; None if impossible."""
+    # `bounds` are those of the values, (n,), then of their differences of orders 1, 2, ...; the
+    # first and the last value do not change, and values are constant before and after them.
+    # Primal-dual interior-point method (Mehrotra, SIAM J. Optim. 2, 575-601, 1992) on banded
+    # equations, so the time is proportional to the number of values.
     from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
     orders = [k for k, x in enumerate(bounds) if isfinite(x[0]) or isfinite(x[1])]
@@ -86,7 +76,7 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
 
     slacks = np.maximum(room, max(excess, 1.0))
     multipliers = FIRST_PRODUCT * min(excess, 1.0) ** 2 / slacks
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         outside = side * forward(change) + slacks - room
         gradient = change + adjoint(multipliers)
         products = slacks * multipliers
@@ -126,12 +116,7 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
 
 
 def differences(values: FloatArray, order: int) -> FloatArray:
-    """Differences of values that are constant before the first and after the last one.
-
-    Args:
-        values: The values, (n,) or (n, m).
-        order: Order of the differences, at least 1.
-    """
+    """Differences of values that are constant before the first and after the last one."""
     around = [(order - 1, order - 1), *[(0, 0)] * (values.ndim - 1)]
     return np.diff(np.pad(values, around, mode="edge"), order, axis=0)
 

@@ -9,16 +9,7 @@ from inspect import Parameter, signature
 from os import PathLike
 from pathlib import Path as FilePath
 from types import UnionType
-from typing import (
-    Any,
-    ClassVar,
-    Literal,
-    ParamSpec,
-    TypeVar,
-    Union,
-    get_args,
-    get_origin,
-)
+from typing import Any, ClassVar, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
 
 import numpy as np
 import numpy.typing as npt
@@ -39,12 +30,12 @@ LARGEST = 1e12
 # the tenth are finite.
 SMALLEST = 1e-30
 # Largest number of joints, more than any arm has.
-MOST_JOINTS = 1000
+MAX_JOINTS = 1000
 # Largest number of values that are sampled, such as set-points times joints: with all that is
 # computed from them, some GB.
-MOST_VALUES = 5e7
+MAX_VALUES = 5e7
 # Largest whole number; seeds have no smaller limit.
-MOST_WHOLE = 2**63 - 1
+MAX_WHOLE = 2**63 - 1
 IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
 # Attributes of a copied object by their names, and the names of those that are locked.
@@ -68,11 +59,7 @@ NOT_NUMERIC = {
 
 
 def frozen_array(values: npt.ArrayLike, name: str = "An array", unit: str = "") -> FloatArray:
-    """Read-only copy of `values` as a float array; `values` itself if it is one.
-
-    Raises:
-        InvalidInput: As in `floats`.
-    """
+    """Read-only copy of `values` as a float array; `values` itself if it is one."""
     if isinstance(values, np.ndarray) and _is_locked(values):
         return values
     array = np.array(floats(name, values, unit))
@@ -81,10 +68,8 @@ def frozen_array(values: npt.ArrayLike, name: str = "An array", unit: str = "") 
 
 
 def kernel_array(values: npt.ArrayLike) -> FloatArray:
-    """Array of floats as kernels require: C order and writeable; `values` itself if possible.
-
-    The check of the flags takes a tenth of the time of `np.require`.
-    """
+    """Array of floats as kernels require: C order and writeable; `values` itself if possible."""
+    # The check of the flags takes a tenth of the time of `np.require`.
     if isinstance(values, np.ndarray) and values.dtype == np.float64:
         flags = values.flags
         if flags.c_contiguous and flags.writeable:
@@ -151,35 +136,31 @@ def _field_names(kind: type) -> tuple[str, ...]:
 
 
 def pack_state(values: Mapping[str, Any]) -> State:
-    """Attributes for a copy, and the names of the locked ones.
-
-    Args:
-        values: The attributes by their names.
-    """
+    """Attributes for a copy, and the names of the locked ones."""
     return dict(values), tuple(name for name, x in values.items() if _is_locked_value(x))
 
 
-def _is_locked_value(x: Any) -> bool:
+def _is_locked_value(value: Any) -> bool:
     """True if a value is a read-only array, or a tuple of such arrays."""
-    if type(x) is np.ndarray:
-        return not x.flags.writeable
-    if not isinstance(x, tuple) or not x or type(x[0]) is not np.ndarray:
+    if type(value) is np.ndarray:
+        return not value.flags.writeable
+    if not isinstance(value, tuple) or not value or type(value[0]) is not np.ndarray:
         return False
-    return all(type(y) is np.ndarray and not y.flags.writeable for y in x)
+    return all(type(y) is np.ndarray and not y.flags.writeable for y in value)
 
 
-def _refuse_old(x: object, state: Any, count: int) -> None:
+def _refuse_old(instance: object, state: Any, count: int) -> None:
     """Reject a pickled state of another version, which is no tuple of `count` parts."""
     if not (isinstance(state, tuple) and len(state) == count):
         raise InvalidInput(
-            f"This pickled {type(x).__name__} was made by another version of armcontour: make it "
-            "anew."
+            f"This pickled {type(instance).__name__} was made by another version of armcontour: "
+            "make it anew."
         )
 
 
-def _lock_value(x: Any) -> None:
+def _lock_value(value: Any) -> None:
     """Lock an array, or a tuple of arrays."""
-    for array in x if isinstance(x, tuple) else (x,):
+    for array in value if isinstance(value, tuple) else (value,):
         array.setflags(write=False)
 
 
@@ -239,11 +220,7 @@ class Immutable:
 
 
 def lock_numbers(name: str, values: npt.ArrayLike) -> FloatArray:
-    """Read-only result of `check_numbers`; `values` itself if it is such an array.
-
-    Raises:
-        InvalidInput: As in `check_numbers`.
-    """
+    """Read-only result of `check_numbers`; `values` itself if it is such an array."""
     if isinstance(values, np.ndarray) and _is_locked(values) and values.size:
         # NaN fails both comparisons.
         if values.max() <= LARGEST and values.min() >= -LARGEST:
@@ -254,17 +231,7 @@ def lock_numbers(name: str, values: npt.ArrayLike) -> FloatArray:
 
 
 def check_numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
-    """Return `values` as a new float array, all finite and at most LARGEST.
-
-    Args:
-        name: Name of the values, for messages.
-        values: The values.
-        unit: Unit of the values, for messages.
-
-    Raises:
-        InvalidInput: As in `floats`, or a value is not finite or too large; the message names the
-            index of the first one.
-    """
+    """Return `values` as a new float array, all finite and at most LARGEST."""
     array = np.array(floats(name, values, unit))
     # The sum of squares is a fast sufficient test. NaN fails the comparison.
     row = array.ravel("K")
@@ -286,16 +253,7 @@ def check_numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArra
 
 
 def floats(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
-    """Return `values` as a float array, finite or not; unchanged if it is one.
-
-    Args:
-        name: Name of the values, for messages.
-        values: The values.
-        unit: Unit of the values, for messages.
-
-    Raises:
-        InvalidInput: The values are not numbers, such as texts, truth values or masked values.
-    """
+    """Return `values` as a float array, finite or not; unchanged if it is one."""
     if type(values) is np.ndarray and values.dtype == np.float64:
         return values
     if values is None:
@@ -312,10 +270,10 @@ def floats(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
             )
         if array.dtype.kind == "O":
             # numpy would convert these objects to numbers, None to NaN.
-            for x in array.flat:
-                if x is None or isinstance(x, str | bytes | bool):
+            for item in array.flat:
+                if item is None or isinstance(item, str | bytes | bool):
                     raise InvalidInput(
-                        f"{name} must be numbers{in_unit(unit)}, but one of them is {show(x)}."
+                        f"{name} must be numbers{in_unit(unit)}, but one of them is {show(item)}."
                     )
         return np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
@@ -329,11 +287,7 @@ def floats(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
 def shaped(
     name: str, values: npt.ArrayLike, shape: tuple[int | None, ...], unit: str = ""
 ) -> FloatArray:
-    """Return `values` as a float array of a shape; None in the shape allows any length.
-
-    Raises:
-        InvalidInput: As in `floats`, or the shape is another one.
-    """
+    """Return `values` as a float array of a shape; None in the shape allows any length."""
     array = floats(name, values, unit)
     if array.ndim != len(shape) or any(
         x not in (n, None) for n, x in zip(array.shape, shape, strict=True)
@@ -344,11 +298,7 @@ def shaped(
 
 
 def indices(name: str, values: npt.ArrayLike) -> IntArray:
-    """Return `values` as an array of integers; unchanged if it is one.
-
-    Raises:
-        InvalidInput: As in `check_numbers`, or a value is not a whole number.
-    """
+    """Return `values` as an array of integers; unchanged if it is one."""
     if isinstance(values, np.ndarray) and values.dtype == np.intp:
         return values
     array = check_numbers(name, values)
@@ -357,12 +307,7 @@ def indices(name: str, values: npt.ArrayLike) -> IntArray:
 
 
 def points(name: str, values: npt.ArrayLike) -> FloatArray:
-    """Return `values` as a new (n, 2) or (n, 3) array of finite coordinates [m].
-
-    Raises:
-        InvalidInput: The rows have different lengths, the shape is another one, or a value is not
-            finite.
-    """
+    """Return `values` as a new (n, 2) or (n, 3) array of finite coordinates [m]."""
     array = check_numbers(name, values, "m")
     if array.ndim != 2 or array.shape[1] not in (2, 3):
         raise InvalidInput(
@@ -372,13 +317,8 @@ def points(name: str, values: npt.ArrayLike) -> FloatArray:
 
 
 def check_number(name: str, value: Any, unit: str = "") -> float:
-    """Return `value` as a finite float.
-
-    `name` and `unit` are for messages, here and in the functions below.
-
-    Raises:
-        InvalidInput: The value is not one finite number.
-    """
+    """Return `value` as a finite float."""
+    # `name` and `unit` are for messages, here and in the functions below.
     # Fast path for most values. NaN fails the comparison.
     if type(value) in (float, int) and -LARGEST <= value <= LARGEST:
         return float(value)
@@ -391,32 +331,19 @@ def check_number(name: str, value: Any, unit: str = "") -> float:
 
 
 def check_count(work: str, values: float, fix: str) -> None:
-    """Check that work stays within MOST_VALUES, before its values are computed.
-
-    Args:
-        work: The work, with its numbers.
-        values: Number of values, such as samples times joints.
-        fix: How the user can reduce the number.
-
-    Raises:
-        InvalidInput: There are more values.
-    """
-    if not values <= MOST_VALUES:
+    """Check that work stays within MAX_VALUES, before its values are computed."""
+    if not values <= MAX_VALUES:
         raise InvalidInput(
-            f"{work} would have {values:.3g} values, more than the limit of {MOST_VALUES:.3g}: "
+            f"{work} would have {values:.3g} values, more than the limit of {MAX_VALUES:.3g}: "
             f"{fix}.",
             limit="values",
             needed=values,
-            allowed=MOST_VALUES,
+            allowed=MAX_VALUES,
         )
 
 
 def positive(name: str, value: Any, unit: str = "") -> float:
-    """Return `value` as a finite float above zero, at least SMALLEST.
-
-    Raises:
-        InvalidInput: The value is not one such number.
-    """
+    """Return `value` as a finite float above zero, at least SMALLEST."""
     checked = check_number(name, value, unit)
     if checked <= 0:
         raise InvalidInput(f"{name} must be above zero, but is {checked:g}{suffix(unit)}.")
@@ -428,11 +355,7 @@ def positive(name: str, value: Any, unit: str = "") -> float:
 
 
 def check_range(name: str, value: Any, low: float, high: float, unit: str = "") -> float:
-    """Return `value` as a float from `low` to `high`.
-
-    Raises:
-        InvalidInput: The value is not one finite number in this range.
-    """
+    """Return `value` as a float from `low` to `high`."""
     checked = not_negative(name, value, unit) if low == 0 else check_number(name, value, unit)
     if low > 0 >= checked:
         raise InvalidInput(f"{name} must be above zero, but is {checked:g}{suffix(unit)}.")
@@ -445,11 +368,7 @@ def check_range(name: str, value: Any, low: float, high: float, unit: str = "") 
 
 
 def not_negative(name: str, value: Any, unit: str = "") -> float:
-    """Return `value` as a finite float that is zero or above.
-
-    Raises:
-        InvalidInput: The value is not one finite number, or is below zero.
-    """
+    """Return `value` as a finite float that is zero or above."""
     checked = check_number(name, value, unit)
     if checked < 0:
         raise InvalidInput(f"{name} must not be negative, but is {checked:g}{suffix(unit)}.")
@@ -457,12 +376,8 @@ def not_negative(name: str, value: Any, unit: str = "") -> float:
 
 
 def check_int(name: str, value: Any, low: int | None = None, high: int | None = None) -> int:
-    """Return `value` as an int from `low` to `high`; None is no bound.
-
-    Raises:
-        InvalidInput: The value is not a whole number, or outside this range.
-    """
-    minimum, maximum = (-LARGEST if low is None else low), (MOST_WHOLE if high is None else high)
+    """Return `value` as an int from `low` to `high`; None is no bound."""
+    minimum, maximum = (-LARGEST if low is None else low), (MAX_WHOLE if high is None else high)
     if type(value) is int and minimum <= value <= maximum:
         return value
     checked = check_number(name, value)
@@ -476,17 +391,7 @@ def check_int(name: str, value: Any, low: int | None = None, high: int | None = 
 def per_vertex(
     name: str, values: npt.ArrayLike | None, vertices: int, unit: str = ""
 ) -> FloatArray:
-    """Numbers that are not negative, one per vertex between segments, (vertices,).
-
-    Args:
-        name: Name of the quantity, for messages.
-        values: One number for all, one per vertex, or None for infinity.
-        vertices: Number of vertices between segments.
-        unit: Their unit, for messages.
-
-    Raises:
-        InvalidInput: A value is negative or not a number, or their number is wrong.
-    """
+    """Numbers at least 0, one per vertex between segments, (vertices,); None is infinity."""
     if values is None:
         return np.full(vertices, np.inf)
     array = check_numbers(name, values, unit)
@@ -501,11 +406,7 @@ def per_vertex(
 
 
 def per_joint(name: str, values: npt.ArrayLike, dof: int, unit: str = "") -> FloatArray:
-    """Return one number for all joints, or one number per joint, as a new (dof,) array.
-
-    Raises:
-        InvalidInput: The number of values is wrong, or a value is not finite.
-    """
+    """Return one number for all joints, or one number per joint, as a new (dof,) array."""
     array = check_numbers(name, values, unit)
     if array.ndim == 0:
         return np.full(dof, float(array))
@@ -518,11 +419,7 @@ def per_joint(name: str, values: npt.ArrayLike, dof: int, unit: str = "") -> Flo
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> str:
-    """Return `value` if it is one of the `choices` texts.
-
-    Raises:
-        InvalidInput: The value is another one; the message lists the known ones.
-    """
+    """Return `value` if it is one of the `choices` texts."""
     # Comparing an array would give an array.
     if not isinstance(value, str) or value not in choices:
         raise InvalidInput(f"{name} must be one of {', '.join(choices)}, not {show(value)}.")
@@ -530,15 +427,7 @@ def check_choice(name: str, value: str, choices: tuple[str, ...]) -> str:
 
 
 def derivative(order: Any, highest: int = HIGHEST) -> int:
-    """Return the order of a derivative, 0 for the value itself.
-
-    Args:
-        order: The order.
-        highest: The highest one.
-
-    Raises:
-        InvalidInput: Not a whole number from 0 to `highest`.
-    """
+    """Return the order of a derivative, 0 for the value itself."""
     if type(order) is int and 0 <= order <= highest:
         return order
     if isinstance(order, np.integer):
@@ -550,17 +439,7 @@ def derivative(order: Any, highest: int = HIGHEST) -> int:
 
 
 def check_name(description: str, value: Any, *, longest: int = LONGEST_NAME) -> str:
-    """Return `value` if it is a name: printable text of limited length, possibly empty.
-
-    Args:
-        description: Description of the name for messages, such as "name of the event".
-        value: The name.
-        longest: Largest number of characters.
-
-    Raises:
-        InvalidInput: The value is not a text, has a character that is not printable, or is too
-            long.
-    """
+    """Return `value` if it is a name: printable text of limited length, possibly empty."""
     if not isinstance(value, str):
         raise InvalidInput(f"The {description} must be text, not {show(value)}.")
     if len(value) > longest:
@@ -577,15 +456,7 @@ def check_name(description: str, value: Any, *, longest: int = LONGEST_NAME) -> 
 
 
 def raise_if(wrong: bool | np.bool_, message: str) -> None:
-    """Raise InvalidInput if a condition is true; for messages that cost nothing to format.
-
-    Args:
-        wrong: The condition.
-        message: The message.
-
-    Raises:
-        InvalidInput: The condition is true.
-    """
+    """Raise InvalidInput if a condition is true; for messages that cost nothing to format."""
     if wrong:
         raise InvalidInput(message)
 
@@ -623,36 +494,26 @@ WORDS: dict[Any, str] = {
 
 
 def check_type(user: str, value: Any, *kinds: type, role: str = "") -> None:
-    """Check that a value is an object of one of some classes.
-
-    Args:
-        user: Function or class that needs the object, for messages.
-        value: The value.
-        kinds: The classes.
-        role: Name of the value, for messages.
-
-    Raises:
-        InvalidInput: The value is another object.
-    """
+    """Check that a value is an object of one of some classes."""
     if isinstance(value, kinds):
         return
-    names = [WORDS.get(x) or _with_article(x.__name__) for x in kinds if x is not np.bool_]
+    names = [
+        WORDS.get(x) or f"{'an' if x.__name__[0] in 'AEIO' else 'a'} {x.__name__}"
+        for x in kinds
+        if x is not np.bool_
+    ]
     words = [f"{' or '.join(names)}{role and f' as {role}'}", ORIGINS.get(kinds[0].__name__, "")]
     needed = ", ".join(x for x in words if x)
     raise InvalidInput(f"{user} needs {needed}, not {type(value).__name__}.")
-
-
-def _with_article(name: str) -> str:
-    return f"{'an' if name[0] in 'AEIO' else 'a'} {name}"
 
 
 def explain_calls(constructed: type[C]) -> type[C]:
     """Decorate a public dataclass: its constructors raise InvalidInput for wrong arguments."""
     cls: Any = constructed
     cls.__init__ = explained(cls.__init__)
-    for name, x in list(vars(cls).items()):
-        if isinstance(x, classmethod) and not name.startswith("_"):
-            setattr(cls, name, classmethod(explained(x.__func__)))
+    for name, member in list(vars(cls).items()):
+        if isinstance(member, classmethod) and not name.startswith("_"):
+            setattr(cls, name, classmethod(explained(member.__func__)))
     return constructed
 
 
@@ -673,11 +534,7 @@ def explained(function: Callable[P, R]) -> Callable[P, R]:
 def raise_call_error(
     function: Callable[..., Any], args: tuple[Any, ...], keywords: Mapping[str, Any]
 ) -> None:
-    """Raise InvalidInput for unknown, repeated or missing arguments of a call.
-
-    Raises:
-        InvalidInput: The arguments are wrong.
-    """
+    """Raise InvalidInput for unknown, repeated or missing arguments of a call."""
     every = signature(function).parameters
     slots = {name: x for name, x in every.items() if name not in ("self", "cls")}
     positional = args[len(every) - len(slots) :]
@@ -723,18 +580,7 @@ def kinds_of(annotation: Any) -> tuple[type, ...]:
 def check_sequence(
     name: str, values: Any, kind: Any, noun: str, count: int | None = None
 ) -> tuple[Any, ...]:
-    """Return the values of a list as a tuple.
-
-    Args:
-        name: Name of the list, for messages.
-        values: The list, or another iterable.
-        kind: Class of each value.
-        noun: The values in words, such as "Events".
-        count: Their number; None for any.
-
-    Raises:
-        InvalidInput: Not a list of such values; texts and mappings are not lists.
-    """
+    """Return the values of a list as a tuple."""
     if isinstance(values, np.ndarray):
         values = np.atleast_1d(values)
     # Fast path for tuples.
@@ -747,31 +593,14 @@ def check_sequence(
 
 
 def check_names(name: str, values: Any, count: int | None = None) -> tuple[str, ...]:
-    """Return the names of a list as a tuple.
-
-    Args:
-        name: Name of the list, for messages.
-        values: The names.
-        count: Number of names; None for any.
-
-    Raises:
-        InvalidInput: Not a list of this number of short texts.
-    """
+    """Return the names of a list as a tuple."""
     noun = "names" if count is None else f"{count} names"
     names = check_sequence(name, values, str, noun, count)
     return tuple(check_name(f"name in {name}", x) for x in names)
 
 
 def read_place(user: str, path: Any) -> FilePath:
-    """Return the path of a file, given as text or a path.
-
-    Args:
-        user: Function that needs the file, for messages.
-        path: The path.
-
-    Raises:
-        InvalidInput: Another type of object.
-    """
+    """Return the path of a file, given as text or a path."""
     try:
         return FilePath(path)
     except TypeError:
@@ -779,11 +608,7 @@ def read_place(user: str, path: Any) -> FilePath:
 
 
 def check_side(value: str) -> Literal["left", "right"]:
-    """Return "left" or "right", the side from which a function with a jump is evaluated.
-
-    Raises:
-        InvalidInput: The value is another word.
-    """
+    """Return "left" or "right", the side from which a function with a jump is evaluated."""
     if isinstance(value, str):
         if value == "right":
             return "right"

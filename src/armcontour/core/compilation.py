@@ -18,10 +18,10 @@ from threading import Condition, Thread
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 from armcontour.core import kernels
+from armcontour.core.child_process import can_start, is_child, processors
 from armcontour.core.errors import ArmContourError
 from armcontour.core.kernels import KERNELS, PACKAGE, ROOT, waiting
 from armcontour.core.pool import TaskQueue, open_executor
-from armcontour.core.process import can_start, is_child, processors
 from armcontour.core.progress import COMPILING, Progress, Step, report_compiling, subprogress
 from armcontour.core.quintics import solve_banded
 
@@ -45,52 +45,32 @@ FAILURES = (ArmContourError, RuntimeError, OSError)
 MEMORY = 0.4e9
 
 
-class Warmed(NamedTuple):
-    """Result of `warm`.
-
-    Args:
-        functions: Number of compiled functions.
-        compiled: Number of functions that this call compiled.
-        folder: Folder of their files.
-    """
+class CompiledKernels(NamedTuple):
+    """Result of `compile_kernels`."""
 
     functions: int
-    compiled: int
+    compiled: int  # Number of functions that this call compiled
     folder: FilePath
 
 
-def warm(kind: Which = "all", progress: Progress | None = None) -> Warmed:
-    """Compile functions that are not compiled yet, in as many processes as the memory allows.
-
-    Args:
-        kind: Kind of the functions.
-        progress: Called with the function that was compiled last, and the completed fraction.
-
-    Raises:
-        ExecutionError: A process ended before its work was done.
-    """
+def compile_kernels(kind: Which = "all", progress: Progress | None = None) -> CompiledKernels:
+    """Compile functions that are not compiled yet, in as many processes as the memory allows."""
     listed, compiled = read_list(kind), 0
-    if not _is_warm(kind):
+    if not _is_compiled(kind):
         order = Order(listed, progress)
         order.run_all()
         compiled = order.compiled
         _stamp(kind)
-    return Warmed(len(listed), compiled, _folder())
+    return CompiledKernels(len(listed), compiled, _folder())
 
 
 @contextmanager
-def warm_for_run(dimension: int | None, progress: Progress) -> Iterator[None]:
-    """Context in which other processes compile the functions of a usual run.
-
-    The run waits if it needs a function that is not compiled; that function is compiled next. If
-    the other processes fail, the run compiles the function itself.
-
-    Args:
-        dimension: Dimension of the arm's work space; None for arms of both dimensions.
-        progress: Called as by `warm`, while the run waits.
-    """
+def compile_for_run(dimension: int | None, progress: Progress) -> Iterator[None]:
+    """Context in which other processes compile the functions of a usual run."""
+    # The run waits if it needs a function that is not compiled; that function is compiled next. If
+    # the other processes fail, the run compiles the function itself.
     kind: Which = "usual" if dimension is None else "plane" if dimension == 2 else "space"
-    if _is_warm(kind) or not can_start():
+    if _is_compiled(kind) or not can_start():
         yield
         return
 
@@ -148,11 +128,9 @@ def compile_calls(calls: Calls) -> int:
 
 
 def from_text(text: str) -> tuple[Any, ...]:
-    """Types of arguments from text such as `float64[:, ::1], const(float64[::1]), int64`.
-
-    The text is a Python expression with the names of `numba.types` and three more: `const` for a
-    read-only array, `named` for a named tuple, and `Vector` of `simd`.
-    """
+    """Types of arguments from text such as `float64[:, ::1], const(float64[::1]), int64`."""
+    # The text is a Python expression with the names of `numba.types` and three more: `const` for a
+    # read-only array, `named` for a named tuple, and `Vector` of `simd`.
     # numba.types is only partly annotated.
     types: Any = import_module("numba.types")
     from armcontour.core.simd import VECTOR
@@ -170,12 +148,7 @@ def from_text(text: str) -> tuple[Any, ...]:
 
 
 class Order:
-    """Functions in the order of compilation: the longest function whose callees are compiled.
-
-    Args:
-        listed: Arguments of the functions.
-        progress: Called at the start and after each function.
-    """
+    """Functions in the order of compilation: the longest function whose callees are compiled."""
 
     def __init__(self, listed: dict[Key, list[str]], progress: Progress | None) -> None:
         self._tell = subprogress(
@@ -198,11 +171,7 @@ class Order:
         return self._done == self._total
 
     def run_all(self) -> None:
-        """Compile the functions in other processes.
-
-        Raises:
-            ExecutionError: A process ended before its work was done.
-        """
+        """Compile the functions in other processes."""
         self._tell(Step((), 0.0))
         try:
             workers = _processes() if can_start() else 0
@@ -295,7 +264,7 @@ def _state() -> str:
     return state.hexdigest()
 
 
-def _is_warm(kind: Which) -> bool:
+def _is_compiled(kind: Which) -> bool:
     """True if the functions have been compiled in this state."""
     with suppress(OSError):
         return (_folder() / f"compiled-{kind}.txt").read_text(encoding="utf-8") == _state()

@@ -30,6 +30,10 @@ from armcontour.core.text import to_line
 class ArmContourError(Exception):
     """Base of all armcontour errors.
 
+    >>> error = ac.ArmContourError("The tool cannot get there.", s=0.12)
+    >>> error.exit_code, error.s
+    (1, 0.12)
+
     Args:
         message: One sentence for the user.
         point: Coordinates of the position [m].
@@ -97,36 +101,60 @@ def error_context(location: str) -> Iterator[None]:
 
 
 class InvalidInput(ArmContourError, ValueError):
-    """The input does not have the required form."""
+    """The input does not have the required form.
+
+    >>> issubclass(ac.InvalidInput, ValueError), ac.InvalidInput.exit_code
+    (True, 2)
+    """
 
     exit_code = 2
 
 
 class Unreachable(ArmContourError):
-    """The tool cannot reach a position or pose, or only in a singular configuration."""
+    """The tool cannot reach a position or pose, or only in a singular configuration.
+
+    >>> ac.Unreachable("The tool cannot get there.", s=0.2).s
+    0.2
+    """
 
     exit_code = 3
 
 
 class NotRealizable(ArmContourError):
-    """No timing of the required method satisfies the limits."""
+    """No timing of the required method satisfies the limits.
+
+    >>> ac.NotRealizable("No timing keeps the limit.", limit="joint_torque").limit
+    'joint_torque'
+    """
 
     exit_code = 4
 
 
 class CompensationError(ArmContourError):
-    """The servo's delay cannot be compensated by the required method."""
+    """The servo's delay cannot be compensated by the required method.
+
+    >>> ac.CompensationError("The poles are not stable.").exit_code
+    5
+    """
 
     exit_code = 5
 
 
 class ExecutionError(ArmContourError):
-    """The simulated servo did not complete the motion."""
+    """The simulated servo did not complete the motion.
+
+    >>> ac.ExecutionError("The joints do not come to rest.", joint=1).exit_code
+    6
+    """
 
     exit_code = 6
 
 
 class Collision(ArmContourError):
-    """A distance of the arm to itself or to an obstacle is below the required clearance."""
+    """A distance of the arm to itself or to an obstacle is below the required clearance.
+
+    >>> ac.Collision("The arm touches the table.", needed=0.01, allowed=0.0).exit_code
+    8
+    """
 
     exit_code = 8

@@ -83,11 +83,7 @@ class Options(Checked):
 
 
 def check(value: Any) -> None:
-    """Check the fields of a dataclass by their annotations; convert numbers and lock arrays.
-
-    Raises:
-        InvalidInput: A field violates its annotation.
-    """
+    """Check the fields of a dataclass by their annotations; convert numbers and lock arrays."""
     kind: Any = type(value)
     readers, shapes = _readers(kind)
     try:
@@ -117,8 +113,8 @@ def quantities(kind: type) -> dict[str, Quantity]:
 def parts_of(hint: Any) -> Iterator[Any]:
     """An annotation and its parts: classes and metadata."""
     yield get_origin(hint) or hint
-    for x in get_args(hint):
-        yield from parts_of(x)
+    for part in get_args(hint):
+        yield from parts_of(part)
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
@@ -334,9 +330,9 @@ def _read_mapping(kind: Any, field: _Field) -> Reader:
 
     def read(value: Any) -> Any:
         checks.check_type(field.user, value, Mapping, role=field.role)
-        for key, x in value.items():
+        for key, item in value.items():
             try:
-                each(x)
+                each(item)
             except InvalidInput as error:
                 raise error.with_location(show(key)) from None
         return value

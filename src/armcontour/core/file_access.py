@@ -60,32 +60,15 @@ def listen_to_reading(
 def reading_below(
     folders: Iterable[FilePath], files: Iterable[FilePath] = ()
 ) -> AbstractContextManager[None]:
-    """Context in which files may be read only in some folders, in all threads.
-
-    Links that lead out of the folders are refused.
-
-    Args:
-        folders: The folders.
-        files: Further files that may be read.
-    """
+    """Context in which files may be read only in some folders, in all threads."""
+    # Links that lead out of the folders are refused.
     allowed = _Allowed(tuple(x.resolve() for x in folders), frozenset(x.resolve() for x in files))
     return registered(_allowed, allowed)
 
 
 def read_bytes(file: str | FilePath, noun: str, *, maximum: int = SMALL) -> bytes:
-    """Read the content of a regular file.
-
-    Pipes and devices are refused before reading, which might never end.
-
-    Args:
-        file: The file, or a link to a regular file.
-        noun: Kind of the file for messages, such as "job file".
-        maximum: The size limit [bytes].
-
-    Raises:
-        InvalidInput: No such file, not a regular file, too large, unreadable, or outside the
-            folders that may be read.
-    """
+    """Read the content of a regular file."""
+    # Pipes and devices are refused before reading, which might never end.
     path = FilePath(file)
     try:
         if _allowed:
@@ -116,40 +99,19 @@ def read_bytes(file: str | FilePath, noun: str, *, maximum: int = SMALL) -> byte
 
 
 def open_nonblocking(file: str, flags: int) -> int:
-    """Open a file without blocking, as `opener` of `open`.
-
-    Opening a pipe without a writer would block.
-
-    Args:
-        file: The file.
-        flags: Flags of `os.open`.
-    """
+    """Open a file without blocking, as `opener` of `open`."""
+    # Opening a pipe without a writer would block.
     return os.open(file, flags | getattr(os, "O_NONBLOCK", 0))
 
 
 def report_content(file: FilePath, content: bytes) -> None:
-    """Report the content of a file, possibly read by another process, to the listeners.
-
-    Args:
-        file: The file.
-        content: The content.
-    """
+    """Report the content of a file, possibly read by another process, to the listeners."""
     for tell in tuple(_listeners):
         tell(file, content)
 
 
 def read_text(file: str | FilePath, noun: str, *, maximum: int = SMALL, latin: bool = False) -> str:
-    """Read a regular file as UTF-8 text, with or without a byte order mark.
-
-    Args:
-        file: The file.
-        noun: Kind of the file for messages, such as "job file".
-        maximum: The size limit [bytes].
-        latin: Read text that is not UTF-8 as Latin-1, which some controllers use for logs.
-
-    Raises:
-        InvalidInput: As in `read_bytes`, or the file is not text of these encodings.
-    """
+    """Read a regular file as UTF-8 text, with or without a byte order mark."""
     content = read_bytes(file, noun, maximum=maximum)
     try:
         return content.decode("utf-8-sig")

@@ -33,6 +33,10 @@ class Frame(Value):
         table = Frame((0.5, 0.0, 0.1))
         flipped = Frame((0.4, 0.0, 0.3), Rotation.from_euler("x", 180, degrees=True))
 
+    >>> table = ac.Frame(position=(0.4, 0.0, 0.1))
+    >>> table.position
+    array([0.4, 0. , 0.1])
+
     Args:
         position: Origin of the frame [m], (3,); or the whole frame as a homogeneous transform,
             (4, 4), or a pinocchio.SE3.
@@ -149,20 +153,9 @@ def transforms(matrices: FloatArray) -> FloatArray:
 
 
 def read_poses(name: str, poses: Pose) -> tuple[FloatArray, FloatArray | None]:
-    """Positions and rotations of poses in any supported form.
-
-    Args:
-        name: Name of the poses, for messages.
-        poses: A `Frame`; a `pinocchio.SE3` or another object with `homogeneous` or `as_matrix`;
-            homogeneous transforms, (..., 4, 4); or positions alone [m], (..., 2) or (..., 3).
-
-    Returns:
-        Positions [m], (..., 3) or (..., 2); and rotation matrices, (..., 3, 3), or None for
-        positions without rotations.
-
-    Raises:
-        InvalidInput: A wrong shape, or a transform that is not rigid.
-    """
+    """Positions [m], (..., 3) or (..., 2), and rotations, (..., 3, 3) or None, of poses."""
+    # Forms are `Frame`, `pinocchio.SE3` or another object with `homogeneous` or `as_matrix`,
+    # homogeneous transforms (..., 4, 4), and positions alone.
     for attribute in ("homogeneous", "as_matrix"):
         if hasattr(poses, attribute):
             pose = getattr(poses, attribute)
@@ -184,15 +177,7 @@ def read_poses(name: str, poses: Pose) -> tuple[FloatArray, FloatArray | None]:
 
 
 def rotations(name: str, values: Any) -> FloatArray:
-    """Rotation matrices, (3, 3) or (n, 3, 3), from one of several forms.
-
-    Args:
-        name: Name of the values, for messages.
-        values: Rotation matrices; quaternions x, y, z, w, (4,) or (n, 4); or a rotation of scipy.
-
-    Raises:
-        InvalidInput: A wrong shape, or values that are not finite or not rotations.
-    """
+    """Rotation matrices, (3, 3) or (n, 3, 3), from matrices, quaternions x, y, z, w, or scipy."""
     if hasattr(values, "as_matrix"):
         values = values.as_matrix()
     array = checks.check_numbers(name, values)
@@ -290,14 +275,8 @@ def cross_matrix(v: FloatArray) -> FloatArray:
 
 
 def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
-    """Rotation vectors [rad] of the shortest rotations between unit vectors, (..., 3).
-
-    For opposite vectors the axis is one of the axes normal to them.
-
-    Args:
-        first: Unit vectors before the rotations, (..., 3).
-        second: Unit vectors after the rotations, same shape.
-    """
+    """Rotation vectors [rad] of the shortest rotations between unit vectors, (..., 3)."""
+    # For opposite vectors the axis is one of the axes normal to them.
     a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
     axis = np.cross(a, b)
     size = np.linalg.norm(axis, axis=-1, keepdims=True)

@@ -46,15 +46,10 @@ np.empty(16_000_000, np.uint8)
 def compiled(
     *, inner: bool = False, allocates: bool = False, **options: Any
 ) -> Callable[[Function], Function]:
-    """Decorator that compiles a function at its first call and caches the result on disk.
-
-    Args:
-        inner: Whether only compiled functions call the function; omitting the interface for Python
-            halves the time to compile a small function.
-        allocates: Whether an inner function creates arrays. If not, its callers count references
-            to arrays, which is faster.
-        options: Further options of `numba.njit`, such as `inline="always"`.
-    """
+    """Decorator that compiles a function at its first call and caches the result on disk."""
+    # `inner` functions are called by compiled functions only; omitting the interface for Python
+    # halves the time to compile a small one. If an inner function does not allocate arrays, its
+    # callers count references to arrays, which is faster.
     # Nothing calls compiled functions by C pointers.
     options |= {"no_cfunc_wrapper": True, "no_cpython_wrapper": inner}
     # Set for all functions, because numba inherits missing options from the caller.
@@ -79,11 +74,10 @@ def compiled(
 
 
 class _Files(FunctionCache):
-    """Cache files of a compiled function, loaded without the modules that only compiling needs.
+    """Cache files of a compiled function, loaded without the modules that only compiling needs."""
 
-    Numba stamps the files with the state of the function's source only. Here the stamp includes the
-    sources of the compiled functions that it calls.
-    """
+    # Numba stamps the files with the state of the function's source only. Here the stamp includes
+    # the sources of the compiled functions that it calls.
 
     def __init__(self, function: Function) -> None:
         super().__init__(function)
@@ -120,10 +114,8 @@ def _sources(file: Path) -> frozenset[Path]:
 
 
 def _take_no_literals(kernel: Any) -> None:
-    """Make compiled callers use the same version for `f(0)` as for `f(i)`.
-
-    Numba has a type for each literal number, and would compile the function again for it.
-    """
+    """Make compiled callers use the same version for `f(0)` as for `f(i)`."""
+    # Numba has a type for each literal number, and would compile the function again for it.
     find = kernel.get_call_template
 
     def find_for_numbers(args: Any, kws: Any) -> Any:
@@ -145,11 +137,7 @@ def _refuse_calls(kernel: Any, name: str) -> None:
 
 
 def waiting(wait: Callable[[Any], None]) -> AbstractContextManager[None]:
-    """Context in which `wait` is called before a compiled function is loaded or compiled.
-
-    Args:
-        wait: Called with the function; returns when no other process is compiling it.
-    """
+    """Context in which `wait` is called before a compiled function is loaded or compiled."""
     return progress.registered(_waiting, wait)
 
 
@@ -180,7 +168,7 @@ class _Listener(event.Listener):
             self._logged = True
             logging.getLogger(PACKAGE).warning(
                 "armcontour compiles the functions of this job that were not compiled yet, which "
-                "may take a minute or two. `armcontour warm` compiles all, on all processors."
+                "may take a minute or two. `armcontour compile` compiles all, on all processors."
             )
 
 

@@ -9,13 +9,7 @@ from typing import Any
 
 
 def lazy_names(package: str, home: Mapping[str, str]) -> tuple[Callable[[str], Any], list[str]]:
-    """`__getattr__` and `__all__` of a package whose names are loaded and cached at first use.
-
-    Args:
-        package: Name of the package.
-        home: Public names, separated by spaces, by the module that defines them; modules of other
-            packages with their full name.
-    """
+    """`__getattr__` and `__all__` of a package whose names are loaded and cached at first use."""
     module_of = {name: module for module, names in home.items() for name in names.split()}
 
     def load(name: str) -> Any:

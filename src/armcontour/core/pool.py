@@ -22,8 +22,7 @@ from itertools import islice
 from threading import Lock
 from typing import Any, Generic, TypeVar, cast
 
-from armcontour.core.errors import ArmContourError, ExecutionError, InvalidInput
-from armcontour.core.process import (
+from armcontour.core.child_process import (
     Packed,
     ProcessEnded,
     call,
@@ -36,17 +35,18 @@ from armcontour.core.process import (
     start,
     unpack,
 )
+from armcontour.core.errors import ArmContourError, ExecutionError, InvalidInput
 
 T = TypeVar("T")
 R = TypeVar("R")
 # Largest number of threads for compiled work; combining their results is serial.
-MOST_THREADS = 8
+MAX_THREADS = 8
 # Fewest items for other processes: starting one takes as long as several items.
 FEWEST = 12
 # Approximate time to start a process [s]. Work is shared if each process saves twice as much.
 START = 1.0
 # Largest number of processes that plan moves; each needs about as much memory as this one.
-MOST_PROCESSES = 8
+MAX_PROCESSES = 8
 # Smallest number of chunks for an executor; each chunk carries the pickled work.
 PARTS = 32
 # Timeout for the answer of a scheduler.
@@ -59,15 +59,9 @@ LOST_NAMES = ("KilledWorker", "FutureCancelledError", "CommClosedError", "Future
 
 
 def map_in_threads(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
-    """Apply a compiled function to all items in threads; kernels release the interpreter's lock.
-
-    A call should take 1 ms or more, because the Python code between calls is serial.
-
-    Args:
-        work: Function that spends nearly all of its time in compiled functions.
-        items: The items; the results have the same order.
-    """
-    count = 1 if is_child() else min(processors(), MOST_THREADS, len(items))
+    """Apply a compiled function to all items in threads; kernels release the interpreter's lock."""
+    # A call should take 1 ms or more, because the Python code between calls is serial.
+    count = 1 if is_child() else min(processors(), MAX_THREADS, len(items))
     if count < 2:
         return [work(x) for x in items]
     with ThreadPoolExecutor(count) as pool:
@@ -75,12 +69,7 @@ def map_in_threads(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
 
 
 def split_evenly(count: int, parts: int) -> list[slice]:
-    """Slices of approximately equal length that cover a sequence.
-
-    Args:
-        count: Length of the sequence.
-        parts: Largest number of parts.
-    """
+    """Slices of approximately equal length that cover a sequence."""
     number = max(1, min(parts, count))
     return [slice(count * k // number, count * (k + 1) // number) for k in range(number)]
 
@@ -99,16 +88,12 @@ class InProcess(Executor):
 
 
 class ProcessPool(ThreadPoolExecutor):
-    """Executor of child processes; one thread of this process serves each of them.
+    """Executor of child processes; one thread of this process serves each of them."""
 
-    Scripts that use it need no `if __name__ == "__main__"`. If a process ends during a call, the
-    call raises `ProcessEnded`, and a new process replaces it. Other errors of the work are raised
-    as RuntimeError with their text. If processes cannot be started, threads of this process do the
-    work.
-
-    Args:
-        processes: Number of processes; by default that of processors.
-    """
+    # Scripts that use it need no `if __name__ == "__main__"`. If a process ends during a call, the
+    # call raises `ProcessEnded`, and a new process replaces it. Other errors of the work are raised
+    # as RuntimeError with their text. If processes cannot be started, threads of this process do
+    # the work.
 
     def __init__(self, processes: int | None = None) -> None:
         self.processes = processes or processors()
@@ -176,18 +161,8 @@ class ProcessPool(ThreadPoolExecutor):
 def open_executor(
     workers: int | None = None, cluster: str | None = None, executor: Executor | None = None
 ) -> Iterator[Executor]:
-    """Context with an executor, which is closed at the end unless it is the caller's.
-
-    Args:
-        workers: Number of processes on this machine; by default one per processor. 0 works in
-            this process.
-        cluster: Address of a Dask scheduler, such as `tcp://10.0.0.1:8786`.
-        executor: An executor of the caller.
-
-    Raises:
-        InvalidInput: Options that exclude each other, or Dask is not installed.
-        ExecutionError: No answer from the address, or the cluster has no workers.
-    """
+    """Context with the caller's executor, or one of `workers` processes or of a Dask `cluster`."""
+    # 0 workers work in this process.
     if workers is not None and workers < 0:
         raise InvalidInput(f"workers must be 0 or more, but is {workers}.")
     if sum(x is not None for x in (workers, cluster, executor)) > 1:
@@ -253,15 +228,9 @@ def count_workers(executor: Executor) -> int:
 
 
 class TaskQueue(Generic[T, R]):
-    """Queue of items for an executor; results are taken in order of completion.
+    """Queue of items for an executor; results are taken in order of completion."""
 
-    As a context manager, it cancels at its end the items that no worker has started.
-
-    Args:
-        work: Function of an item; work, items and results must be picklable.
-        executor: The executor; `InProcess` works when an item is given.
-        lost: The result of an item whose worker ended; by default that is an error.
-    """
+    # As a context manager, it cancels at its end the items that no worker has started.
 
     def __init__(
         self, work: Callable[[T], R], executor: Executor, lost: Callable[[], R] | None = None
@@ -278,8 +247,8 @@ class TaskQueue(Generic[T, R]):
         return self
 
     def __exit__(self, *error: object) -> None:
-        for x in self._pending:
-            x.cancel()
+        for future in self._pending:
+            future.cancel()
 
     def __len__(self) -> int:
         """Number of items that were given and not taken."""
@@ -291,11 +260,7 @@ class TaskQueue(Generic[T, R]):
         return 1 if self._is_local else self.workers + self.workers // 4 + 1
 
     def give(self, item: T) -> None:
-        """Submit an item.
-
-        Raises:
-            ExecutionError: The executor accepts no work.
-        """
+        """Submit an item."""
         if self._call is None:
             self._done.append((item, self._work(item)))
             return
@@ -308,27 +273,17 @@ class TaskQueue(Generic[T, R]):
             ) from None
 
     def take(self) -> list[tuple[T, R]]:
-        """Wait for finished items and return them with their results; empty if none is submitted.
-
-        Raises:
-            ExecutionError: A worker has ended, or cannot do the work.
-            ArmContourError: Raised by the work.
-        """
+        """Wait for finished items; return them with their results; empty if none is submitted."""
         while self._pending and not self._done:
             wait_for(self._pending, timeout=PULSE, return_when=FIRST_COMPLETED)
             # `wait_for` ignores futures that the executor cancelled; `done` includes them.
-            for x in [x for x in self._pending if x.done()]:
-                self._done.append((self._pending.pop(x), self._result(x)))
+            for future in [x for x in self._pending if x.done()]:
+                self._done.append((self._pending.pop(future), self._result(future)))
         results, self._done = self._done, []
         return results
 
     def run_all(self, items: Iterable[T]) -> Iterator[tuple[T, R]]:
-        """Submit all items, at most `ahead` at once; yield each with its result when it is done.
-
-        Raises:
-            ExecutionError: See `give` and `take`.
-            ArmContourError: Raised by the work.
-        """
+        """Submit all items, at most `ahead` at once; yield each with its result when it is done."""
         waiting = iter(items)
         while True:
             for item in islice(waiting, self.ahead - len(self)):
@@ -387,20 +342,8 @@ def map_in_processes(
     executor: Executor | None = None,
     done: Callable[[int], None] | None = None,
 ) -> list[R]:
-    """Apply work to all items in other processes; results are in the order of the items.
-
-    Args:
-        work: Function of an item; work, items and results must be picklable.
-        items: The items.
-        processes: Number of processes; by default one per processor. 1, or a call from a child
-            process, works in this process.
-        executor: An executor to use instead of processes.
-        done: Called repeatedly with the number of finished items.
-
-    Raises:
-        ExecutionError: The executor accepts no work, or a worker ended or cannot do it.
-        Exception: Raised by the work; from another process as a RuntimeError with its text.
-    """
+    """Apply work to all items in other processes; results are in the order of the items."""
+    # An error of the work in another process is raised as a RuntimeError with its text.
     tell = done or (lambda number: None)
     count = min(processes or processors(), len(items))
     in_process = count < 2 or len(items) < FEWEST or is_child() or not can_start()
@@ -425,15 +368,8 @@ def _several(work: Callable[[T], R], numbered: tuple[int, Sequence[T]]) -> list[
 
 
 def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, None, None]:
-    """Yield the results of all items in order; other processes work if that saves time.
-
-    If another process fails, this process repeats the item, so that its error is raised in order.
-
-    Args:
-        work: Function of an item. If it, an item or a result is not picklable, this process does
-            all the work.
-        items: The items.
-    """
+    """Yield the results of all items in order; other processes work if that saves time."""
+    # If another process fails, this process repeats the item, so that its error is raised in order.
     begin, count = time.thread_time(), 0
     for k, item in enumerate(items):
         count = _worth(time.thread_time() - begin, k / len(items)) if k else 0
@@ -459,4 +395,4 @@ def _worth(spent: float, fraction: float) -> int:
     """Number of processes that save more time than their start costs; 0 for none."""
     if spent < START / 4 or is_child() or not can_start():
         return 0
-    return min(processors(), MOST_PROCESSES, int(spent * (1 / fraction - 1) / (2 * START)))
+    return min(processors(), MAX_PROCESSES, int(spent * (1 / fraction - 1) / (2 * START)))

@@ -12,16 +12,12 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """The current step of long work.
+    """The current step of long work."""
 
-    Args:
-        names: Name of the step, after the names of the work that it belongs to, such as ("fast",
-            "timing") for a run and its step.
-        done: Completed fraction of the step, from 0 to 1; None if unknown.
-    """
-
+    # Name of the step, after the names of the work that it belongs to, such as ("fast", "timing")
+    # for a run and its step.
     names: tuple[str, ...]
-    done: float | None = None
+    done: float | None = None  # Completed fraction of the step, from 0 to 1; None if unknown
 
     def __str__(self) -> str:
         """Names in one line, for a terminal."""
@@ -32,12 +28,7 @@ Progress = Callable[[Step], None]
 
 
 def subprogress(progress: Progress | None, *names: str) -> Progress:
-    """Wrap a progress function so that names are prepended to those of each step.
-
-    Args:
-        progress: Called with the steps; None ignores them.
-        names: Names of the work that all steps belong to.
-    """
+    """Wrap a progress function so that names are prepended to those of each step."""
     if progress is None:
         return lambda step: None
     return lambda step: progress(Step((*names, *step.names), step.done))
@@ -66,14 +57,7 @@ def listen_to_compilation(listener: Callable[[str], None]) -> AbstractContextMan
 
 
 def report_compiling(name: str) -> bool:
-    """Report the compilation of a function to all listeners.
-
-    Args:
-        name: Name of the function, with its module.
-
-    Returns:
-        Whether there is a listener.
-    """
+    """Report the compilation of a function to all listeners; False if there is none."""
     listeners = tuple(_listeners)
     for listener in listeners:
         listener(name)

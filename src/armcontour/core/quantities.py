@@ -30,24 +30,19 @@ RANGES = {
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Kind of a quantity: annotates a float, or an array with one value or one per joint.
+    """Kind of a quantity: annotates a float, or an array with one value or one per joint."""
 
-    Args:
-        unit: SI unit; "1" for a fraction, which users may write in percent; empty for plain
-            numbers.
-        example: Example of a text that users may write.
-        sign: Allowed range of the value; a "share" is from 0 to below 1. The magnitude of a "turn"
-            without a unit is at most WHOLE_TURN.
-        endless: Whether the value may be infinite, as `.inf` or as the texts "inf" and "none".
-        bounds: Whether each value of an array may be replaced by a lower and an upper bound.
-        within: Smallest and largest allowed value; None for any value of this sign.
-    """
-
+    # SI unit; "1" for a fraction, which users may write in percent; empty for plain numbers.
     unit: str
-    example: str = ""
+    example: str = ""  # Example of a text that users may write
+    # Allowed range of the value; a "share" is from 0 to below 1. The magnitude of a "turn" without
+    # a unit is at most WHOLE_TURN.
     sign: Literal["any", "positive", "not negative", "negative", "share", "turn"] = "any"
+    # Whether the value may be infinite, as `.inf` or as the texts "inf" and "none".
     endless: bool = False
+    # Whether each value of an array may be replaced by a lower and an upper bound.
     bounds: bool = False
+    # Smallest and largest allowed value; None for any value of this sign.
     within: tuple[float, float] | None = None
 
     @property
@@ -77,13 +72,10 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True, init=False)
 class Axes:
-    """Shape of an array: annotates an array.
+    """Shape of an array: annotates an array."""
 
-    Args:
-        axes: Length of each axis, or its name. Axes with the same name have the same length in all
-            fields of a dataclass. `...` alone is any shape.
-    """
-
+    # Length of each axis, or its name. Axes with the same name have the same length in all fields
+    # of a dataclass. `...` alone is any shape.
     axes: tuple[str | int | EllipsisType, ...]
 
     def __init__(self, *axes: str | int | EllipsisType) -> None:
@@ -119,26 +111,18 @@ class Named:
 
 @dataclass(frozen=True, slots=True)
 class About:
-    """Options and sliders that set a field of a job: annotates the field, once per option.
+    """Options and sliders that set a field of a job: annotates the field, once per option."""
 
-    `files/job_form.py` makes the short options of the command line from it, and
-    `files/job_form.py` the sliders of the Studio.
+    # `files/job_form.py` makes the short options of the command line and the sliders of the Studio.
 
-    Args:
-        option: The option of the command line, such as "--units"; "" for none.
-        topic: Its section in the help of commands; by default that of the keys around it.
-        help: Its help.
-        read: The function of `cli/inputs.py` that reads it, unless it is a single value.
-        key: The key that it sets in the mapping of the field; "*" if its text names the keys.
-        usual: Range of the slider in the Studio, in SI units; linear if it begins at 0, otherwise
-            logarithmic. By default there is no slider.
-    """
-
-    option: str = ""
-    topic: str = ""
+    option: str = ""  # The option of the command line, such as "--units"; "" for none
+    topic: str = ""  # Its section in the help of commands; by default that of the keys around it
     help: str = ""
-    read: str = ""
+    read: str = ""  # The function of `cli/inputs.py` that reads it, unless it is a single value
+    # The key that it sets in the mapping of the field; "*" if its text names the keys.
     key: str = ""
+    # Range of the slider in the Studio, in SI units; linear if it begins at 0, otherwise
+    # logarithmic. By default there is no slider.
     usual: tuple[float, float] = (0.0, 0.0)
 
 

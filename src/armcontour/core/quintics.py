@@ -72,14 +72,8 @@ def _fill(
 
 
 def evaluate(coefficients: FloatArray, width: FloatArray, u: FloatArray, order: int) -> FloatArray:
-    """Values of polynomials of degree 5, or their derivatives, (n, values).
-
-    Args:
-        coefficients: Coefficients of powers of x = u / width, (n, 6, values).
-        width: Lengths of the intervals, (n,).
-        u: Distances from the starts of the intervals, (n,).
-        order: Order of the derivative, 0 for the value.
-    """
+    """Polynomials of degree 5 or their derivatives, (n, values), at distances u from the starts."""
+    # Coefficients, (n, 6, values), are those of powers of x = u / width.
     x = u / width
     result = np.zeros(np.shape(x) + (coefficients.shape[-1],))
     for k in range(5, order - 1, -1):
@@ -89,13 +83,8 @@ def evaluate(coefficients: FloatArray, width: FloatArray, u: FloatArray, order: 
 
 
 def rescale(coefficients: FloatArray, begin: FloatArray, factor: FloatArray) -> FloatArray:
-    """Coefficients in y of polynomials p(x) with x = begin + factor y, of the same shape.
-
-    Args:
-        coefficients: Coefficients of powers of x, from 1 on, (n, degree + 1, values).
-        begin: Value of x at y = 0, (n,).
-        factor: dx/dy, (n,); a negative factor reverses the polynomials.
-    """
+    """Coefficients in y of polynomials p(x) with x = begin + factor y, (n, degree + 1, values)."""
+    # `coefficients` are those of powers of x from 1 on; a negative factor reverses the polynomials.
     expanded = np.empty_like(coefficients)
     size = coefficients.shape[1]
     for k in range(size):
@@ -108,15 +97,9 @@ def rescale(coefficients: FloatArray, begin: FloatArray, factor: FloatArray) -> 
 
 @compiled()
 def solve_banded(bands: FloatArray, right: FloatArray) -> None:
-    """Solve symmetric banded equations in place; `right` becomes the solution.
-
-    Elimination without pivoting, for diagonally dominant or positive definite matrices.
-
-    Args:
-        bands: Entries of row i of the matrix from the diagonal to the right, (m, width); entries
-            beyond the last column are ignored. Overwritten.
-        right: Right sides, one a column, (m, n).
-    """
+    """Solve symmetric banded equations in place; `right`, (m, n), becomes the solution."""
+    # Elimination without pivoting, for diagonally dominant or positive definite matrices. `bands`,
+    # (m, width), has row i of the matrix from the diagonal to the right; it is overwritten.
     m, width = bands.shape
     sides = right.shape[1]
     for i in range(m):

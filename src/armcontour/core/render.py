@@ -31,16 +31,11 @@ FINE = 1e-3
 WIDEST_FIGURE = 16
 WIDEST_TABLE = 118
 # Longest list in a JSON file.
-MOST_LISTED = 10_000
+MAX_LISTED = 10_000
 
 
 def split(value: Any, unit: str = "") -> tuple[str, str]:
-    """Digits and unit of a value for display.
-
-    Args:
-        value: The value, in SI units.
-        unit: Its SI unit; "1" for a fraction, which is shown in percent.
-    """
+    """Digits and unit of a value for display."""
     if value is None or isinstance(value, float) and math.isnan(value):
         return "-", ""
     if unit == JUDGED:
@@ -60,31 +55,17 @@ def split(value: Any, unit: str = "") -> tuple[str, str]:
 
 
 def scale(unit: str) -> tuple[str, float]:
-    """Display unit of a quantity, and its size in the SI unit.
-
-    Args:
-        unit: The SI unit.
-    """
+    """Display unit of a quantity, and its size in the SI unit."""
     return SHOWN.get(unit, (WRITTEN.get(unit, unit), 1.0))
 
 
 def number(value: Any, unit: str = "") -> str:
-    """Value with its unit for display, as in "0.252 mm".
-
-    Args:
-        value: The value, in SI units.
-        unit: Its SI unit.
-    """
+    """Value with its unit for display, as in "0.252 mm"."""
     return " ".join(filter(None, split(value, unit)))
 
 
 def number_range(values: Iterable[float], unit: str = "") -> str:
-    """Smallest and largest of some values for display; one of them if they look the same.
-
-    Args:
-        values: The values, in SI units; "" for none.
-        unit: Their SI unit.
-    """
+    """Smallest and largest of some values for display; one of them if they look the same."""
     ordered = sorted(values)
     low, high = (
         (split(x, unit) for x in (ordered[0], ordered[-1])) if ordered else (("", ""), ("", ""))
@@ -99,12 +80,7 @@ def figure(row: Row) -> str:
 
 
 def text(data: Data, level: int = TABLE) -> str:
-    """A result as lines, for `print` and the command line.
-
-    Args:
-        data: The result.
-        level: The last level that is shown.
-    """
+    """A result as lines, for `print` and the command line."""
     rows = [(x.label, figure(x), x.note) for x in data.shown(level)]
     sizes = [len(value) for _, value, note in rows if note]
     width = max((x for x in sizes if x <= WIDEST_FIGURE), default=0)
@@ -116,25 +92,16 @@ def text(data: Data, level: int = TABLE) -> str:
 
 
 def lay_out(title: str, rows: Sequence[Sequence[str]]) -> str:
-    """A table as lines below its title.
-
-    Args:
-        title: The title.
-        rows: Its cells, the header first.
-    """
+    """A table as lines below its title."""
     return format_table(title, rows, columns=">", width=WIDEST_TABLE)
 
 
 def verdict(data: Data) -> str:
-    """Verdict on a result in one sentence.
-
-    Args:
-        data: The result.
-    """
+    """Verdict on a result in one sentence."""
     parts = []
-    for x in data.shown(VERDICT):
-        words = figure(x) if x.unit == JUDGED else f"{x.label} {figure(x)}"
-        parts.append(f"{words} ({x.note})" if x.note else words)
+    for row in data.shown(VERDICT):
+        words = figure(row) if row.unit == JUDGED else f"{row.label} {figure(row)}"
+        parts.append(f"{words} ({row.note})" if row.note else words)
     return f"{data.title}: {'; '.join(parts)}."
 
 
@@ -155,13 +122,7 @@ def _cell(column: Row, value: Any) -> str:
 def compare(
     results: Mapping[str, Data], level: int = FIRST, *, texts: bool = False
 ) -> list[tuple[str, ...]]:
-    """Several results as rows of text: the header, then a row per result.
-
-    Args:
-        results: The results, by their names.
-        level: The last level that is shown.
-        texts: Whether to include figures that are texts.
-    """
+    """Several results as rows of text: the header, then a row per result."""
     rows = {
         name: {
             x.label: figure(x) for x in data.shown(level) if texts or not isinstance(x.value, str)
@@ -176,14 +137,12 @@ def compare(
 
 
 def plain(data: Data) -> dict[str, Any]:
-    """A result as mappings and lists in SI units, for JSON.
-
-    Lists are truncated after 10,000 entries; `left_out` has the number of omitted entries.
-    """
+    """A result as mappings and lists in SI units, for JSON."""
+    # Lists are truncated after 10,000 entries; `left_out` has the number of omitted entries.
     figures = nest((x.name, x.value) for x in data.rows)
     for table in data.tables:
-        figures[table.name] = table.as_dicts(MOST_LISTED)
-    cut = {x.name: len(x.rows) - MOST_LISTED for x in data.tables if len(x.rows) > MOST_LISTED}
+        figures[table.name] = table.as_dicts(MAX_LISTED)
+    cut = {x.name: len(x.rows) - MAX_LISTED for x in data.tables if len(x.rows) > MAX_LISTED}
     if cut:
         figures["left_out"] = cut
     page = figures | {key: plain(part) for key, part in data.parts.items()}
@@ -217,17 +176,17 @@ def units(results: Iterable[Data]) -> dict[str, str]:
 def frame(data: Data, level: int = TABLE) -> list[dict[str, Any]]:
     """Figures of a result for the page of the Studio."""
     figures = []
-    for x in data.shown(level):
-        digits_shown, unit = split(x.figure, x.unit)
+    for row in data.shown(level):
+        digits_shown, unit = split(row.figure, row.unit)
         figures.append(
             {
-                "name": x.name,
-                "label": x.label,
-                "value": x.figure,
+                "name": row.name,
+                "label": row.label,
+                "value": row.figure,
                 "text": digits_shown,
                 "unit": unit,
             }
-            | ({"note": x.note} if x.note else {})
+            | ({"note": row.note} if row.note else {})
         )
     return figures
 

@@ -16,25 +16,18 @@ JUDGED = "verdict"
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One figure of a result, with its only name, label and unit.
+    """One figure of a result, with its only name, label and unit."""
 
-    Args:
-        name: Key in JSON and column in batches; "contour_error.rms" is the key `rms` in the
-            mapping `contour_error`.
-        value: A number, text, True or False; or numbers per joint or per name, of which the
-            largest is shown; None if unknown.
-        unit: SI unit, "1" for a fraction, "" for a count, `JUDGED` for a verdict.
-        label: Displayed name; "" for a figure in files only.
-        note: Further information, such as the time or the joint.
-        level: `VERDICT`, `FIRST`, `TABLE` or `FILE`.
-    """
-
+    # Key in JSON and column in batches; "contour_error.rms" is the key `rms` in the mapping
+    # `contour_error`.
     name: str
+    # A number, text, True or False; or numbers per joint or per name, of which the largest is
+    # shown; None if unknown.
     value: Any
-    unit: str = ""
-    label: str = ""
-    note: str = ""
-    level: int = TABLE
+    unit: str = ""  # SI unit, "1" for a fraction, "" for a count, `JUDGED` for a verdict
+    label: str = ""  # Displayed name; "" for a figure in files only
+    note: str = ""  # Further information, such as the time or the joint
+    level: int = TABLE  # `VERDICT`, `FIRST`, `TABLE` or `FILE`
 
     @property
     def figure(self) -> Any:
@@ -61,50 +54,29 @@ def nest(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Items of one kind, such as corners or moves.
+    """Items of one kind, such as corners or moves."""
 
-    Args:
-        name: Its key in JSON, and its caption.
-        columns: Name, unit and label of each column, as rows without values; names as in `Row`.
-        rows: The values, in the order of the columns; a value that is a `Row` has its own unit and
-            note.
-        level: `VERDICT`, `FIRST`, `TABLE` or `FILE`.
-    """
-
-    name: str
+    name: str  # Its key in JSON, and its caption
+    # Name, unit and label of each column, as rows without values; names as in `Row`.
     columns: tuple[Row, ...]
+    # The values, in the order of the columns; a value that is a `Row` has its own unit and note.
     rows: Sequence[Sequence[Any]]
-    level: int = FILE
+    level: int = FILE  # `VERDICT`, `FIRST`, `TABLE` or `FILE`
 
     def as_dicts(self, maximum: int | None = None) -> list[dict[str, Any]]:
-        """Rows as mappings by the names of the columns.
-
-        Args:
-            maximum: Largest number of rows; None for all.
-        """
+        """Rows as mappings by the names of the columns."""
         names = [x.name for x in self.columns]
         values = ([y.value if isinstance(y, Row) else y for y in x] for x in self.rows[:maximum])
         return [nest(zip(names, x, strict=True)) for x in values]
 
     @staticmethod
     def from_rows(name: str, rows: Sequence[Sequence[Row]]) -> Table:
-        """Table of rows with the same figures, each with its own unit and note; hidden if empty.
-
-        Args:
-            name: As in `Table`.
-            rows: The figures, row by row.
-        """
+        """Table of rows with the same figures, each with its own unit and note; hidden if empty."""
         return Table(name, tuple(rows[0]) if rows else (), rows, TABLE if rows else FILE)
 
     @staticmethod
     def from_results(name: str, results: Sequence[Data], level: int = TABLE) -> Table:
-        """Table of results with the same figures, one per row; only main figures are shown.
-
-        Args:
-            name: As in `Table`.
-            results: The results.
-            level: As in `Table`.
-        """
+        """Table of results with the same figures, one per row; only main figures are shown."""
         columns = tuple(
             replace(x, value=None, label=x.label if x.level <= FIRST else "")
             for x in (results[0].rows if results else ())
@@ -114,23 +86,15 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Data:
-    """Figures, tables and sentences of a result.
-
-    Args:
-        title: Short title.
-        rows: Figures, the most important first.
-        tables: Lists of items.
-        parts: Partial results, by their keys in JSON.
-        notes: Sentences on the result.
-        warnings: Sentences on limitations, the most severe first.
-    """
+    """Figures, tables and sentences of a result."""
 
     title: str
-    rows: tuple[Row, ...] = ()
+    rows: tuple[Row, ...] = ()  # Figures, the most important first
     tables: tuple[Table, ...] = ()
+    # Partial results, by their keys in JSON.
     parts: Mapping[str, Data] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()  # Sentences on limitations, the most severe first
 
     def __getitem__(self, name: str) -> Row:
         """Row by name; names in parts begin with the key of the part and a point."""
@@ -140,12 +104,7 @@ class Data:
         raise KeyError(name)
 
     def with_prefix(self, name: str, level: int | None = None) -> tuple[Row, ...]:
-        """Rows with a prefix and a point before their names.
-
-        Args:
-            name: The prefix.
-            level: Level for all rows; None leaves their levels unchanged.
-        """
+        """Rows with a prefix and a point before their names."""
         return tuple(
             replace(x, name=f"{name}.{x.name}", level=x.level if level is None else level)
             for x in self.rows

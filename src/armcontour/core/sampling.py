@@ -24,22 +24,13 @@ JOINT_UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
 # Length of a gap relative to the usual interval; the command in a gap is unknown.
 GAP = 3.0
 # Fraction of gaps above which the times come in bursts.
-MOST_GAPS = 0.05
+MAX_GAPS = 0.05
 # Standard deviation of normally distributed values, relative to the median of their magnitudes.
 DEVIATION_PER_MEDIAN = 1.4826
 
 
 def check_distance(t: FloatArray, describe: Place, rename: Callable[[str], str] = str) -> None:
-    """Check that times are small enough to be seconds.
-
-    Args:
-        t: Times [s], (n,).
-        describe: As in `check_samples`.
-        rename: Converts a title such as "t [ms]" to the text that the message recommends.
-
-    Raises:
-        InvalidInput: A time is too large.
-    """
+    """Check that times are small enough to be seconds."""
     distant = np.flatnonzero(np.abs(t) > LATEST)
     if len(distant):
         i = int(distant[0])
@@ -53,18 +44,7 @@ def check_distance(t: FloatArray, describe: Place, rename: Callable[[str], str] 
 
 
 def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], describe: Place) -> None:
-    """Check times and joint values of a sampled motion for possible values.
-
-    Args:
-        t: Times [s], (n,).
-        arrays: Joint positions ("q"; or "command" and "measured"), velocities "dq" and
-            accelerations "ddq", (n, dof) each.
-        describe: Function of "t" or the name of an array, the index of a row and that of a joint.
-            Returns the subject of a sentence on the value, such as "t in row 3".
-
-    Raises:
-        InvalidInput: A value is impossible.
-    """
+    """Check times and joint values of a sampled motion for possible values."""
     check_distance(t, describe)
     # The bound depends on the later time; a step back is below any bound.
     steps = np.diff(t)
@@ -114,7 +94,7 @@ def _shortest_step(t: FloatArray) -> FloatArray:
 def describe_bursts(t: FloatArray, source: str) -> str:
     """Sentence on times in bursts, such as arrival times of messages; empty for regular times."""
     steps = np.diff(t)
-    if len(steps) < 10 or np.mean(steps > GAP * np.median(steps)) < MOST_GAPS:
+    if len(steps) < 10 or np.mean(steps > GAP * np.median(steps)) < MAX_GAPS:
         return ""
     return (
         f"The times of {source} come in bursts, usually {np.median(steps):.3g} s apart, but with "
@@ -124,16 +104,7 @@ def describe_bursts(t: FloatArray, source: str) -> str:
 
 
 def interpolate(times: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
-    """Linear interpolation of several columns; constant outside the range of the samples.
-
-    Args:
-        times: Times [s], (m,).
-        t: Times of the samples, increasing [s], (n,).
-        values: The samples, (n, columns).
-
-    Returns:
-        The values, (m, columns).
-    """
+    """Columns of samples at `times`, (m, columns), linear, constant outside the range."""
     if len(times):
         # Only the needed samples are copied, so that short parts of long motions are fast.
         first, last = np.searchsorted(t, (times.min(), times.max()))
@@ -148,27 +119,16 @@ def integrate(values: FloatArray, t: FloatArray) -> float:
 
 
 def number_parts(count: IntArray) -> tuple[IntArray, IntArray]:
-    """Index of the whole that each part belongs to, and index of the part in it.
-
-    Args:
-        count: Number of parts of each whole, (n,).
-    """
+    """Index of the whole that each part belongs to, and index of the part in it."""
     whole = np.repeat(np.arange(len(count)), count)
     return whole, np.arange(len(whole)) - np.repeat(np.cumsum(count) - count, count)
 
 
 def white_noise(values: FloatArray, smoothed: bool = False, order: int = 3) -> FloatArray:
-    """Standard deviation of the white noise in regular samples of smooth motion, (...).
-
-    Computed from differences of a high order, to which smooth motion contributes little. The median
-    ignores outliers and short disturbances, such as friction at a reversal. If most differences are
-    0, as with a coarse encoder, their root mean square is used.
-
-    Args:
-        values: Samples, (n, ...).
-        smoothed: Whether the samples are means over neighbours with the weights 1/4, 1/2, 1/4.
-        order: Order of the differences.
-    """
+    """Standard deviation of the white noise in regular samples of smooth motion, (...)."""
+    # Computed from differences of a high order, to which smooth motion contributes little. The
+    # median ignores outliers and short disturbances, such as friction at a reversal. If most
+    # differences are 0, as with a coarse encoder, their root mean square is used.
     if len(values) <= order:
         return np.zeros(values.shape[1:])
     differences = np.abs(np.diff(values, order, axis=0))

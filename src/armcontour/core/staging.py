@@ -42,19 +42,7 @@ _open: dict[FilePath, FilePath | None] = {}
 
 
 class Staging:
-    """Staging folder of this process; a context manager that removes the folder at its end.
-
-    Args:
-        place: Path of the staging folder; `hidden_sibling` and `inside` give it for a destination.
-        destination: The file or folder that is made in it, for messages.
-        growing: Whether the destination is written in parts, so that it is not reported as
-            unwritten if a signal ends the program.
-
-    Raises:
-        InvalidInput: Another process uses the folder, or a killed process left an earlier result
-            in it.
-        OSError: The folder cannot be made.
-    """
+    """Staging folder of this process; a context manager that removes the folder at its end."""
 
     def __init__(self, folder: FilePath, destination: FilePath, *, growing: bool = False) -> None:
         self.folder = folder
@@ -78,14 +66,7 @@ class Staging:
                 inner.unlink()
 
     def move(self, moves: Sequence[tuple[FilePath, FilePath]]) -> None:
-        """Rename files and folders, in order; if one rename fails, all are renamed back.
-
-        Args:
-            moves: Present and new path of each; no file has a new path yet.
-
-        Raises:
-            OSError: A rename failed. If a file could not be renamed back, this folder stays.
-        """
+        """Rename files and folders, in order; if one rename fails, all are renamed back."""
         for source, _ in moves:
             source.lstat()
         with moving():
@@ -123,36 +104,20 @@ def inside(folder: FilePath) -> FilePath:
 
 @contextmanager
 def moving() -> Iterator[None]:
-    """Context in which results are moved into place; signals do not end the program meanwhile.
-
-    Only renames belong in this context, so that it is short.
-    """
+    """Context in which results are moved into place; signals do not end the program meanwhile."""
+    # Only renames belong in this context, so that it is short.
     with _placing:
         yield
 
 
 def unwritable(target: object, error: OSError) -> InvalidInput:
-    """Error for a destination that cannot be written, with a fix.
-
-    Args:
-        target: The file, or "to the folder" with its path.
-        error: The error of the system.
-    """
+    """Error for a destination that cannot be written, with a fix."""
     advice = FIXES.get(error.errno or 0, "choose another location")
     return InvalidInput(f"Cannot write {target}: {error.strerror or error}; {advice}.")
 
 
 def write_atomically(file: FilePath, write: Callable[[FilePath], object]) -> None:
-    """Write a file or folder completely, or not at all if writing fails.
-
-    Args:
-        file: The destination, which may exist.
-        write: Called with a temporary path of the same name; writes the file or folder there.
-
-    Raises:
-        InvalidInput: Another process is writing the same file.
-        OSError: The file cannot be written.
-    """
+    """Write a file or folder completely, or not at all if writing fails."""
     with Staging(hidden_sibling(file), file) as staging:
         staging.empty()
         fresh = staging.folder / file.name
@@ -167,16 +132,9 @@ def write_atomically(file: FilePath, write: Callable[[FilePath], object]) -> Non
 
 
 def abandon(patience: float) -> list[str]:
-    """Remove all staging folders before a signal ends the program.
-
-    Current moves into place are completed first. Afterwards no result can be moved into place.
-
-    Args:
-        patience: Longest time to wait for moves [s].
-
-    Returns:
-        The destinations that were not written.
-    """
+    """Remove all staging folders before a signal ends the program; return the lost files."""
+    # Current moves into place are completed first, for at most `patience` seconds. Afterwards no
+    # result can be moved into place.
     if not _placing.acquire(timeout=patience):
         # The staging folder may have the only copy of an earlier result, so it must stay.
         return []
@@ -191,11 +149,9 @@ def abandon(patience: float) -> list[str]:
 
 
 def _take(folder: FilePath, destination: FilePath) -> int | None:
-    """Create a staging folder or take over that of a killed process; returns the locked handle.
-
-    Windows and some network file systems have no locks on folders. There the process that creates
-    the folder owns it, and the handle is None.
-    """
+    """Create a staging folder or take over that of a killed process; returns the locked handle."""
+    # Windows and some network file systems have no locks on folders. There the process that creates
+    # the folder owns it, and the handle is None.
     handle, is_ours = None, True
     try:
         folder.mkdir()

@@ -15,22 +15,20 @@ from importlib import import_module
 from typing import Any
 
 # Largest number of characters of a value that a message repeats.
-MOST_SHOWN = 40
+MAX_SHOWN = 40
 # Longest message; a longer one would repeat the content of a file.
 LONGEST_SENTENCE = 2000
 
 _short = reprlib.Repr()
-_short.maxstring = _short.maxother = _short.maxlong = 4 * MOST_SHOWN
+_short.maxstring = _short.maxother = _short.maxlong = 4 * MAX_SHOWN
 # Longest text of a number; no program prints more digits.
 LONGEST = 100
 
 
 def make_printable(text: str) -> str:
-    r"""Escape every character that is not printable, as in `\x1b`.
-
-    Such characters are control characters, ends of line, characters that change the direction of
-    writing, and lone surrogates. Some control the terminal, others make names misleading.
-    """
+    r"""Escape every character that is not printable, as in `\x1b`."""
+    # Such characters are control characters, ends of line, characters that change the direction of
+    # writing, and lone surrogates. Some control the terminal, others make names misleading.
     if text.isprintable():
         return text
     return "".join(x if x.isprintable() else _escape(x) for x in text)
@@ -56,9 +54,9 @@ def shorten(text: str, maximum: int = LONGEST_SENTENCE) -> str:
 
 def show(value: Any) -> str:
     """The first characters of the `repr` of a value, for messages."""
-    text = _short.repr(value) if not isinstance(value, str) else repr(value[: MOST_SHOWN + 1])
-    long = len(value) > MOST_SHOWN if isinstance(value, str) else len(text) > MOST_SHOWN
-    return f"{text[:MOST_SHOWN]}..." if long else text
+    text = _short.repr(value) if not isinstance(value, str) else repr(value[: MAX_SHOWN + 1])
+    long = len(value) > MAX_SHOWN if isinstance(value, str) else len(text) > MAX_SHOWN
+    return f"{text[:MAX_SHOWN]}..." if long else text
 
 
 def list_some(names: Sequence[str], maximum: int) -> str:
@@ -94,13 +92,8 @@ def _escape(character: str) -> str:
 
 
 def parse_number(text: str) -> float:
-    """Parse a finite decimal number; blanks around the number are ignored.
-
-    `float` also accepts `1_0`, digits of other scripts, `nan` and `inf`; these are refused.
-
-    Raises:
-        ValueError: The text is not a finite decimal number.
-    """
+    """Parse a finite decimal number; blanks around the number are ignored."""
+    # `float` also accepts `1_0`, digits of other scripts, `nan` and `inf`; these are refused.
     if len(text) > LONGEST or not text.isascii() or "_" in text:
         raise ValueError(f"{text[:40]!r} is not a number")
     value = float(text)
@@ -121,7 +114,7 @@ def plain_number(value: Any) -> float | None:
 
 
 # Widest line and widest name of a row [characters], and most lines.
-WIDTH, WIDEST_NAME, MOST_LINES = 98, 60, 60
+WIDTH, WIDEST_NAME, MAX_LINES = 98, 60, 60
 GAP = "  "
 # Largest number of values of an array, or members of a list, that `repr` shows.
 FEW = 6
@@ -130,18 +123,9 @@ FEW = 6
 def format_table(
     title: str, rows: Iterable[Sequence[str]] = (), *, columns: str = "<", width: int = WIDTH
 ) -> str:
-    """Lay out a title and rows of aligned cells, for `print`.
-
-    Rows whose cells after the first are all empty are omitted. Long lines are wrapped; a long table
-    is truncated, and its last line states the number of omitted lines.
-
-    Args:
-        title: First line.
-        rows: The cells, the name of the row first.
-        columns: Alignment of the columns after the first, "<" or ">"; the last one applies to all
-            columns that follow.
-        width: Longest line.
-    """
+    """Lay out a title and rows of aligned cells, for `print`."""
+    # Rows whose cells after the first are all empty are omitted. Long lines are wrapped; a long
+    # table is truncated, and its last line states the number of omitted lines.
     filled = [[shorten(x[0], WIDEST_NAME), *x[1:]] for x in rows if any(x[1:])]
     widths = [max(map(len, x)) for x in zip(*filled, strict=True)]
     align = "<" + columns.ljust(len(widths), columns[-1])
@@ -151,9 +135,9 @@ def format_table(
         cells = [f"{x:{a}{w}}" for x, a, w in zip(row, align, widths, strict=False)]
         line = make_printable(GAP + GAP.join(cells)).rstrip()
         lines += textwrap.wrap(line, width, subsequent_indent=margin[: width // 2])
-    if len(lines) >= MOST_LINES:
-        others = len(lines) + 2 - MOST_LINES
-        lines[MOST_LINES - 2 :] = [f"{GAP}... and {others} more lines"]
+    if len(lines) >= MAX_LINES:
+        others = len(lines) + 2 - MAX_LINES
+        lines[MAX_LINES - 2 :] = [f"{GAP}... and {others} more lines"]
     return "\n".join([shorten(make_printable(title), WIDTH), *lines])
 
 
@@ -169,12 +153,12 @@ def to_html(value: Any) -> str:
     """The printed text of a result as an HTML table, for `_repr_html_` in notebooks."""
     title, *lines = str(value).splitlines()
     rows: list[list[str]] = []
-    for x in lines:
-        if rows and x.startswith(GAP * 3):
+    for line in lines:
+        if rows and line.startswith(GAP * 3):
             # Continuation of a wrapped line.
-            rows[-1][-1] += f" {x.strip()}"
+            rows[-1][-1] += f" {line.strip()}"
         else:
-            rows.append(re.split(f"{GAP}+", x.strip()))
+            rows.append(re.split(f"{GAP}+", line.strip()))
     cells = ("".join(f"<td>{escape(x)}</td>" for x in row) for row in rows)
     body = "".join(f"<tr>{x}</tr>" for x in cells)
     if not rows:
@@ -199,7 +183,7 @@ def draw(value: Any, kind: str = "path") -> Any:
             installed.
     """
     # Imported by name, because the report imports the results.
-    return import_module("armcontour.report.results").draw_result(value, kind)
+    return import_module("armcontour.report.result_study").draw_result(value, kind)
 
 
 def _member(value: Any, depth: int = 0) -> str:
@@ -226,33 +210,18 @@ def _members(value: Any, depth: int) -> str:
 
 
 def digits(value: float, count: int = 4) -> str:
-    """Format a number with a number of significant digits, without exponent below 10^15.
-
-    Args:
-        value: The number.
-        count: Number of significant digits.
-    """
+    """Format a number with a number of significant digits, without exponent below 10^15."""
     text = f"{value:.{count}g}"
     return f"{value:.0f}" if "e+" in text and abs(value) < 1e15 else text
 
 
 def clock(t: float, count: int = 4) -> str:
-    """Format a time in s with significant digits, to 0.1 ms for large times such as Unix time.
-
-    Args:
-        t: The time [s].
-        count: Number of significant digits of times below 1 s.
-    """
+    """Format a time in s with significant digits, to 0.1 ms for large times such as Unix time."""
     return f"{t:.{count}g}" if abs(t) < 1 else f"{t:.4f}".rstrip("0").rstrip(".")
 
 
 def format_event(t: float, s: float) -> str:
-    """Time and arc length of an extreme value, as text.
-
-    Args:
-        t: The time [s].
-        s: The arc length [m].
-    """
+    """Time [s] and arc length [m] of an extreme value, as text."""
     return f"t = {t:.3f} s, s = {digits(s)} m"
 
 
@@ -262,11 +231,7 @@ def count_noun(count: int, noun: str) -> str:
 
 
 def count_kinds(counts: Mapping[str, int]) -> str:
-    """Non-zero counts with their nouns.
-
-    Args:
-        counts: Counts by their nouns.
-    """
+    """Non-zero counts with their nouns."""
     return ", ".join(count_noun(n, what) for what, n in counts.items() if n)
 
 
@@ -277,12 +242,7 @@ def joint_label(joint: int, names: Sequence[str]) -> str:
 
 
 def joint_rows(q: Any, names: Sequence[str] = ()) -> list[tuple[str, str]]:
-    """Rows with the range of positions of each joint.
-
-    Args:
-        q: Joint positions [rad], (n, dof).
-        names: Names of the joints; by default their numbers from 1.
-    """
+    """Rows with the range of positions of each joint."""
     ends = zip(q.min(axis=0), q.max(axis=0), strict=True)
     return [
         (names[j] if names else f"joint {j + 1}", f"{low:z.4f} to {high:z.4f} rad")

@@ -14,9 +14,9 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.text import LONGEST, parse_number, show
 
 # Longest text: PyYAML's parser reads 0.3 million characters per second. Tables hold long paths.
-MOST_CHARACTERS = 16_000_000
+MAX_CHARACTERS = 16_000_000
 # Largest number of values that aliases add: an alias repeats all values of its anchor.
-MOST_ALIASED = 100_000
+MAX_ALIASED = 100_000
 # Number of characters of text that count as one value.
 CHARACTERS_PER_VALUE = 80
 FLOAT = "tag:yaml.org,2002:float"
@@ -174,17 +174,7 @@ AngleLoader.add_constructor("!radians", construct_radians)
 
 
 def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> Any:
-    """Load the YAML document in a text, or in bytes of UTF-8.
-
-    Args:
-        content: The text.
-        source: Name of the text, for messages.
-        loader: Loader class, such as one with more tags.
-
-    Raises:
-        InvalidInput: Not YAML, a repeated key, a text that is too long, or aliases that add too
-            many values.
-    """
+    """Load the YAML document in a text, or in bytes of UTF-8."""
     with _reading(content, source):
         text = _decoded(content)
         # These two classes differ only by tags, which PARSED_DIFFERENTLY excludes.
@@ -197,18 +187,8 @@ def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> An
 
 
 def load_with_node(text: str, source: str) -> tuple[Any, yaml.Node | None]:
-    """Load the YAML document in a text together with its nodes, which have the line numbers.
-
-    Args:
-        text: The text.
-        source: As in `load`.
-
-    Returns:
-        The data, and the root of the nodes, in which merged keys stay where they are written.
-
-    Raises:
-        InvalidInput: As in `load`.
-    """
+    """Load a YAML document and the root of its nodes, which have the line numbers."""
+    # In the nodes, merged keys stay where they are written.
     with _reading(text, source):
         loader = Loader(text)
         node = loader.get_single_node()
@@ -223,10 +203,10 @@ def load_with_node(text: str, source: str) -> tuple[Any, yaml.Node | None]:
 @contextmanager
 def _reading(content: str | bytes, source: str) -> Iterator[None]:
     """Context that converts errors of parsing to InvalidInput."""
-    if len(content) > MOST_CHARACTERS:
+    if len(content) > MAX_CHARACTERS:
         raise InvalidInput(
             f"{source} has {len(content) / 1e6:.0f} million characters, more than the "
-            f"limit of {MOST_CHARACTERS / 1e6:.0f} million for YAML: write a long path to a "
+            f"limit of {MAX_CHARACTERS / 1e6:.0f} million for YAML: write a long path to a "
             "separate CSV file."
         )
     try:
@@ -271,10 +251,10 @@ def _refuse_flood(root: yaml.Node) -> None:
         return sizes[id(node)]
 
     aliased = size(root) - written
-    if aliased > MOST_ALIASED:
+    if aliased > MAX_ALIASED:
         raise _wrong(
             root,
-            f"its aliases add more than {MOST_ALIASED} values: use fewer aliases",
+            f"its aliases add more than {MAX_ALIASED} values: use fewer aliases",
         )
 
 

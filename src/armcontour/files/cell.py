@@ -57,17 +57,9 @@ def read_cell(
     reading: Progress | None = None,
     trust_xacro: bool = False,
 ) -> Job:
-    """Read a cell and a drawing, and combine them into a job.
-
-    Args:
-        cell: Name of a built-in cell, or a job file. The drawing replaces the points or segments of
-            the job file; its frame and its options for reading files stay.
-        drawing: The file of the drawing.
-        path: Keys of `path` that differ from the cell's, as in a job file.
-        patch: Values by keys that replace the cell's own, as in `read_job`.
-        reading: Called with the progress of reading the drawing, as in `read_path`.
-        trust_xacro: As in `read_job`.
-    """
+    """Combine a cell or a job file with a drawing; `path` and `patch` override keys."""
+    # The drawing replaces the points or segments of a job file; its frame and its reader options
+    # stay.
     values: Patch = {("path", key): value for key, value in (path or {}).items()}
     data, source, folder = cell_data(cell, drawing, {**values, **(patch or {})})
     model = model_of(CellModel, data, source)
@@ -86,11 +78,7 @@ def read_cell_arm(cell: str | FilePath, *, trust_xacro: bool = False) -> Arm:
 
 
 def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple[Arm | None, Scene]:
-    """Read the arm and the scene of a cell, or of a job file, of which other keys may be missing.
-
-    Returns:
-        The arm, or None if the file has none; and the scene, empty without the key `scene`.
-    """
+    """The arm, or None, and the scene of a cell or of a job file without other keys."""
     text, source, folder = _text(str(cell))
     specified = read_keys(SpecifiedKeys(CellModel), load(text, source), source)
     model, path, scene = (
@@ -106,11 +94,7 @@ def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple
 def cell_data(
     cell: str | FilePath, drawing: str | FilePath, patch: Patch | None = None
 ) -> tuple[dict[str, Any], str, FilePath]:
-    """A cell and a drawing as the data of a job file.
-
-    Returns:
-        The data, the name of the cell for messages, and the folder of its relative files.
-    """
+    """Cell and drawing as the data of a job file, the cell's name, and the folder of its files."""
     text, source, folder = _text(str(cell))
     data, location = read_data(text, source), FilePath(drawing)
     drawn = _drawn(data, location, str(location.absolute()))

@@ -37,60 +37,39 @@ SKIPPED = "-"
 # Wildcards of `rename`.
 WILD = {"#": r"(\d+)", "*": "(.*)"}
 # Lines that are searched for the names of columns, and names that one message lists.
-MOST_TRIED = 1000
-MOST_NAMED = 8
+MAX_TRIED = 1000
+MAX_NAMED = 8
 # Rows per conversion: larger blocks take more memory and save no time.
 CHUNK = 1 << 14
 
 
 class Title(NamedTuple, Generic[Key]):
-    """The content of a column by its title.
+    """The content of a column by its title."""
 
-    Args:
-        key: The quantity in the column.
-        si: Its SI unit; None without one.
-        unit: The unit in the name, such as deg in q1_deg; None without one.
-        rank: If several columns hold one quantity, the one of the lowest rank is used.
-    """
-
-    key: Key
-    si: str | None
-    unit: str | None = None
-    rank: int = 0
+    key: Key  # The quantity in the column
+    si: str | None  # Its SI unit; None without one
+    unit: str | None = None  # The unit in the name, such as deg in q1_deg; None without one
+    rank: int = 0  # If several columns hold one quantity, the one of the lowest rank is used
 
 
 @dataclass(frozen=True, slots=True)
 class CsvColumn:
-    """A column, as described by its title.
+    """A column, as described by its title."""
 
-    Args:
-        index: Index of the column, from 0.
-        title: The title as in the file.
-        unit: The unit as in the title; None without one.
-        factor: Factor from the unit to SI units; 1 without a unit.
-        rank: As in `Title`.
-    """
-
-    index: int
-    title: str
-    unit: str | None
-    factor: float
-    rank: int
+    index: int  # Index of the column, from 0
+    title: str  # The title as in the file
+    unit: str | None  # The unit as in the title; None without one
+    factor: float  # Factor from the unit to SI units; 1 without a unit
+    rank: int  # As in `Title`
 
 
 @dataclass(slots=True)
 class Digits:
-    """Printed digits of the numbers in a column.
-
-    Args:
-        places: Largest number of decimals.
-        digits: Largest number of significant digits.
-        highest: Power of ten of the first digit of the largest number.
-    """
+    """Printed digits of the numbers in a column."""
 
     places: int = -99
-    digits: int = 0
-    highest: float = -math.inf
+    digits: int = 0  # Largest number of significant digits
+    highest: float = -math.inf  # Power of ten of the first digit of the largest number
 
     def add(self, texts: Sequence[str]) -> None:
         """Update the counts with the digits of numbers."""
@@ -107,11 +86,9 @@ class Digits:
 
 
 def last_digit(columns: Sequence[Digits]) -> float:
-    """Value of the last printed digit of the largest number, for numbers of one print format.
-
-    Zeros that a format cuts off at the end do no harm: the number of digits is the largest over
-    all numbers, both after the decimal point and in total.
-    """
+    """Value of the last printed digit of the largest number, for numbers of one print format."""
+    # Zeros that a format cuts off at the end do no harm: the number of digits is the largest over
+    # all numbers, both after the decimal point and in total.
     decimals = max(x.places for x in columns)
     digits, highest = max(x.digits for x in columns), max(x.highest for x in columns)
     return float(
@@ -121,33 +98,20 @@ def last_digit(columns: Sequence[Digits]) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CsvTable(Generic[Key]):
-    """A table in CSV: the known columns, and one line per row.
+    """A table in CSV: the known columns, and one line per row."""
 
-    Args:
-        source: Name of the file, for messages.
-        heading: File and line of the titles, for messages.
-        example: Titles of such a table, for messages.
-        option: The option that names columns, for messages; empty without one.
-        columns: The known columns by their quantities, in the order of the file.
-        unknown: Titles of the other columns.
-        separator: The character between cells.
-        width: Number of columns.
-        lines: The lines of the rows; blank lines and comments are omitted.
-        numbers: Numbers of these lines in the file, from 1.
-        comments: Lines that start with #.
-    """
-
-    source: str
-    heading: str
-    example: str
-    option: str
+    source: str  # Name of the file, for messages
+    heading: str  # File and line of the titles, for messages
+    example: str  # Titles of such a table, for messages
+    option: str  # The option that names columns, for messages; empty without one
+    # The known columns by their quantities, in the order of the file.
     columns: Mapping[Key, CsvColumn]
-    unknown: tuple[str, ...]
+    unknown: tuple[str, ...]  # Titles of the other columns
     separator: str
     width: int
-    lines: list[str]
-    numbers: list[int]
-    comments: list[str]
+    lines: list[str]  # The lines of the rows; blank lines and comments are omitted
+    numbers: list[int]  # Numbers of these lines in the file, from 1
+    comments: list[str]  # Lines that start with #
 
     def need(self, *keys: Key) -> None:
         """Refuse a table without some columns."""
@@ -155,7 +119,7 @@ class CsvTable(Generic[Key]):
         if missing is None:
             return
         also = f", also with {self.rename(str(missing), 'NAME')}" if self.option else ""
-        unknown = list_some([show(x) for x in self.unknown], MOST_NAMED)
+        unknown = list_some([show(x) for x in self.unknown], MAX_NAMED)
         other = f" The columns {unknown} are not known." if unknown else ""
         raise InvalidInput(
             f"{self.heading}: the column {missing} is missing: name the columns, such as "
@@ -199,10 +163,8 @@ class CsvTable(Generic[Key]):
             yield first, [[row[i] for row in rows] for i in indices]
 
     def read(self, keys: Sequence[Key]) -> tuple[FloatArray, list[Digits]]:
-        """The numbers of some columns in SI units, (rows, columns), and their printed digits.
-
-        Empty cells are NaN.
-        """
+        """The numbers of some columns in SI units, (rows, columns), and their printed digits."""
+        # Empty cells are NaN.
         if not self.lines:
             raise InvalidInput(f"{self.source} has column names, but no rows with numbers.")
         values = np.empty((len(self.lines), len(keys)))
@@ -250,24 +212,11 @@ def read_table(
     columns: str | None = None,
     option: str = "",
 ) -> CsvTable[Key]:
-    """The table in CSV text with commas, semicolons, tabs or blanks between cells.
-
-    Lines that start with # are comments, and so are those above the titles. A unit follows a title
-    in brackets, `q1 [deg]`, or is a part of the name, such as `q1_deg`. A second line that has only
-    units belongs to the titles. Numbers may have a decimal comma, with other separators or in
-    quotes.
-
-    Args:
-        text: The text.
-        source: Name of the file, for messages.
-        title_of: Takes a title without brackets, and whether a unit in brackets follows. Gives the
-            content of the column; None if it is unknown.
-        example: Valid titles, for messages.
-        columns: Titles, separated by commas, for a file without a line of titles or in place of the
-            lines before the first one with a number; or new names of some columns, as `rename`
-            takes them.
-        option: The option with these, for messages; empty without one.
-    """
+    """The table in CSV text with commas, semicolons, tabs or blanks between cells."""
+    # Lines that start with # are comments, and so are those above the titles. A unit follows a
+    # title in brackets, `q1 [deg]`, or is a part of the name, such as `q1_deg`. A second line that
+    # has only units belongs to the titles. Numbers may have a decimal comma, with other separators
+    # or in quotes.
     # Not `splitlines`, which also splits at characters that are allowed in a cell.
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     numbered = [(k, x) for k, x in enumerate(lines, start=1) if x.lstrip()[:1] not in ("", "#")]
@@ -321,7 +270,7 @@ def _first_line(numbered: Sequence[tuple[int, str]], count: int | None) -> int:
         of_count = (len(x) == count and any(map(NUMBER.fullmatch, x)) for x in every)
         return next((k for k, sample in enumerate(of_count) if sample), 0)
     # The titles are as many as the cells of the first sample.
-    for k, line in enumerate(lines[:MOST_TRIED]):
+    for k, line in enumerate(lines[:MAX_TRIED]):
         separator = next((x for x in ";\t," if x in line), None)
         cells = _cells(line, separator)
         if len(cells) > 1 and all(NUMBER.fullmatch(x.replace(",", ".")) for x in cells[:2]):
@@ -363,14 +312,8 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 
 def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
-    """Names of columns or joints with new ones in the place of some.
-
-    Args:
-        names: The names.
-        pairs: `NEW=NAME`, separated by commas. A # matches a number and a * any text;
-            NEW repeats the matched text, as in `q# [deg]=joint_#`.
-        source: Name of the file, for messages.
-    """
+    """Replace names of columns or joints by pairs `q# [deg]=joint_#`, separated by commas."""
+    # A # matches a number and a * any text; NEW repeats the matched text.
     renamed = list(names)
     for pair in pairs.split(","):
         new, _, old = map(str.strip, pair.partition("="))
@@ -386,7 +329,7 @@ def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
         if not matches:
             raise InvalidInput(
                 f"{source} has no column or joint {show(old)} to rename: it has "
-                f"{list_some([show(x) for x in names], MOST_NAMED)}."
+                f"{list_some([show(x) for x in names], MAX_NAMED)}."
             )
         for i, match in matches.items():
             parts = iter(match.groups())

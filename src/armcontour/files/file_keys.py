@@ -123,15 +123,10 @@ class MappingKeys(KeyMark):
 
 @dataclass(frozen=True, slots=True)
 class SpecifiedKeys(KeyMark):
-    """Annotation of a dictionary of only those fields of a dataclass that a file gives.
-
-    Args:
-        target: The dataclass.
-        null: Whether every key may be `null`.
-    """
+    """Annotation of a dictionary of only those fields of a dataclass that a file gives."""
 
     target: type
-    null: bool = False
+    null: bool = False  # Whether every key may be `null`
 
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
         """The pydantic schema that checks the specified keys."""
@@ -141,19 +136,13 @@ class SpecifiedKeys(KeyMark):
 
 @dataclass(frozen=True, slots=True)
 class Methods(KeyMark):
-    """Annotation of one of several dataclasses, which the key `method` names.
-
-    Args:
-        text: Description of the keys.
-        method: Description of the key `method`.
-        kinds: The dataclasses, each with the name of its method; the first one is the default.
-        more: Further annotations of the key `method`.
-    """
+    """Annotation of one of several dataclasses, which the key `method` names."""
 
     text: str
-    method: str
+    method: str  # Description of the key `method`
+    # The dataclasses, each with the name of its method; the first one is the default.
     kinds: tuple[Any, ...]
-    more: tuple[Any, ...] = ()
+    more: tuple[Any, ...] = ()  # Further annotations of the key `method`
 
     @property
     def keys(self) -> list[str]:

@@ -109,19 +109,15 @@ TENSOR = [[0, 1, 2], [1, 3, 4], [2, 4, 5]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Form:
-    """Differences between the keys of a file and the fields of their dataclass.
+    """Differences between the keys of a file and the fields of their dataclass."""
 
-    Args:
-        names: Keys with another name than the field, by the fields.
-        types: Annotations of keys with another type than the field, by the fields.
-        defaults: Defaults of such keys, by the fields.
-        texts: Descriptions of such keys, by the fields.
-        omit: Fields without a key.
-    """
-
+    # Keys with another name than the field, by the fields.
     names: Mapping[str, str] = field(default_factory=dict)
+    # Annotations of keys with another type than the field, by the fields.
     types: Mapping[str, Any] = field(default_factory=dict)
+    # Defaults of such keys, by the fields.
     defaults: Mapping[str, Any] = field(default_factory=dict)
+    # Descriptions of such keys, by the fields.
     texts: Mapping[str, str] = field(default_factory=dict)
     omit: frozenset[str] = frozenset()
 

@@ -10,15 +10,9 @@ import numpy as np
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.core.text import show
-from armcontour.files.job_model import (
-    ArmModel,
-    FrameModel,
-    JobModel,
-    TableToolModel,
-    ToolModel,
-)
+from armcontour.files.job_model import ArmModel, FrameModel, JobModel, TableToolModel, ToolModel
+from armcontour.files.robots.arm_options import DESCRIPTIONS, MJCF
 from armcontour.files.robots.loading import load_arm, with_more_shapes
-from armcontour.files.robots.options import DESCRIPTIONS, MJCF
 from armcontour.files.scene_file import assumed_tool, more_link_shapes, rotation_of, tool_shapes
 from armcontour.geometry import Path
 from armcontour.program import Program

@@ -36,18 +36,14 @@ REMOVE: Final = Remove.REMOVE
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A change of one key of a job file: a value that is set, inserted into a list, or removed.
+    """A change of one key of a job file: a value that is set, inserted into a list, or removed."""
 
-    Args:
-        keys: The keys of the value, from the outermost; a number is a position in a list, from
-            0, or the key of a mapping.
-        value: The new value; `REMOVE` removes the key or the item, if it exists.
-        insert: Whether the value becomes a new item of a list, before the item at this position;
-            the position after the last item is allowed.
-    """
-
+    # The keys of the value, from the outermost; a number is a position in a list, from 0, or the
+    # key of a mapping.
     keys: Keys
-    value: Any = REMOVE
+    value: Any = REMOVE  # The new value; `REMOVE` removes the key or the item, if it exists
+    # Whether the value becomes a new item of a list, before the item at this position; the position
+    # after the last item is allowed.
     insert: bool = False
 
 

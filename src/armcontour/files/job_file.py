@@ -21,12 +21,7 @@ from armcontour.core.text import show
 from armcontour.core.yaml_loader import load
 from armcontour.files.file_keys import MappingKeys, read_keys, schema_of
 from armcontour.files.job_arm import arm_of, arm_with_tool
-from armcontour.files.job_model import (
-    ExperimentModel,
-    JobModel,
-    PathModel,
-    RunModel,
-)
+from armcontour.files.job_model import ExperimentModel, JobModel, PathModel, RunModel
 from armcontour.files.job_path import part_of, path_of
 from armcontour.files.problems import Patch
 from armcontour.files.scene_file import scene_of
@@ -52,6 +47,10 @@ def read_job(
 ) -> Job:
     """Read a job from a YAML file.
 
+    >>> job = ac.read_job("job.yaml")
+    >>> job.name
+    'corner'
+
     Args:
         file: The file.
         patch: Values by keys that replace the file's own, such as {("limits", "speed"): 0.2}.
@@ -75,11 +74,7 @@ def read_job(
 
 
 def job_text(file: FilePath) -> str:
-    """Read the text of a job file.
-
-    Raises:
-        InvalidInput: No such file, no regular file, a file that is too large, or no text.
-    """
+    """Read the text of a job file."""
     return read_text(file, "job file")
 
 
@@ -118,11 +113,7 @@ def parse_job(
 
 
 def read_data(text: str, source: str) -> dict[str, Any]:
-    """Read the data of a job file, whose keys are not checked.
-
-    Raises:
-        InvalidInput: Not YAML, or no mapping.
-    """
+    """Read the data of a job file, whose keys are not checked."""
     data = load(text, source)
     if not isinstance(data, dict):
         raise InvalidInput(
@@ -132,11 +123,7 @@ def read_data(text: str, source: str) -> dict[str, Any]:
 
 
 def model_of(kind: type[Model], data: Mapping[str, Any], source: str) -> Model:
-    """Check the keys of a job.
-
-    Raises:
-        InvalidInput: An unknown key, or an invalid value.
-    """
+    """Check the keys of a job."""
     model: Model = read_keys(MappingKeys(kind), data, source)
     return model
 
@@ -156,11 +143,7 @@ def job_of(
     trust_xacro: bool,
     drawing: Program | None = None,
 ) -> Job:
-    """Make the job of a job file; reads its arm and its drawing.
-
-    Raises:
-        InvalidInput: Values that do not make a job.
-    """
+    """Make the job of a job file; reads its arm and its drawing."""
     parts = parts_of(model, folder, reading, trust_xacro=trust_xacro, drawing=drawing)
     return assemble_job(model, *parts)
 
@@ -173,11 +156,7 @@ def parts_of(
     trust_xacro: bool = False,
     drawing: Program | None = None,
 ) -> tuple[Arm, Path | Program, Scene | None]:
-    """Make the parts of a job that need other files: its arm, its path and its scene.
-
-    Raises:
-        InvalidInput: Files or values that do not make them.
-    """
+    """Make the parts of a job that need other files: its arm, its path and its scene."""
     arm = arm_of(model.arm, folder, trust_xacro=trust_xacro)
     drawn = path_of(model.path, folder, arm.dimension, reading, drawing)
     used = arm_with_tool(model, drawn)
@@ -200,11 +179,7 @@ def _seed(seed: list[float] | dict[str, float], arm: Arm) -> FloatArray:
 
 
 def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None) -> Job:
-    """Make the job of a job file from its keys and its arm, path and scene.
-
-    Raises:
-        InvalidInput: Values that do not make a job.
-    """
+    """Make the job of a job file from its keys and its arm, path and scene."""
     path, process = add_process(drawn, model.process, model.path)
     servo = _servo("servo", model.servo, arm)
     if model.experiment is not None:
@@ -332,11 +307,7 @@ def _check_run_names(key: str, names: Sequence[str], job: JobModel) -> None:
 def add_process(
     path: Path | Program, process: Process | None, drawing: PathModel
 ) -> tuple[Path | Program, Process]:
-    """The path or program of a job, and its process.
-
-    Raises:
-        InvalidInput: Invalid values of the process.
-    """
+    """The path or program of a job, and its process."""
     if drawing.file is None and process is None:
         return path, Process()
     program = Program.from_path(path)

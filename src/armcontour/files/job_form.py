@@ -154,10 +154,8 @@ def form_text() -> str:
 
 
 def _groups() -> dict[str, list[Field]]:
-    """The fields of each group, with their keys as `at`.
-
-    If groups list single keys of a mapping, its other keys are fields of the mapping's group.
-    """
+    """The fields of each group, with their keys as `at`."""
+    # If groups list single keys of a mapping, its other keys are fields of the mapping's group.
     schema = json_schema()
     tree = _fields(schema, schema["$defs"])
     run = _fields(schema["$defs"]["RunModel"], schema["$defs"])
@@ -214,11 +212,9 @@ def _fields(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> list[Field]:
 
 
 def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Field:
-    """A field: its name, text, unit, example, default, and what it takes.
-
-    The field has `choices`, `fields` of a mapping, `each` value of a mapping by name, `items`
-    of a list of mappings, a `list`, plain numbers only (`plain`), or a `tick`.
-    """
+    """A field: its name, text, unit, example, default, and what it takes."""
+    # The field has `choices`, `fields` of a mapping, `each` value of a mapping by name, `items` of
+    # a list of mappings, a `list`, plain numbers only (`plain`), or a `tick`.
     parts = list(_parts(schema, defs))
     text = str(schema.get("description") or parts[0].get("description", ""))
     unit = UNIT.search(text)
@@ -272,7 +268,7 @@ def _parts(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Iterator[Mappi
     if "anyOf" in schema:
         if "examples" in schema:
             yield {"examples": schema["examples"]}
-        for x in schema["anyOf"]:
-            yield from _parts(x, defs)
+        for part in schema["anyOf"]:
+            yield from _parts(part, defs)
     elif schema.get("type") != "null":
         yield schema

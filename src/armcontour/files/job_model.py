@@ -26,7 +26,7 @@ from armcontour.core.text import show
 from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.files.file_keys import Methods, SpecifiedKeys
 from armcontour.files.forms import FORMS, Form, Place, Point
-from armcontour.files.robots.options import ArmOptions
+from armcontour.files.robots.arm_options import ArmOptions
 from armcontour.files.scene_file import BodiesModel, Direction, RotationModel, SceneModel
 from armcontour.files.units import parse_quantity
 from armcontour.geometry import SegmentLimits
@@ -284,8 +284,10 @@ class PathModel(ReadOptions):
     file: str | None = None
     frame: Annotated[
         FrameModel | None,
-        About("--at", POSITION, "Origin of the drawing: '300 mm, 0 mm'.", "to_point", "position"),
-        About("--turn", POSITION, "Roll, pitch, yaw: '0, 0, 90 deg'.", "to_quantities", "rpy"),
+        About(
+            "--position", POSITION, "Origin of the drawing: '300 mm, 0 mm'.", "to_point", "position"
+        ),
+        About("--rpy", POSITION, "Roll, pitch, yaw: '0, 0, 90 deg'.", "to_quantities", "rpy"),
     ] = None
     repeat: RepeatModel | None = None
     tool: Annotated[str | None, About("--only-tool", POSITION)] = None

@@ -14,12 +14,7 @@ from armcontour.core.frames import Frame
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.read_options import FARTHEST, ReadOptions
 from armcontour.files.job_arm import frame_of
-from armcontour.files.job_model import (
-    OrientationModel,
-    PathModel,
-    RepeatModel,
-    SegmentModel,
-)
+from armcontour.files.job_model import OrientationModel, PathModel, RepeatModel, SegmentModel
 from armcontour.files.problems import key_text
 from armcontour.files.scene_file import rotation_of
 from armcontour.geometry import Arc, Line, Path, SegmentLimits
@@ -102,8 +97,8 @@ def _check_planar(model: PathModel, program: Program) -> None:
     if program.dimension == 3:
         raise InvalidInput(
             f"path.file: {program.source} has z, but the arm moves its tool in the plane: "
-            "leave z out with path.flat: true (on the command line --flat), or take an arm in "
-            "space."
+            "leave z out with path.ignore_z: true (on the command line --ignore-z), or take an arm "
+            "in space."
         )
     if model.orientation is not None:
         raise InvalidInput("path.orientation: only an arm in space can orient its tool.")

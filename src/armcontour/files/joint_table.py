@@ -67,24 +67,19 @@ AXES = ("x", "y", "z")
 TOOL_WORDS = ("tool", "tcp", "actual", "measured", "position", "pos")
 LENGTHS = ("m", "mm", "um", "cm")
 # Longest number of a joint.
-MOST_DIGITS = 9
+MAX_DIGITS = 9
 # SI units of the kinds of columns.
 SI = {"t": "s", "fraction": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
 
 
 class Key(NamedTuple):
-    """The quantity of a column of joint motion.
+    """The quantity of a column of joint motion."""
 
-    Args:
-        kind: "t", "fraction" (of the second, in a separate column), "q", "dq" or "ddq"; "x", "y"
-            or "z" of the tool.
-        role: "command" or "measured"; empty for times.
-        joint: Number of the joint as in the file, or its name; empty for times.
-    """
-
+    # "t", "fraction" (of the second, in a separate column), "q", "dq" or "ddq"; "x", "y" or "z" of
+    # the tool.
     kind: str
-    role: str = ""
-    joint: str = ""
+    role: str = ""  # "command" or "measured"; empty for times
+    joint: str = ""  # Number of the joint as in the file, or its name; empty for times
 
     def __str__(self) -> str:
         """A title of the column, for messages."""
@@ -140,7 +135,7 @@ def read_joint_title(
     if not joint and kind == "q":
         return Title(Key("q", roles[-1] if roles else "measured", "1"), "rad", unit, 2)
     of_tool = not (kind or named) and joint.lower() in TOOL_ANGLES
-    if not joint or of_tool or (joint.isdigit() and len(joint) > MOST_DIGITS):
+    if not joint or of_tool or (joint.isdigit() and len(joint) > MAX_DIGITS):
         return None
     # Motors are no joints, and the state of a drive is preferred to the copy of a command.
     rank = (roles.count("command") > 1) + any(x.text.lower() == "theta" for x in words)
@@ -246,30 +241,20 @@ FEW = 10
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrajectoryFile(Checked):
-    """The joint motion of a file, in SI units.
-
-    Args:
-        source: Name of the file.
-        t: Times [s], (n,).
-        q: Joint positions [rad], (n, dof).
-        dq, ddq: Joint velocities [rad/s] and accelerations [rad/s²], (n, dof); None without them.
-        command: Set-points [rad], (n, dof); None without them.
-        resolution: Value of the last printed digit of "t", "q", "dq", "ddq" [SI].
-        joints: Names of the joints, as the file has them.
-        left_out: Titles of columns that are not used.
-        notes: Notes on recognised and omitted content of the file.
-    """
+    """The joint motion of a file, in SI units."""
 
     source: str
-    t: FloatArray
-    q: FloatArray
+    t: FloatArray  # Times [s], (n,)
+    q: FloatArray  # Joint positions [rad], (n, dof)
+    # Joint velocities [rad/s] and accelerations [rad/s²], (n, dof); None without them.
     dq: FloatArray | None = None
     ddq: FloatArray | None = None
-    command: FloatArray | None = None
+    command: FloatArray | None = None  # Set-points [rad], (n, dof); None without them
+    # Value of the last printed digit of "t", "q", "dq", "ddq" [SI].
     resolution: Mapping[str, float] = field(default_factory=dict)
-    joints: tuple[str, ...] = ()
-    left_out: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()  # Names of the joints, as the file has them
+    left_out: tuple[str, ...] = ()  # Titles of columns that are not used
+    notes: tuple[str, ...] = ()  # Notes on recognised and omitted content of the file
 
     @property
     def straight(self) -> Trajectory:
@@ -281,21 +266,13 @@ class TrajectoryFile(Checked):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TableSamples:
-    """Samples of some columns, in SI units.
+    """Samples of some columns, in SI units."""
 
-    Args:
-        t: Times [s], (n,).
-        values: Values, (n, columns).
-        digit: Value of the last printed digit of the times [s].
-        digits: Printed digits per column.
-        notes: Notes on recognised and omitted content.
-    """
-
-    t: FloatArray
-    values: FloatArray
-    digit: float
+    t: FloatArray  # Times [s], (n,)
+    values: FloatArray  # Values, (n, columns)
+    digit: float  # Value of the last printed digit of the times [s]
     digits: Sequence[Digits]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # Notes on recognised and omitted content
 
 
 def read_csv_text(file: str | FilePath, kind: str, topic: str | None = None) -> str:
@@ -307,10 +284,8 @@ def read_csv_text(file: str | FilePath, kind: str, topic: str | None = None) -> 
 
 
 def joints_of(table: CsvTable[Key], kind: str, role: str) -> list[str]:
-    """Joints with columns of a kind and role: in the order of their numbers, or of the file.
-
-    Joints with names are omitted where others have numbers.
-    """
+    """Joints with columns of a kind and role: in the order of their numbers, or of the file."""
+    # Joints with names are omitted where others have numbers.
     every = [x.joint for x in table.columns if (x.kind, x.role) == (kind, role)]
     numbers = sorted((x for x in every if x.isdigit()), key=lambda x: (len(x), x))
     return numbers or every
@@ -319,17 +294,9 @@ def joints_of(table: CsvTable[Key], kind: str, role: str) -> list[str]:
 def read_samples(
     table: CsvTable[Key], keys: Sequence[Key], start: float = -math.inf, end: float = math.inf
 ) -> TableSamples:
-    """Read the times and some columns.
-
-    Rows that repeat the one before are omitted, and those with cells of other columns only.
-    Rounded times that agree with even steps are replaced by these.
-
-    Args:
-        table: The table.
-        keys: The columns, at least one.
-        start: First time that is needed [s].
-        end: Last time that is needed [s].
-    """
+    """Read the times and some columns."""
+    # Rows that repeat the one before are omitted, and those with cells of other columns only.
+    # Rounded times that agree with even steps are replaced by these.
     times = [x for x in (TIME, FRACTION) if x in table.columns]
     if not times:
         table.need(TIME)
@@ -388,14 +355,7 @@ def _filled_rows(
 def tidy_times(
     t: FloatArray, values: FloatArray, digit: float, source: str
 ) -> tuple[FloatArray, IntArray, tuple[str, ...]]:
-    """Times without repeated rows and without rounding, the rows that they belong to, and notes.
-
-    Args:
-        t: Times [s], (n,).
-        values: Values at these times, (n, columns).
-        digit: Value of the last digit of the times [s].
-        source: Name of the file.
-    """
+    """Times without repeated rows and without rounding, the rows that they belong to, and notes."""
     again = np.zeros(len(t), dtype=bool)
     again[1:] = (np.diff(t) == 0) & (np.diff(values, axis=0) == 0).all(axis=1)
     # A clock that does not advance is refused later.

@@ -16,7 +16,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.text import list_some, show
-from armcontour.files.csv_table import MOST_NAMED, CsvTable, read_table
+from armcontour.files.csv_table import MAX_NAMED, CsvTable, read_table
 from armcontour.files.joint_table import (
     AXES,
     Key,
@@ -62,6 +62,10 @@ def read_log(
     Of a bag, of storage mcap or sqlite3, the state of a joint trajectory controller is read: its
     reference (or desired) and feedback (or actual) positions. Its times begin at zero.
 
+    >>> log = ac.read_log("log.csv")
+    >>> log.measured.shape == (len(log.t), 1)
+    True
+
     Args:
         file: The file: `.mcap`, `.db3` or a folder for ROS, else CSV.
         start: First time to use [s].
@@ -89,23 +93,9 @@ def read_run_log(
     topic: str | None = None,
     commanded: bool = False,
 ) -> Log | Recording:
-    """Read the log of one run of a robot, from which the next run is learned.
-
-    It is a log as `read_log` takes it, or CSV with measured positions alone. Joints with the names
-    of the arm, also with a prefix, get the order of the arm; others keep their order.
-
-    Args:
-        file: As in `read_log`.
-        joint_names: Names of the arm's joints.
-        window: First and last time to use [s].
-        unwrap: Whether to undo jumps of whole turns.
-        columns: As in `read_log`.
-        topic: As in `read_log`.
-        commanded: Whether set-points are needed.
-
-    Raises:
-        InvalidInput: As in `read_log`.
-    """
+    """Read the log of one run of a robot, from which the next run is learned."""
+    # It is a log as `read_log` takes it, or CSV with measured positions alone. Joints with the
+    # names of the arm, also with a prefix, get the order of the arm; others keep their order.
     from armcontour.control.learning import Recording
 
     log, has_commands = _read(
@@ -127,10 +117,8 @@ def _read(
     *,
     commanded: bool,
 ) -> tuple[Log, bool]:
-    """The log in a file, and whether it has commands; else they are the measured positions.
-
-    Logs without commands are refused if `commanded`.
-    """
+    """The log in a file, and whether it has commands; else they are the measured positions."""
+    # Logs without commands are refused if `commanded`.
     if is_ros_file(file):
         motion, interpolation = read_ros_log(file, topic, columns), None
     else:
@@ -148,8 +136,8 @@ def _read(
         motion.t,
         motion.q if motion.command is None else motion.command,
         motion.q,
-        *window,
-        [f"joint {x}" if x.isdigit() else x for x in motion.joints],
+        window,
+        joint_names=tuple(f"joint {x}" if x.isdigit() else x for x in motion.joints),
         interpolation=interpolation,
         source=motion.source,
         unwrap=unwrap,
@@ -207,26 +195,16 @@ def _pair(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[list[str]
         titles = [show(table.columns[x].title) for x in single if x.role == role]
         if titles:
             notes.append(
-                f"{list_some(titles, MOST_NAMED)} of {table.source} "
+                f"{list_some(titles, MAX_NAMED)} of {table.source} "
                 f"{'has' if len(titles) == 1 else 'have'} no {other} column: skipped."
             )
     return pairs, notes
 
 
 def read_tool_positions(file: str | FilePath, dimension: int) -> tuple[FloatArray, FloatArray]:
-    """Read positions of the tool over time from a CSV file, as a tracker measured them.
-
-    The first line names the columns: `t`, `x`, `y` and, of a tool in space, `z`, also as
-    `tool x` or `tcp_x`. Units are SI unless in brackets or a suffix: `t [ms]`, `x [mm]`, `x_mm`.
-    Other columns are omitted. Positions are those of the tool point in the frame of the job's
-    path. Times, separators and comments are as in `read_log`.
-
-    Returns:
-        Times [s], (n,), and positions [m], (n, dimension).
-
-    Raises:
-        InvalidInput: A file of another form; names file and line.
-    """
+    """Times [s], (n,), and tool points [m], (n, dimension), that a tracker measured, from a CSV."""
+    # Columns are `t`, `x`, `y` and, in space, `z`, also as `tool x` or `tcp_x`; units are SI unless
+    # the title has one. Positions are those of the tool point in the frame of the job's path.
     axes = AXES[:dimension]
     example = f"t,{','.join(axes)} or t [ms],{','.join(f'{x} [mm]' for x in axes)}"
     text = read_csv_text(file, "file of tool positions")

@@ -18,9 +18,9 @@ from armcontour.robot.scene import LARGEST, SMALLEST, Mesh
 
 MESHES = (".stl", ".obj")
 # Largest number of triangles: a scan of a whole machine; distances of more take minutes.
-MOST_TRIANGLES = 2_000_000
+MAX_TRIANGLES = 2_000_000
 # Two million triangles of ASCII STL take about this much [bytes].
-MOST_BYTES = 600 * file_access.MEGABYTE
+MAX_BYTES = 600 * file_access.MEGABYTE
 # Binary STL: a header with the number of triangles, and triangles of twelve numbers and two bytes.
 HEADER, RECORD = 84, 50
 VERTEX = re.compile(rb"^\s*vertex[ \t]+(.*)$", re.MULTILINE)
@@ -56,7 +56,7 @@ def read_mesh(
             "programs for meshes convert others."
         )
     factor = 1.0 if unit is None else _factor(unit, location)
-    content = file_access.read_bytes(location, "mesh", maximum=MOST_BYTES)
+    content = file_access.read_bytes(location, "mesh", maximum=MAX_BYTES)
     points, triangles = (_read_stl if kind == ".stl" else _read_obj)(content, str(location))
     points = points * factor * (1.0 if scale is None else np.asarray(scale))
     if unit is None and scale is None:
@@ -205,9 +205,9 @@ def _check_triangle_count(count: int, source: str) -> None:
     """Check the number of triangles of a mesh."""
     if count == 0:
         raise InvalidInput(f"The mesh {source} has no triangles: export it again.")
-    if count > MOST_TRIANGLES:
+    if count > MAX_TRIANGLES:
         raise InvalidInput(
-            f"The mesh {source} has {count:,} triangles, more than the {MOST_TRIANGLES:,} that are "
+            f"The mesh {source} has {count:,} triangles, more than the {MAX_TRIANGLES:,} that are "
             "read: export it coarser."
         )
 

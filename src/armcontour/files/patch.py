@@ -71,13 +71,7 @@ def full_key(keys: Keys) -> Keys:
 
 
 def locate_key(keys: Keys, data: Any, run: str | None = None) -> Keys:
-    """The keys at which a value is set: in the run if it has the value, else in the job.
-
-    Args:
-        keys: The keys, such as ("limits", "speed"); numbers may be texts.
-        data: The data of the job file.
-        run: Name of the run that sees the value; by default the value is the job's.
-    """
+    """The keys at which a value is set: in the run if it has the value, else in the job."""
     runs = value_at(data, ("runs",))
     if keys[0] == "runs" and isinstance(runs, Mapping) and (len(keys) < 2 or keys[1] not in runs):
         names = [str(x) for x in runs]

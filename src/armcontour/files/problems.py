@@ -98,10 +98,8 @@ def key_text(keys: Sequence[int | str]) -> str:
 
 
 def _rank(problem: Any) -> tuple[bool, bool, bool, int]:
-    """Rank of a problem: wrong values first, then unknown keys, then the deepest location.
-
-    That a list has too many entries comes before that it is no number, which it might be as well.
-    """
+    """Rank of a problem: wrong values first, then unknown keys, then the deepest location."""
+    # That a list has too many entries comes before that it is no number, which it might be as well.
     kind = problem["type"]
     is_length = kind in ("too_short", "too_long")
     return kind in OF_VALUES, is_length, kind == "extra_forbidden", len(_keys(problem))
@@ -182,8 +180,8 @@ def _alternatives(schema: Mapping[str, Any], kind: Any) -> Iterator[Any]:
     """All alternatives of a part of a schema."""
     if "$ref" in kind:
         kind = schema["$defs"][kind["$ref"].rpartition("/")[2]]
-    for x in kind.get("anyOf", ()):
-        yield from _alternatives(schema, x)
+    for alternative in kind.get("anyOf", ()):
+        yield from _alternatives(schema, alternative)
     yield kind
 
 

@@ -36,7 +36,7 @@ SUMMARY = "summary.json"
 # Names and checksums of the written files: --force removes only files with these checksums.
 MANIFEST = ".armcontour.json"
 # Largest number of files in a message.
-MOST_NAMED = 3
+MAX_NAMED = 3
 
 
 class ResultFolder:
@@ -148,7 +148,7 @@ class ResultFolder:
         changed = [x for x in files if not _is_unchanged(self._target / x, written.get(x))]
         if changed:
             raise InvalidInput(
-                f"In the folder {self.folder}, {list_some(sorted(changed), MOST_NAMED)} changed "
+                f"In the folder {self.folder}, {list_some(sorted(changed), MAX_NAMED)} changed "
                 "since armcontour wrote the result, or are not of it: move them elsewhere, or "
                 "choose another --out."
             )
@@ -195,10 +195,8 @@ def _names_in(folder: FilePath) -> set[str]:
 
 
 def _files_below(folder: FilePath, name: str) -> list[str]:
-    """Names, relative to a folder, of a file in it or of all files below a folder in it.
-
-    Links count as files.
-    """
+    """Names, relative to a folder, of a file in it or of all files below a folder in it."""
+    # Links count as files.
     location = folder / name
     if location.is_symlink() or not location.is_dir():
         return [name]
@@ -216,11 +214,7 @@ def _manifest(folder: FilePath) -> dict[str, Any]:
 
 
 def verify_file(folder: FilePath, name: str) -> FilePath:
-    """The path of a file of a result, if armcontour wrote the file and it did not change.
-
-    Raises:
-        InvalidInput: The folder has no result, the result has no such file, or the file changed.
-    """
+    """The path of a file of a result, if armcontour wrote the file and it did not change."""
     written = _manifest(folder).get("files", {})
     if SUMMARY not in written:
         raise InvalidInput(

@@ -12,13 +12,7 @@ from typing import Any
 import yaml
 
 from armcontour._version import __version__
-from armcontour.control.identification import (
-    BodyIdentification,
-    Estimate,
-    Identification,
-    JointIdentification,
-)
-from armcontour.core.checks import FloatArray
+from armcontour.control.identification import BodyIdentification, Estimate, Identification
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.file_access import read_text
 from armcontour.core.quantities import Angle, Length
@@ -106,11 +100,7 @@ def robot_yaml(
 
 
 def robot_servo_yaml(identification: BodyIdentification) -> str:
-    """The key `servo` of a job file, with identified values.
-
-    Raises:
-        InvalidInput: A gain is neither specified nor identified.
-    """
+    """The key `servo` of a job file, with identified values."""
     servo = identification.servo_model()
     lines = [
         f"# Identified from {identification.source} by armcontour {__version__}: goes into a job "
@@ -130,11 +120,7 @@ def robot_servo_yaml(identification: BodyIdentification) -> str:
 
 
 def read_servo(file: FilePath, dof: int) -> ServoModel:
-    """The key `servo` of a YAML file, such as a job file or an identified servo.yaml.
-
-    Raises:
-        InvalidInput: Not YAML, no key `servo`, or values that make no servo.
-    """
+    """The key `servo` of a YAML file, such as a job file or an identified servo.yaml."""
     data = load(read_text(file, "servo file"), file.name)
     if not isinstance(data, dict) or not isinstance(data.get("servo"), dict):
         raise InvalidInput(
@@ -156,16 +142,10 @@ def _relative(arm: Mapping[str, str], folder: FilePath) -> dict[str, str]:
 
 def _quantity(values: Any, unit: str, estimates: Sequence[Estimate]) -> dict[str, Any]:
     """A quantity of an arm file, whose source states the interval of each value."""
-    array: FloatArray = values
-    rounded = jsonable(array)
-    intervals = _ranges(estimates) if estimates else ""
-    nominal = [x for x in estimates if not x.determined]
-    source = (
-        f"identified, 95 % intervals: {intervals}" if len(nominal) < len(estimates) else "nominal"
-    )
-    if not estimates:
-        source = "nominal"
-    return {"value": rounded, "unit": unit, "source": source}
+    source = "nominal"
+    if any(x.determined for x in estimates):
+        source = f"identified, 95 % intervals: {_ranges(estimates)}"
+    return {"value": jsonable(values), "unit": unit, "source": source}
 
 
 def _list(values: Any) -> str:
@@ -202,16 +182,17 @@ SINGLE = {
 
 
 def servo_yaml(identification: Identification) -> str:
-    """The key `servo` of a job file, with identified values.
-
-    Raises:
-        InvalidInput: The logs determine the servo of no joint.
-    """
+    """The key `servo` of a job file, with identified values."""
     servo = identification.servo_model()
     lines = [
         f"# Identified from {identification.source} by armcontour {__version__}: goes into a job "
         "file.",
-        *(f"# {x.note or f'{x.name}: {_joint_ranges(x)}'}" for x in identification.joints),
+        *(
+            f"# {x.note}"
+            if x.note
+            else f"# {x.name}: {'effective ' * x.effective}{'; '.join(map(_range, x.estimates))}"
+            for x in identification.joints
+        ),
         *(f"# {x.saturation}" for x in identification.joints if x.saturation),
         *([f"# {servo.doubt}"] if servo.doubt else []),
         *servo_lines(servo, len(identification.joints)),
@@ -220,11 +201,7 @@ def servo_yaml(identification: Identification) -> str:
 
 
 def servo_values(identification: Identification) -> dict[str, Any]:
-    """The values of the key `servo` of a job file, as `servo_yaml` writes them.
-
-    Raises:
-        InvalidInput: As `servo_yaml`.
-    """
+    """The values of the key `servo` of a job file, as `servo_yaml` writes them."""
     return dict(load(servo_yaml(identification), "servo")["servo"])
 
 
@@ -235,21 +212,12 @@ def servo_lines(servo: ServoModel, dof: int) -> list[str]:
     for name, unit in LISTS.items():
         values = getattr(servo, name)
         if values is not None:
-            lines.append(f"  {name}: {_yaml_list(values)}{f'    # {unit}' if unit else ''}")
+            listed = ["none" if math.isinf(x) else f"{float(x):.6g}" for x in values]
+            lines.append(f"  {name}: [{', '.join(listed)}]{f'    # {unit}' if unit else ''}")
     for name, unit in SINGLE.items():
         if (value := getattr(servo, name)) is not None:
             lines.append(f"  {name}: {value:.6g}    # {unit}")
     return [*lines, f"  interpolation: {servo.interpolation}"]
-
-
-def _yaml_list(values: Any) -> str:
-    """Numbers as a list in YAML; `none` is infinity."""
-    return "[" + ", ".join("none" if math.isinf(x) else f"{float(x):.6g}" for x in values) + "]"
-
-
-def _joint_ranges(joint: JointIdentification) -> str:
-    """Estimates of a joint with their ranges, for a comment."""
-    return "effective " * joint.effective + "; ".join(_range(x) for x in joint.estimates)
 
 
 def _range(estimate: Estimate) -> str:

@@ -62,21 +62,7 @@ def is_ros_file(file: str | FilePath) -> bool:
 def read_ros_motion(
     file: FilePath, joint_names: Sequence[str], topic: str | None, names: str | None = None
 ) -> TrajectoryFile:
-    """Read the motion of some joints.
-
-    Args:
-        file: YAML of a JointTrajectory, of a FollowJointTrajectory goal or of MoveIt's
-            RobotTrajectory or DisplayTrajectory; or a bag. Of a bag, the first of these that it
-            has: a JointTrajectory, a message of MoveIt or a goal, a controller's state (its
-            measurement), JointStates.
-        joint_names: Names of the joints, in the order of the result; by default those of the file.
-            Those of the file may have a prefix.
-        topic: Topic of a bag; by default the only one of its type.
-        names: New names of the file's joints, as `rename` takes them.
-
-    Raises:
-        InvalidInput: No such message, or a joint is missing.
-    """
+    """Read the motion of some joints."""
     called = _renaming(file.name, names)
     if file.suffix.lower() in YAMLS and not file.is_dir():
         if topic is not None:
@@ -102,7 +88,10 @@ def read_ros_motion(
         [messages[i] for i in some],
         _stack(
             file.name,
-            [_measured_part(kind, messages[i][1]) for i in some],
+            [
+                _JointState(x) if kind == STATE else _point(x, MEASUREMENTS)
+                for x in (messages[i][1] for i in some)
+            ],
             [orders[i] or [] for i in some],
         ),
         requested,
@@ -144,11 +133,7 @@ def _tidy(
 
 
 def read_ros_log(file: FilePath, topic: str | None, names: str | None = None) -> TrajectoryFile:
-    """Read commands and measured positions from the state of a controller in a bag.
-
-    Raises:
-        InvalidInput: No such message, or messages without positions.
-    """
+    """Read commands and measured positions from the state of a controller in a bag."""
     if file.suffix.lower() in YAMLS and not file.is_dir():
         raise InvalidInput(
             f"{file.name} is YAML, but a log needs commands and measured positions: record the "
@@ -203,16 +188,7 @@ def _trajectory_in(source: str, data: Any) -> Any:
 
 
 class _Point:
-    """A point of a trajectory in YAML, with the attributes of a message.
-
-    Args:
-        source: Name of the file.
-        number: Number of the point, from 1.
-        data: Its content.
-
-    Raises:
-        InvalidInput: A key is missing, or a value is no number.
-    """
+    """A point of a trajectory in YAML, with the attributes of a message."""
 
     def __init__(self, source: str, number: int, data: Any) -> None:
         location = f"{source}, point {number}"
@@ -381,14 +357,7 @@ def _read_bag(
 
 
 class _Unpacker:
-    """Decompression with a bound, in place of that of rosbags, which has none.
-
-    Args:
-        source: Name of the bag.
-
-    Attributes:
-        remaining: Remaining size that may be unpacked [bytes].
-    """
+    """Decompression with a bound, in place of that of rosbags, which has none."""
 
     def __init__(self, source: str) -> None:
         self._source = source
@@ -477,17 +446,8 @@ def _names_of(kind: str, message: Any) -> Sequence[str]:
     return list(message.name if kind == STATE else message.joint_names)
 
 
-def _measured_part(kind: str, message: Any) -> Any:
-    """The part of a message with measured positions, as a point."""
-    return _JointState(message) if kind == STATE else _point(message, MEASUREMENTS)
-
-
 class _JointState:
-    """A JointState with the attributes of a point; it has no accelerations.
-
-    Args:
-        message: The message.
-    """
+    """A JointState with the attributes of a point; it has no accelerations."""
 
     def __init__(self, message: Any) -> None:
         self.positions = message.position

@@ -20,8 +20,8 @@ from armcontour.core.text import list_some, show
 from armcontour.files.file_keys import Number
 from armcontour.files.forms import Place
 from armcontour.files.robots.collision import Packages, collisions, shape_of
-from armcontour.files.robots.description import Description
 from armcontour.files.robots.tree import read_tree
+from armcontour.files.robots.urdf_chain import Description
 from armcontour.robot import Arm
 from armcontour.robot.scene import (
     ASSUMED_GAP,
@@ -83,7 +83,7 @@ def read_scene_file(
 
 # Keys of bodies that only obstacles have, and only shapes of links.
 OF_OBSTACLES, OF_LINKS = ("fixed_to", "margin", "allow"), ("link",)
-MOST_NAMED = 40
+MAX_NAMED = 40
 Angles = Annotated[list[Turn], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
 
@@ -118,11 +118,9 @@ def tool_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkSha
 
 
 def assumed_tool(arm: Arm) -> tuple[LinkShape, ...]:
-    """A capsule from the flange to near the tool point, for a tool whose shapes are not given.
-
-    It ends before the tool point, which touches the work. A tool that is too short for it has no
-    shape.
-    """
+    """A capsule from the flange to near the tool point, for a tool whose shapes are not given."""
+    # It ends before the tool point, which touches the work. A tool that is too short for it has no
+    # shape.
     chain = arm.chain
     if chain is None:
         return ()
@@ -153,7 +151,7 @@ def more_link_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[Li
     for key, body in _bodies(model, "arm.shapes", OF_OBSTACLES, "obstacles"):
         if body.link not in links:
             raise InvalidInput(
-                f"{key}: link must be one of {list_some(list(links), MOST_NAMED)}, "
+                f"{key}: link must be one of {list_some(list(links), MAX_NAMED)}, "
                 f"{'but is missing' if body.link is None else f'not {body.link!r}'}."
             )
         shapes.append(_link_shape(key, body, folder, links[body.link]))
@@ -229,11 +227,7 @@ def _normal(model: HalfSpaceModel) -> FloatArray | None:
 
 
 def upright(z: FloatArray) -> FloatArray:
-    """A rotation whose z axis has a given direction, (3, 3).
-
-    Args:
-        z: The direction, of length 1, (3,).
-    """
+    """A rotation whose z axis has a given direction, (3, 3)."""
     axis = np.array([-z[1], z[0], 0.0])
     size = float(np.linalg.norm(axis))
     if size == 0:

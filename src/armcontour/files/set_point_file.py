@@ -118,12 +118,11 @@ SAME = 1e-9
 
 
 def read_set_points(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
-    """The set-points in a file of set-points, with the learning history.
-
-    The set-points are those that the job makes, or those of the lesson in the same folder, exact to
-    the last bit. The file is compared with them, within its printed digits. Set-points of a result
-    folder with the plan of the job are valid also if the servo of the job has changed since.
-    """
+    """The set-points in a file of set-points, with the learning history."""
+    # The set-points are those that the job makes, or those of the lesson in the same folder, exact
+    # to the last bit. The file is compared with them, within its printed digits. Set-points of a
+    # result folder with the plan of the job are valid also if the servo of the job has changed
+    # since.
     name = plan.run.name
     file = verify_file(location, f"{name}/set_points.csv") if location.is_dir() else location
     history = file.parent / LESSON

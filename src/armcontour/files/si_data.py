@@ -28,10 +28,8 @@ def quantity_of(file_class: type, keys: Sequence[str | int]) -> Quantity | None:
 
 
 def in_si(data: Any, file_class: type) -> Any:
-    """The data of a file with plain numbers in SI units for all quantities.
-
-    Values that are no quantity of the required unit are not converted, and are refused later.
-    """
+    """The data of a file with plain numbers in SI units for all quantities."""
+    # Values that are no quantity of the required unit are not converted, and are refused later.
     return _convert(data, (file_class,))
 
 

@@ -115,7 +115,7 @@ def _placed(placement: Placement, text: str) -> Patch:
     """The keys that place the job."""
     job = placement.job
     inside = [] if job.scene is None else [x.fixed_to for x in job.scene.obstacles]
-    if placement.what == BASE and BASE in inside:
+    if placement.moved == BASE and BASE in inside:
         raise InvalidInput(
             "Obstacles that are fixed to the base stay where they are when it moves, so no job "
             "file is written: give them their new places by hand."
@@ -127,7 +127,7 @@ def _placed(placement: Placement, text: str) -> Patch:
     model = model_of(CellModel, read_data(text, "job"), "job")
     path_frame = Frame() if model.path.frame is None else frame_of("path.frame", model.path.frame)
     frame = placement.frame()
-    moved = frame if placement.what == PART else frame.inverse
+    moved = frame if placement.moved == PART else frame.inverse
     return {("path", "frame"): _frame(moved @ path_frame)}
 
 

@@ -16,8 +16,9 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.file_access import read_text
 from armcontour.core.text import count_noun, list_some, show
-from armcontour.files.csv_table import MOST_NAMED, CsvTable, last_digit, read_table
+from armcontour.files.csv_table import MAX_NAMED, CsvTable, last_digit, read_table
 from armcontour.files.exports.table import (
+    EVENT_KEYS,
     SetPointTable,
     check_export_cycle,
     differentiate,
@@ -63,6 +64,10 @@ def read_trajectory(
 
     A bag, of storage mcap or sqlite3, is a folder or one file. Of its messages, a JointTrajectory
     is read; else what a controller's state or JointStates have measured.
+
+    >>> samples = ac.read_trajectory("motion.csv")
+    >>> samples.q.shape == (len(samples.t), 2)
+    True
 
     Args:
         file: The file: `.yaml`, `.mcap`, `.db3` or a folder for ROS, else CSV.
@@ -174,7 +179,7 @@ def _raise_other_joints(
     heading: str, joints: Sequence[str], joint_names: Sequence[str], title: str
 ) -> None:
     """Raise the error for joints with names that the arm does not have."""
-    have, arm = (list_some([show(x) for x in y], MOST_NAMED) for y in (joints, joint_names))
+    have, arm = (list_some([show(x) for x in y], MAX_NAMED) for y in (joints, joint_names))
     fix = "give the arm of the file with --arm"
     if len(joints) >= len(joint_names):
         fix = (
@@ -195,34 +200,19 @@ SAME_TIME = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoredRun:
-    """A run of a result folder, of `run`, `demo`, `certify` or `learn`.
-
-    Args:
-        folder: The result folder.
-        name: Name of the run.
-        title: Name of the job.
-        joint_names: Names of the joints.
-        cycle: Cycle, which is also the time between rows of the plan [s].
-        events: Events with their times from the start of the plan.
-        analog: Names of analog outputs, whose values a result does not have.
-        plain: Whether set-points are those of the plan, without compensation.
-    """
+    """A run of a result folder, of `run`, `demo`, `certify` or `learn`."""
 
     folder: FilePath
     name: str
     title: str
     joint_names: tuple[str, ...]
-    cycle: float
-    events: tuple[TimedEvent, ...]
-    analog: tuple[str, ...] = ()
-    plain: bool = False
+    cycle: float  # Cycle, which is also the time between rows of the plan [s]
+    events: tuple[TimedEvent, ...]  # Events with their times from the start of the plan
+    analog: tuple[str, ...] = ()  # Names of analog outputs, whose values a result does not have
+    plain: bool = False  # Whether set-points are those of the plan, without compensation
 
     def set_points(self, **options: Any) -> SetPointTable:
-        """The table of the set-points.
-
-        Raises:
-            InvalidInput: The file is missing or was changed, or as in `make_table`.
-        """
+        """The table of the set-points."""
         stored = self._read("set_points.csv")
         start = float(stored.t[0])
         return tabulate(
@@ -236,17 +226,7 @@ class StoredRun:
         )
 
     def reference(self, cycle: float | None = None, **options: Any) -> SetPointTable:
-        """The table of the plan, every `cycle`.
-
-        Args:
-            cycle: Time between samples [s], a whole multiple of the cycle, as the
-                result has no times between; the cycle by default.
-            options: As in `set_points`.
-
-        Raises:
-            InvalidInput: The file is missing or was changed, the cycle is no multiple or longer
-                than the motion, or as in `make_table`.
-        """
+        """The table of the plan, every `cycle`."""
         step = self.cycle if cycle is None else cycle
         every = round(step / self.cycle)
         if every < 1 or abs(step - every * self.cycle) > 1e-9 * step:
@@ -293,11 +273,7 @@ class StoredRun:
 
 
 def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
-    """Read a run of a result folder.
-
-    Raises:
-        InvalidInput: No result, no such run, or files that were changed.
-    """
+    """Read a run of a result folder."""
     location = FilePath(folder)
     file = verify_file(location, SUMMARY)
     try:
@@ -310,7 +286,10 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
             title=data["job"],
             joint_names=tuple(data["arm"]["joints"]),
             cycle=about["cycle"],
-            events=tuple(_event(x) for x in about.get("events", ())),
+            events=tuple(
+                TimedEvent(**{x: e[x] for x in EVENT_KEYS}, point=tuple(e["point"]))
+                for e in about.get("events", ())
+            ),
             analog=tuple(about.get("analog", ())),
             plain=about.get("compensation") == "none",
         )
@@ -320,18 +299,6 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
         raise InvalidInput(
             f"{file} is not the summary of a run or a certificate: {type(error).__name__}."
         ) from None
-
-
-def _event(data: Mapping[str, Any]) -> TimedEvent:
-    """An event of a summary."""
-    return TimedEvent(
-        name=data["name"],
-        value=data["value"],
-        t=data["t"],
-        due=data["due"],
-        s=data["s"],
-        point=tuple(data["point"]),
-    )
 
 
 def _choose(folder: FilePath, runs: Mapping[str, Any], name: str | None) -> str:

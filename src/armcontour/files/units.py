@@ -22,7 +22,7 @@ ENDLESS = {
     -math.inf: -math.inf,
 }
 # Longest text of a quantity.
-MOST_CHARACTERS = 100
+MAX_CHARACTERS = 100
 # Possessive quantifiers prevent backtracking, so that the time is linear in the length of the text.
 NUMBER = r"[-+]?(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][-+]?[0-9]{1,3}+)?+"
 # A name, and at most one power of one digit: pint would compute powers of powers.
@@ -64,12 +64,7 @@ def _registry() -> Any:
 
 
 def parse_quantity(value: Any, unit: str) -> float:
-    """Convert a quantity to a number in `unit`.
-
-    Raises:
-        ValueError: Neither a number nor text, text without a unit, an unknown unit, or a unit of
-            another dimension.
-    """
+    """Convert a number or text with a unit to a number in `unit`; ValueError if impossible."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f"must be a number in {unit} or text with a unit, not {show(value)}")
     return _parse_text(value, unit) if isinstance(value, str) else _finite(value)
@@ -77,9 +72,9 @@ def parse_quantity(value: Any, unit: str) -> float:
 
 def _parse_text(text: str, unit: str) -> float:
     """Convert text such as "5 mm" to a number in `unit`."""
-    if len(text) > MOST_CHARACTERS:
+    if len(text) > MAX_CHARACTERS:
         raise ValueError(
-            f"{show(text)} has {len(text)} characters, more than the {MOST_CHARACTERS} of a "
+            f"{show(text)} has {len(text)} characters, more than the {MAX_CHARACTERS} of a "
             f"quantity in {unit}: write a number and a unit"
         )
     if plain_number(text) is not None:
@@ -125,14 +120,10 @@ def _finite(value: float) -> float:
 
 
 def parse_share(value: Any) -> float:
-    """Convert a share, given as a plain number or as text such as "10 %", to a number.
-
-    Raises:
-        ValueError: Neither a number nor a percentage.
-    """
+    """Convert a share, a plain number or text such as "10 %"; ValueError if impossible."""
     if isinstance(value, str):
-        match = PERCENT.fullmatch(value[: MOST_CHARACTERS + 1])
-        if match is None or len(value) > MOST_CHARACTERS:
+        match = PERCENT.fullmatch(value[: MAX_CHARACTERS + 1])
+        if match is None or len(value) > MAX_CHARACTERS:
             raise ValueError(
                 f"must be a plain number or a percentage such as '10 %', not {show(value)}"
             )
@@ -141,11 +132,7 @@ def parse_share(value: Any) -> float:
 
 
 def read_quantity(value: Any, kind: Quantity) -> float:
-    """Convert a quantity that a user wrote to SI units, and check its range.
-
-    Raises:
-        ValueError: No quantity of this unit, or out of range.
-    """
+    """Convert a user's quantity to SI units and check its range; ValueError if wrong."""
     if kind.endless and isinstance(value, str | float) and value in ENDLESS:
         endless = ENDLESS[value]
         if endless > 0 or kind.sign == "any":
@@ -165,18 +152,7 @@ def read_quantity(value: Any, kind: Quantity) -> float:
 
 
 def write_like(value: float, old: Any, kind: Quantity, *, within: float = 0.0) -> Any:
-    """Write a quantity in the form in which another one is written.
-
-    Args:
-        value: The quantity in SI units.
-        old: The other one, such as "350 mm", a plain number, or None for the kind's usual unit.
-        kind: The kind of both.
-        within: How far the written value may be from `value` [SI]: the fewest digits are taken.
-
-    Returns:
-        Text with the unit of `old`, or a plain number. It differs from `value` by at most `within`,
-        or by a few units in the last place of a float.
-    """
+    """Write an SI value in the unit of `old`, with the fewest digits within `within` [SI]."""
     affixes = _written(old, kind)
     if affixes is None:
         number = float(_shortest(value, value, float, within))
@@ -208,11 +184,7 @@ def _written(old: Any, kind: Quantity) -> tuple[str, str] | None:
 
 
 def read_plain(value: Any, kind: Quantity) -> float:
-    """Convert a quantity to SI units, in any range.
-
-    Raises:
-        ValueError: As in `read_quantity`.
-    """
+    """Convert a quantity to SI units, in any range."""
     return parse_share(value) if kind.unit == "1" else parse_quantity(value, kind.unit)
 
 

@@ -113,12 +113,7 @@ def equal_data(one: Any, other: Any) -> bool:
 
 
 class YamlText:
-    """A YAML text and the positions of its values.
-
-    Args:
-        text: The text.
-        node: Its root; None if it has no document.
-    """
+    """A YAML text and the positions of its values."""
 
     def __init__(self, text: str, node: yaml.Node | None) -> None:
         self.text = text
@@ -164,28 +159,17 @@ class YamlText:
 
 @dataclass(kw_only=True, eq=False)
 class YamlPart:
-    """A value in a text.
-
-    Args:
-        document: The text.
-        node: Its node; None for an alias, or in a text without a document.
-        begin, end: Range of the value, without the comments after it.
-        outer: The mapping or list that contains it; None for the root.
-        key: Its key or its position.
-        head: Start of the key, or of the dash of an item; in a flow list start of the value.
-        name_end: End of key and colon, or of the dash.
-        column: The column of the key or the dash.
-    """
+    """A value in a text."""
 
     document: YamlText
-    node: yaml.Node | None
-    begin: int
+    node: yaml.Node | None  # Its node; None for an alias, or in a text without a document
+    begin: int  # Range of the value, without the comments after it
     end: int
-    outer: YamlPart | None
-    key: Any
-    head: int = 0
-    name_end: int = 0
-    column: int = 0
+    outer: YamlPart | None  # The mapping or list that contains it; None for the root
+    key: Any  # Its key or its position
+    head: int = 0  # Start of the key, or of the dash of an item; in a flow list start of the value
+    name_end: int = 0  # End of key and colon, or of the dash
+    column: int = 0  # The column of the key or the dash
 
     @property
     def flow(self) -> bool:

@@ -35,9 +35,9 @@ PLACES = np.linspace(0, 1, 17)
 # larger.
 SHARE = 0.9
 # Largest number of parts into which an interval out of tolerance is split at once.
-MOST_PARTS = 8
+MAX_PARTS = 8
 # Largest number of intervals; more raise an error because the tolerance is too small for the curve.
-MOST_INTERVALS = 500_000
+MAX_INTERVALS = 500_000
 # Default distance between transitions and the arcs that replace them [m].
 DRAWN = 1e-7
 # An interval out of tolerance that is shorter than this fraction of the tolerance becomes a corner.
@@ -75,19 +75,15 @@ SAME_POINT = 1e-11
 
 
 def fit_arcs(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Segments:
-    """Lines and tangent arcs along a curve, within a tolerance of the curve.
-
-    Every interval becomes a biarc with the curve's end points and tangents; intervals are split
-    until the biarcs are within the tolerance. Straight parts become one line, and neighbours on one
-    circle one arc. Corners remain where the tangents at a break differ, and where the curve turns
-    back on the spot; all other neighbours are tangent.
-
-    Args:
-        curve: `curve(t, order)` gives points [m] (order 0) or derivatives with respect to t
-            (order 1), (n, 2) or (n, 3), for t of shape (n,). It is smooth between two breaks.
-        breaks: Increasing values of t; the curve runs from the first to the last.
-        tolerance: Largest distance of the arcs from the curve and of the curve from the arcs [m].
-    """
+    """Lines and tangent arcs along a curve, within a tolerance of the curve."""
+    # Every interval becomes a biarc with the curve's end points and tangents; intervals are split
+    # until the biarcs are within the tolerance. Straight parts become one line, and neighbours on
+    # one circle one arc. Corners remain where the tangents at a break differ, and where the curve
+    # turns back on the spot; all other neighbours are tangent.
+    # `curve`: `curve(t, order)` gives points [m] (order 0) or derivatives with respect to t (order
+    # 1), (n, 2) or (n, 3), for t of shape (n,). It is smooth between two breaks; `breaks`:
+    # increasing values of t; the curve runs from the first to the last; `tolerance`: largest
+    # distance of the arcs from the curve and of the curve from the arcs [m].
     knots = checks.check_numbers("breaks of a curve", breaks)
     if knots.ndim != 1 or len(knots) < 2 or (np.diff(knots) <= 0).any():
         raise InvalidInput("The breaks of a curve must be two or more increasing numbers.")
@@ -99,15 +95,10 @@ def fit_arcs(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Segments:
 def fit_many(
     curves: Curves, breaks: FloatArray, rows: IntArray, tolerance: float
 ) -> list[Segments]:
-    """Lines and tangent arcs along many curves, each as by `fit_arcs`.
-
-    Args:
-        curves: `curves(row, t, order)` gives points or derivatives of the curves `row` at `t`, as
-            in `fit_arcs`.
-        breaks: Breaks of all curves one after the other, (n,).
-        rows: Curve of each break, ascending from 0, (n,).
-        tolerance: As in `fit_arcs` [m].
-    """
+    """Lines and tangent arcs along many curves, each as by `fit_arcs`."""
+    # `curves`: `curves(row, t, order)` gives points or derivatives of the curves `row` at `t`, as
+    # in `fit_arcs`; `breaks`: breaks of all curves one after the other, (n,); `rows`: curve of each
+    # break, ascending from 0, (n,).
     _check_tolerance(tolerance)
     arcs, vertices = _fit(curves, breaks, rows, tolerance, through=False)
     ends = np.flatnonzero(np.diff(rows, append=-1))
@@ -115,11 +106,8 @@ def fit_many(
 
 
 def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Segments, IntArray]:
-    """Tangent arcs along a smooth curve as by `fit_arcs`, with a vertex at every break.
-
-    Returns:
-        The arcs, and the index of the vertex at each break, (n,).
-    """
+    """Tangent arcs along a smooth curve as by `fit_arcs`, with a vertex at every break."""
+    # Returns the arcs, and the index of the vertex at each break, (n,).
     row = np.zeros(len(breaks), dtype=np.intp)
     return _fit(_as_many(curve), breaks, row, tolerance, through=True)
 
@@ -183,11 +171,9 @@ def _as_many(curve: Curve) -> Curves:
 def _fit(
     curves: Curves, breaks: FloatArray, row: IntArray, tolerance: float, *, through: bool
 ) -> tuple[Segments, IntArray]:
-    """The segments of all curves, and the indices of the vertices that are never merged.
-
-    With `through` every break is such a vertex, and no lines are used; otherwise the start of each
-    curve.
-    """
+    """The segments of all curves, and the indices of the vertices that are never merged."""
+    # With `through` every break is such a vertex, and no lines are used; otherwise the start of
+    # each curve.
     with np.errstate(all="ignore"):
         intervals = _split(curves, _intervals_of(curves, breaks, row), tolerance, lines=not through)
         intervals = _drop_points(intervals)
@@ -202,27 +188,16 @@ def _fit(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Intervals:
-    """The n intervals of all curves.
+    """The n intervals of all curves."""
 
-    Args:
-        row: Curve of each interval, (n,).
-        begin: Parameter at the start of each interval, (n,).
-        end: Parameter at the end of each interval, (n,).
-        p0: Points at the starts [m], (n, dimension).
-        p1: Points at the ends [m], (n, dimension).
-        t0: Unit tangents at the starts, (n, dimension).
-        t1: Unit tangents at the ends, (n, dimension).
-        line: Whether each interval is a line, (n,).
-    """
-
-    row: IntArray
-    begin: FloatArray
-    end: FloatArray
-    p0: FloatArray
-    p1: FloatArray
-    t0: FloatArray
-    t1: FloatArray
-    line: BoolArray
+    row: IntArray  # Curve of each interval, (n,)
+    begin: FloatArray  # Parameter at the start of each interval, (n,)
+    end: FloatArray  # Parameter at the end of each interval, (n,)
+    p0: FloatArray  # Points at the starts [m], (n, dimension)
+    p1: FloatArray  # Points at the ends [m], (n, dimension)
+    t0: FloatArray  # Unit tangents at the starts, (n, dimension)
+    t1: FloatArray  # Unit tangents at the ends, (n, dimension)
+    line: BoolArray  # True if each interval is a line, (n,)
 
     def select(self, chosen: Any, **changed: Any) -> _Intervals:
         """The chosen intervals, with some attributes changed."""
@@ -271,10 +246,8 @@ def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Interva
 def _split_at_cusps(
     curves: Curves, breaks: FloatArray, rows: IntArray
 ) -> tuple[FloatArray, IntArray, BoolArray]:
-    """The breaks with the cusps of the curves added, their curves, and a mask of the cusps.
-
-    The derivative of a curve vanishes at a cusp.
-    """
+    """The breaks with the cusps of the curves added, their curves, and a mask of the cusps."""
+    # The derivative of a curve vanishes at a cusp.
     one = np.flatnonzero(rows[:-1] == rows[1:])
     begin, end = breaks[one], breaks[one + 1]
     parameters = begin[:, None] + (end - begin)[:, None] * CUSP_PLACES
@@ -340,11 +313,9 @@ def _evaluate(curves: Curves, row: IntArray, parameters: FloatArray, order: int)
 
 
 def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -> _Intervals:
-    """Split intervals until each is within the tolerance as a biarc or as a line.
-
-    A line has the direction of its chord, so short lines are not exactly tangent to neighbours.
-    Without `lines`, a straight interval is a biarc of zero curvature.
-    """
+    """Split intervals until each is within the tolerance as a biarc or as a line."""
+    # A line has the direction of its chord, so short lines are not exactly tangent to neighbours.
+    # Without `lines`, a straight interval is a biarc of zero curvature.
     done: list[_Intervals] = []
     count = 0
     while len(todo.begin):
@@ -366,9 +337,9 @@ def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -
         pending = ~ready
         todo = _divide(curves, todo.select(pending), distances[pending] / (SHARE * tolerance))
         count += int(ready.sum())
-        if count + len(todo.begin) > MOST_INTERVALS:
+        if count + len(todo.begin) > MAX_INTERVALS:
             raise InvalidInput(
-                f"A curve would need more than {2 * MOST_INTERVALS} arcs to be within "
+                f"A curve would need more than {2 * MAX_INTERVALS} arcs to be within "
                 f"{tolerance:g} m: give it a larger tolerance."
             )
     names = _Intervals.__slots__
@@ -377,10 +348,8 @@ def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -
 
 
 def _distances_from_arcs(intervals: _Intervals, points: FloatArray) -> FloatArray:
-    """Largest distance of the sampled curve from the biarc of each interval [m], (n,).
-
-    The distance is infinite for a biarc with an arc of more than a quarter circle.
-    """
+    """Largest distance of the sampled curve from the biarc of each interval [m], (n,)."""
+    # The distance is infinite for a biarc with an arc of more than a quarter circle.
     x = intervals
     first, second = make_biarcs(x.p0, x.t0, x.p1, x.t1)
     distances = biarc_distance(points, first, second)
@@ -410,12 +379,10 @@ def _is_straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
 
 
 def _divide(curves: Curves, intervals: _Intervals, excess: FloatArray) -> _Intervals:
-    """Divide intervals into equal parts until the distance fits.
-
-    The distance between curve and biarc falls with the cube of the interval's length.
-    """
+    """Divide intervals into equal parts until the distance fits."""
+    # The distance between curve and biarc falls with the cube of the interval's length.
     parts = np.where(np.isfinite(excess), np.ceil(np.cbrt(excess)), 2)
-    parts = np.clip(parts, 2, MOST_PARTS).astype(np.intp)
+    parts = np.clip(parts, 2, MAX_PARTS).astype(np.intp)
     i, k = number_parts(parts)
     old = intervals.select(i)
     first, last = k == 0, k == parts[i] - 1

@@ -32,23 +32,15 @@ Contact = tuple[FloatArray, FloatArray, FloatArray]
 
 @np.errstate(divide="ignore", invalid="ignore")
 def make_biarcs(
-    p0: FloatArray,
-    t0: FloatArray,
-    p1: FloatArray,
-    t1: FloatArray,
+    p0: FloatArray,  # Start points [m], (n, dimension)
+    t0: FloatArray,  # Unit tangents at the start points, (n, dimension)
+    p1: FloatArray,  # End points [m], (n, dimension)
+    t1: FloatArray,  # Unit tangents at the end points, (n, dimension)
     share: FloatArray | float = 1.0,
 ) -> tuple[Segments, Segments]:
-    """First and second arcs of the biarcs from p0 to p1 with a given share of tangent lengths.
-
-    The values are not finite where no biarc exists: for equal ends with equal tangents.
-
-    Args:
-        p0: Start points [m], (n, dimension).
-        t0: Unit tangents at the start points, (n, dimension).
-        p1: End points [m], (n, dimension).
-        t1: Unit tangents at the end points, (n, dimension).
-        share: Tangent length of the first arc over that of the second, (n,) or one for all.
-    """
+    """First and second arcs of the biarcs from p0 to p1 with a given share of tangent lengths."""
+    # The values are not finite where no biarc exists: for equal ends with equal tangents.
+    # `share`: tangent length of the first arc over that of the second, (n,) or one for all.
     chord, w = p1 - p0, np.asarray(share)[..., None]
     # |chord - d (w t0 + t1)| = (1 + w) d, solved for the positive d without cancellation.
     c, b = dot(chord, chord), dot(chord, w * t0 + t1)
@@ -63,11 +55,9 @@ def make_biarcs(
 def _arc(
     start: FloatArray, tangent: FloatArray, end_tangent: FloatArray, tangent_length: FloatArray
 ) -> Segments:
-    """Arcs from start points and tangents to end tangents, with given tangent lengths.
-
-    Arcs are computed from tangents and not from end points, so even very short arcs have equal
-    tangents where they meet.
-    """
+    """Arcs from start points and tangents to end tangents, with given tangent lengths."""
+    # Arcs are computed from tangents and not from end points, so even very short arcs have equal
+    # tangents where they meet.
     half = np.arctan2(length(end_tangent - tangent), length(end_tangent + tangent))
     bent = half > STRAIGHT
     across = end_tangent - dot(end_tangent, tangent)[:, None] * tangent
@@ -86,15 +76,9 @@ def _arc(
 
 
 def biarc_distance(points: FloatArray, first: Segments, second: Segments) -> FloatArray:
-    """Largest distance of the k points of each biarc from its two circles [m], (n,).
-
-    The distance is infinite where a biarc is not finite.
-
-    Args:
-        points: Points to compare with each biarc [m], (n, k, dimension).
-        first: First arcs of the biarcs.
-        second: Second arcs of the biarcs.
-    """
+    """Largest distance of the k points of each biarc from its two circles [m], (n,)."""
+    # The distance is infinite where a biarc is not finite.
+    # `points`: points to compare with each biarc [m], (n, k, dimension).
     after = dot(points - second.starts[:, None], second.tangents[:, None]) > 0
     distances = np.where(after, _from_circle(points, second), _from_circle(points, first))
     worst = np.asarray(distances.max(axis=1))
@@ -140,14 +124,10 @@ def dot(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def join_by_quintics(begin: Contact, end: Contact, lengths: FloatArray) -> Segments:
-    """One quintic from each of n contacts to another, without speeds, tolerances and tags.
-
-    Args:
-        begin: Contacts at the starts of the quintics.
-        end: Contacts at their ends; points are relative to the starts, so even tiny quintics keep
-            their digits.
-        lengths: Their arc lengths [m], (n,).
-    """
+    """One quintic from each of n contacts to another, without speeds, tolerances and tags."""
+    # `begin`: contacts at the starts of the quintics; `end`: contacts at their ends; points are
+    # relative to the starts, so even tiny quintics keep their digits; `lengths`: their arc lengths
+    # [m], (n,).
     none = np.zeros_like(begin[0])
     coefficients = quintic(lengths, (none, *begin[1:]), end)
     curvature = length(begin[2])
@@ -163,13 +143,10 @@ def join_by_quintics(begin: Contact, end: Contact, lengths: FloatArray) -> Segme
 
 
 def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
-    """Segments with arcs instead of transitions, within `DRAWN` of the transitions.
-
-    Returns:
-        Lines and arcs, which are the original segments if there are no transitions; and the arc
-        lengths of the original segments at which they start [m], (n,). An arc is never longer than
-        the part that it replaces.
-    """
+    """Segments with arcs instead of transitions, within `DRAWN` of the transitions."""
+    # Returns lines and arcs, which are the original segments if there are no transitions; and the
+    # arc lengths of the original segments at which they start [m], (n,). An arc is never longer
+    # than the part that it replaces.
     bent = segments.bent
     if not bent.any():
         return segments, segments.breaks[:-1]

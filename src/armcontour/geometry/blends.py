@@ -38,19 +38,12 @@ LOOKS = np.linspace(0.0, 1.0, 17)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Pairs:
-    """Pairs of tangent arcs across n corners.
+    """Pairs of tangent arcs across n corners."""
 
-    Args:
-        first: The arcs that leave the segments before the corners.
-        second: The arcs that lead into the segments after the corners.
-        error: Distance from each corner to its arcs [m], (n,).
-        bend: Largest curvature towards the inside of the corner [1/m], (n,).
-    """
-
-    first: Segments
-    second: Segments
-    error: FloatArray
-    bend: FloatArray
+    first: Segments  # The arcs that leave the segments before the corners
+    second: Segments  # The arcs that lead into the segments after the corners
+    error: FloatArray  # Distance from each corner to its arcs [m], (n,)
+    bend: FloatArray  # Largest curvature towards the inside of the corner [1/m], (n,)
 
 
 class _Blend(CornerKind):
@@ -85,12 +78,10 @@ class _Blend(CornerKind):
         return tangents
 
     def _search(self, bounds: CornerBounds, state: FloatArray) -> FloatArray:
-        """Largest tangent lengths within bounds [m], (n,).
-
-        Uses false position on logarithms, where the excess is nearly linear; every third step
-        bisects. `state` has the logarithms of lengths that satisfy and that violate the bounds, and
-        the excess of both, (4, n).
-        """
+        """Largest tangent lengths within bounds [m], (n,)."""
+        # Uses false position on logarithms, where the excess is nearly linear; every third step
+        # bisects. `state` has the logarithms of lengths that satisfy and that violate the bounds,
+        # and the excess of both, (4, n).
         active = np.arange(len(bounds.half))
         for step in range(STEPS):
             low, high, under, over = state[:, active]
@@ -216,10 +207,8 @@ def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
 
 
 def _peak(values: FloatArray) -> FloatArray:
-    """Upper bounds of smooth functions sampled at even points, values (points, n).
-
-    Between samples a peak exceeds the nearest sample by an eighth of the second difference.
-    """
+    """Upper bounds of smooth functions sampled at even points, values (points, n)."""
+    # Between samples a peak exceeds the nearest sample by an eighth of the second difference.
     inner = values[1:-1]
     rise = np.abs(values[2:] - 2 * inner + values[:-2]) / 6
     peaks = inner + np.where((inner >= values[2:]) & (inner >= values[:-2]), rise, 0.0)
@@ -231,11 +220,9 @@ def _peak(values: FloatArray) -> FloatArray:
 
 
 def _distance(first: Segments, second: Segments) -> FloatArray:
-    """Distance of the corner, which is the origin, from the two arcs of each blend [m], (n,).
-
-    It is measured from the point where the arcs meet, which is near the corner, so no digits are
-    lost.
-    """
+    """Distance of the corner, which is the origin, from the two arcs of each blend [m], (n,)."""
+    # It is measured from the point where the arcs meet, which is near the corner, so no digits are
+    # lost.
     v = -second.starts
     x = dot(v, second.tangents)
     after = x > 0

@@ -39,7 +39,7 @@ ROUNDS = 3
 STEPS = 8
 # Largest number of quintics in each half of a connection, and the fractions of each quintic at
 # which its speed is checked.
-MOST_PARTS = 64
+MAX_PARTS = 64
 LOOKS = np.linspace(0.1, 0.9, 5)
 # Parameters at which the shape of a connection is checked.
 MANY = np.linspace(0.0, 1.0, 33)
@@ -52,15 +52,11 @@ TIGHTEST = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Connections:
-    """The connections across n vertices.
+    """The connections across n vertices."""
 
-    Args:
-        begin: Start points relative to the vertices [m], (n, dimension).
-        coefficients: Coefficients of 1 to x⁷ of the position relative to the start, x from 0 to 1
-            [m], (n, 8, dimension).
-    """
-
-    begin: FloatArray
+    begin: FloatArray  # Start points relative to the vertices [m], (n, dimension)
+    # Coefficients of 1 to x⁷ of the position relative to the start, x from 0 to 1 [m], (n, 8,
+    # dimension)
     coefficients: FloatArray
 
     def __len__(self) -> int:
@@ -120,13 +116,8 @@ class Connections:
 
 
 def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
-    """Connections that replace the length t of the segments on either side of vertices.
-
-    Args:
-        before: Segments before the vertices, n.
-        after: Segments after the vertices, n.
-        t: Lengths, no longer than the segments [m], (n,).
-    """
+    """Connections that replace the length t of the segments on either side of vertices."""
+    # `t`: lengths, no longer than the segments [m], (n,).
     every = np.arange(len(t))
     back, ahead = around_vertices(before, after)
     begin = [(-1) ** k * back.evaluate(every, t, k) for k in range(4)]
@@ -149,10 +140,8 @@ def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
 
 
 def around_vertices(before: Segments, after: Segments) -> tuple[Segments, Segments]:
-    """Segments before vertices, reversed, and those after them, all starting at the origin.
-
-    Points near a vertex then keep all their digits.
-    """
+    """Segments before vertices, reversed, and those after them, all starting at the origin."""
+    # Points near a vertex then keep all their digits.
     zero = np.zeros_like(after.starts)
     back = before.run(np.arange(len(before)), np.full(len(before), True))
     return back.replace(starts=zero), after.replace(starts=zero)
@@ -161,30 +150,25 @@ def around_vertices(before: Segments, after: Segments) -> tuple[Segments, Segmen
 def draw_connections(
     connections: Connections, vertices: FloatArray, middle: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray]:
-    """Transitions along connections, with a speed that is 1 within `UNEVEN`.
-
-    Args:
-        connections: The connections, n.
-        vertices: Their vertices [m], (n, dimension).
-        middle: Parameters x at which their halves meet, from 0 to 1, (n,).
-
-    Returns:
-        The transitions in order, the connection of each, and the mask of those before the middle.
-    """
+    """Transitions along connections, with a speed that is 1 within `UNEVEN`."""
+    # `vertices`: their vertices [m], (n, dimension); `middle`: parameters x at which their halves
+    # meet, from 0 to 1, (n,).
+    # Returns the transitions in order, the connection of each, and the mask of those before the
+    # middle.
     parts = np.full(len(connections), 1)
     drawn, owners, first = _draw_halves(connections, vertices, middle, parts)
     while True:
         speeds = [length(drawn.evaluate(EVERY, share * drawn.lengths, 1)) for share in LOOKS]
         uneven = np.abs(np.stack(speeds) - 1).max(axis=0)
         rough = np.unique(owners[uneven > UNEVEN / 2])
-        rough = rough[parts[rough] < MOST_PARTS]
+        rough = rough[parts[rough] < MAX_PARTS]
         if not len(rough):
             return drawn, owners, first
         worst = np.zeros(len(connections))
         np.maximum.at(worst, owners, uneven)
         # The unevenness falls with about the fifth power of the lengths.
         count = np.ceil(parts[rough] * (worst[rough] / (UNEVEN / 2)) ** 0.2)
-        parts[rough] = np.minimum(np.maximum(count, parts[rough] + 1), MOST_PARTS)
+        parts[rough] = np.minimum(np.maximum(count, parts[rough] + 1), MAX_PARTS)
         drawn, owners, first = _draw_halves(connections, vertices, middle, parts)
 
 
@@ -226,21 +210,12 @@ def _draw_halves(
 def bound_deviation(
     drawn: Segments, old: Segments, i: IntArray, ends: tuple[FloatArray, FloatArray], parts: int
 ) -> FloatArray:
-    """Bounds of the distances between transitions and the parts of a path that they replace [m].
-
-    Both are passed evenly. On each of the `parts`, the difference D of their points is at most the
-    larger value at the ends plus an eighth of the largest D''.
-
-    Args:
-        drawn: The transitions, n.
-        old: The segments of the path.
-        i: The segment that each transition replaces a part of, (n,).
-        ends: Distances along these segments of the ends of these parts [m], (n,) each.
-        parts: Number of parts.
-
-    Returns:
-        Bounds of the distance of either from the other, (n,).
-    """
+    """Bounds of the distances between transitions and the parts of a path that they replace [m]."""
+    # Both are passed evenly. On each of the `parts`, the difference D of their points is at most
+    # the larger value at the ends plus an eighth of the largest D''.
+    # `i`: the segment that each transition replaces a part of, (n,); `ends`: distances along these
+    # segments of the ends of these parts [m], (n,) each.
+    # Returns bounds of the distance of either from the other, (n,).
     row, number = number_parts(np.full(len(drawn), parts))
     h = drawn.lengths[row] / parts
     step = ((ends[1] - ends[0]) / parts)[row]

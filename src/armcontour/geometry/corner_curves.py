@@ -48,26 +48,17 @@ SLIVER = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CornerBounds:
-    """Constraints on n corners, and the segments next to them.
-
-    Args:
-        before: Segments before the corners, n.
-        after: Segments after the corners, n.
-        half: Half of the turns [rad], (n,).
-        error: Largest corner errors [m], (n,).
-        radius: Smallest radii for the corner speeds [m], infinite without one, (n,).
-        turn: Largest `t / 2 - middle length` for a tangent length t that the tool orientation
-            allows [m], (n,); see `middle_fraction`.
-        tangent: Largest tangent lengths [m], (n,).
-    """
+    """Constraints on n corners, and the segments next to them."""
 
     before: Segments
     after: Segments
-    half: FloatArray
-    error: FloatArray
-    radius: FloatArray
+    half: FloatArray  # Half of the turns [rad], (n,)
+    error: FloatArray  # Largest corner errors [m], (n,)
+    radius: FloatArray  # Smallest radii for the corner speeds [m], infinite without one, (n,)
+    # Largest `t / 2 - middle length` for a tangent length t that the tool orientation allows [m],
+    # (n,); see `middle_fraction`
     turn: FloatArray
-    tangent: FloatArray
+    tangent: FloatArray  # Largest tangent lengths [m], (n,)
 
     def __getitem__(self, rows: IntArray) -> CornerBounds:
         """The bounds of the selected corners, in increasing order."""
@@ -78,31 +69,19 @@ class CornerBounds:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CornerCurves:
-    """Curves that replace n corners.
+    """Curves that replace n corners."""
 
-    Args:
-        rows: The segments, in order at each corner.
-        corner: The corner of each segment.
-        radius: Smallest radii [m], infinite for a straight one, (n,).
-        error: Corner errors [m], (n,).
-        shrunk: Mask of the corners whose curve is smaller than their bounds allow, (n,).
-    """
-
-    rows: Segments
+    rows: Segments  # The segments, in order at each corner
     corner: IntArray
-    radius: FloatArray
-    error: FloatArray
-    shrunk: BoolArray
+    radius: FloatArray  # Smallest radii [m], infinite for a straight one, (n,)
+    error: FloatArray  # Corner errors [m], (n,)
+    shrunk: BoolArray  # Mask of the corners whose curve is smaller than their bounds allow, (n,)
 
 
 class CornerKind(ABC):
-    """A kind of curve that replaces corners.
+    """A kind of curve that replaces corners."""
 
-    Attributes:
-        smooth: Whether its curvature is continuous, also at its ends.
-    """
-
-    smooth: bool
+    smooth: bool  # True if its curvature is continuous, also at its ends
 
     @abstractmethod
     def shortest(self, half: FloatArray) -> FloatArray:
@@ -119,23 +98,16 @@ class CornerKind(ABC):
 
 @dataclass(frozen=True, slots=True)
 class LineCorner(CornerKind):
-    """A curve between two lines, described by ratios to its smallest radius.
+    """A curve between two lines, described by ratios to its smallest radius."""
 
-    Args:
-        gap: Corner error as a function of half the turn.
-        stretch: Tangent length as a function of half the turn.
-        length: Length of the drawn curve as a function of half the turn.
-        least: `shortest` over `REPEATED_POINT`.
-        lay: Draws curves from bounds and smallest radii [m]; returns segments and their corners.
-        smooth: Whether its curvature is continuous.
-    """
-
-    gap: Callable[[FloatArray], FloatArray]
-    stretch: Callable[[FloatArray], FloatArray]
+    gap: Callable[[FloatArray], FloatArray]  # Corner error as a function of half the turn
+    stretch: Callable[[FloatArray], FloatArray]  # Tangent length as a function of half the turn
+    # Length of the drawn curve as a function of half the turn
     length: Callable[[FloatArray], FloatArray]
-    least: Callable[[FloatArray], FloatArray]
+    least: Callable[[FloatArray], FloatArray]  # `shortest` over `REPEATED_POINT`
+    # Draws curves from bounds and smallest radii [m]; returns segments and their corners
     lay: Callable[[CornerBounds, FloatArray], tuple[Segments, IntArray]]
-    smooth: bool = False
+    smooth: bool = False  # True if its curvature is continuous
 
     def shortest(self, half: FloatArray) -> FloatArray:
         """Tangent lengths at which the curve is as small as the resolution of a point [m], (n,)."""
@@ -267,10 +239,8 @@ def _count_quintics(half: FloatArray) -> IntArray:
 
 
 def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
-    """Tangent arcs along the parabolas y = x² / 2 from tangent angle -h to h, and their parabolas.
-
-    The ends of the arc pairs are on the parabola and have its tangents; one is the apex.
-    """
+    """Tangent arcs along parabolas y = x² / 2 from tangent angle -h to h, and their parabolas."""
+    # The ends of the arc pairs are on the parabola and have its tangents; one is the apex.
     # With w = asinh(tan(angle)) the curvature is cosh(w)**-3: it changes by 3 tanh(w) dw.
     largest = np.arcsinh(np.tan(half))
     steps = 2 * np.maximum(np.ceil(largest / STEP), 1.0).astype(np.intp)
@@ -321,17 +291,12 @@ SMOOTH = LineCorner(
 
 
 def fit_lengths(requested: FloatArray, vertex: IntArray, lengths: FloatArray) -> FloatArray:
-    """Lengths next to vertices reduced to fit their segments [m], (n,).
-
-    A vertex may take half of a segment, or all that the vertex at its other end does not request.
-    This rule depends on direct neighbours only, is independent of the direction of travel, and
-    always has a solution.
-
-    Args:
-        requested: Requested lengths on either side [m], (n,).
-        vertex: Segments after which the vertices are, increasing, (n,).
-        lengths: Lengths of all segments [m].
-    """
+    """Lengths next to vertices reduced to fit their segments [m], (n,)."""
+    # A vertex may take half of a segment, or all that the vertex at its other end does not request.
+    # This rule depends on direct neighbours only, is independent of the direction of travel, and
+    # always has a solution.
+    # `requested`: requested lengths on either side [m], (n,); `vertex`: segments after which the
+    # vertices are, increasing, (n,); `lengths`: lengths of all segments [m].
     by_vertex = np.zeros(len(lengths) + 1)
     by_vertex[vertex + 1] = requested
     room_before = np.maximum(
@@ -346,18 +311,12 @@ def fit_lengths(requested: FloatArray, vertex: IntArray, lengths: FloatArray) ->
 def replace_vertices(
     rows: Segments, cut: FloatArray, drawn: Segments, after: IntArray
 ) -> tuple[Segments, IntArray, IntArray]:
-    """Replace parts of segments next to vertices by other segments.
-
-    Args:
-        rows: The segments, n of them.
-        cut: Length that is replaced on either side of each vertex [m], (n + 1,).
-        drawn: The replacing segments, in order at each vertex.
-        after: Index of the segment before the vertex of each replacing segment.
-
-    Returns:
-        The segments; for each, the index of its segment in `rows`, or of the segment before its
-        vertex; and its index in `drawn`, below 0 if it is from `rows`.
-    """
+    """Replace parts of segments next to vertices by other segments."""
+    # `cut`: length that is replaced on either side of each vertex [m], (n + 1,); `drawn`: the
+    # replacing segments, in order at each vertex; `after`: index of the segment before the vertex
+    # of each replacing segment.
+    # Returns the segments; for each, the index of its segment in `rows`, or of the segment before
+    # its vertex; and its index in `drawn`, below 0 if it is from `rows`.
     n = len(rows)
     starts, lengths = (
         rows.starts + cut[:-1, None] * rows.tangents,

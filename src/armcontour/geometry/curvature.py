@@ -7,7 +7,7 @@ The deviation is proven, with both paths passed evenly (`bound_deviation`).
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -109,10 +109,8 @@ def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, Flo
 def _draw_within_tolerance(
     path: Path, vertex: IntArray, w: FloatArray, allowed: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray, FloatArray]:
-    """Transitions within the tolerance, their vertices and sides, and the lengths used [m], (n,).
-
-    Connections outside the tolerance are shortened and drawn again; length 0 means no transition.
-    """
+    """Transitions within the tolerance, their vertices and sides, and their lengths [m], (n,)."""
+    # Connections outside the tolerance are shortened and drawn again; length 0 means no transition.
     w = np.where(w < SHORTEST, 0.0, w)
     done = [np.zeros(0, dtype=np.intp)]
     drawn = [path.segments[:0]]
@@ -140,10 +138,8 @@ def _draw_within_tolerance(
 def _draw_transitions(
     path: Path, vertex: IntArray, w: FloatArray, allowed: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray, FloatArray]:
-    """Transitions of given lengths, their vertices and sides, and bounds of the deviations [m].
-
-    The deviation is infinite if a connection has a loop or a cusp.
-    """
+    """Transitions of given lengths, their vertices and sides, and bounds of the deviations [m]."""
+    # The deviation is infinite if a connection has a loop or a cusp.
     rows = path.segments
     connections = connect(rows[vertex], rows[vertex + 1], w)
     sound = connections.sound
@@ -168,12 +164,7 @@ def _draw_transitions(
 
 
 def _insert_transitions(
-    path: Path,
-    vertex: IntArray,
-    w: FloatArray,
-    drawn: Segments,
-    after: IntArray,
-    first: BoolArray,
+    path: Path, vertex: IntArray, w: FloatArray, drawn: Segments, after: IntArray, first: BoolArray
 ) -> tuple[Path, FloatArray]:
     """The path with transitions, and corresponding arc lengths on both paths [m], (m, 2)."""
     # Speeds, tolerances and tags stay on their sides of the vertex.
@@ -210,5 +201,5 @@ def _insert_transitions(
     }
     if isinstance(path, RoundedPath):
         moved = {x: np.interp(getattr(path.corners, x), *matched_s.T) for x in ("start", "end")}
-        changed["corners"] = dataclasses.replace(path.corners, **moved)
-    return dataclasses.replace(path, **changed), matched_s
+        changed["corners"] = replace(path.corners, **moved)
+    return replace(path, **changed), matched_s

@@ -23,18 +23,13 @@ REACH = 5.0
 
 
 class Foot(NamedTuple):
-    """A point relative to a segment.
+    """A point relative to a segment."""
 
-    Attributes:
-        off2: Squared distance from the segment's line or full circle [m²].
-        along: Distance of the nearest point along a line [m]; for a circle the sine of the angle
-            around the centre, times the ratio of the radii of point and circle.
-        across: 0 for a line; for a circle the cosine of this angle, times the same ratio.
-    """
-
-    off2: float
+    off2: float  # Squared distance from the segment's line or full circle [m²]
+    # Distance of the nearest point along a line [m]; for a circle the sine of the angle around the
+    # centre, times the ratio of the radii of point and circle
     along: float
-    across: float
+    across: float  # 0 for a line; for a circle the cosine of this angle, times the same ratio
 
 
 @compiled(inner=True, fastmath=FUSED, forceinline=True)
@@ -57,13 +52,8 @@ def find_foot(p: Point, g: FloatArray) -> Foot:
 
 @compiled(inner=True, fastmath=FUSED)
 def distance2(foot: Foot, k: float, away: float) -> float:
-    """Squared distance from the point to the position `away` along the segment from the foot [m²].
-
-    Args:
-        foot: The foot.
-        k: The curvature [1/m].
-        away: Distance along the segment from the foot [m].
-    """
+    """Squared distance [m²] from the point to the position `away` [m] along the segment."""
+    # `k`: the curvature [1/m]; `away`: distance along the segment from the foot [m].
     if k == 0.0:
         return foot.off2 + away**2
     # The product of the radii of circle and point.
@@ -75,10 +65,8 @@ def distance2(foot: Foot, k: float, away: float) -> float:
 def nearest_within(
     p: Point, g: FloatArray, low: float, high: float, limit: float
 ) -> tuple[float, float]:
-    """Squared distance to segment `g` between `low` and `high`, and the nearest point's arc length.
-
-    Distances of `limit` [m²] or more are not computed exactly.
-    """
+    """Squared distance to segment `g` from `low` to `high`, and arc length of its nearest point."""
+    # Distances of `limit` [m²] or more are not computed exactly.
     foot, k = find_foot(p, g), g[9]
     if foot.off2 >= limit:
         return foot.off2, low
@@ -120,11 +108,9 @@ def box_gap2(p: Point, boxes: FloatArray, k: int) -> float:
 def search_tree(
     queries: FloatArray, rows: FloatArray, pieces: IntArray, boxes: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance and arc length of the nearest point for each query, by a tree of boxes.
-
-    `queries` are padded to space, (n, 3); `pieces` has the segment of each piece in tree order;
-    `boxes` has the corners of the nodes' boxes in heap order, (2 m - 1, 6).
-    """
+    """Distance and arc length of the nearest point for each query, by a tree of boxes."""
+    # `queries` are padded to space, (n, 3); `pieces` has the segment of each piece in tree order;
+    # `boxes` has the corners of the nodes' boxes in heap order, (2 m - 1, 6).
     n, leaves = len(queries), (len(boxes) + 1) // 2
     distance, s = np.empty(n), np.empty(n)
     stack, bound = np.empty(STACK, np.intp), np.empty(STACK)
@@ -164,22 +150,15 @@ def search_tree(
 def search_along(
     p: Point, rows: FloatArray, around: float, segment: int, low: float, high: float
 ) -> tuple[float, int]:
-    """Squared distance of a point from the path near a segment, and the nearest segment.
-
-    The search covers a window of arc lengths and continues beyond it up to a vertex that is farther
-    away than `REACH` allows. A point that is closer than the best distance d is at least D - d
-    farther along the path than a vertex at distance D, because arc length grows at least as fast as
-    distance. Segments before that are skipped.
-
-    Args:
-        p: The point [m].
-        rows: Segments from `pack`, (n, 15).
-        around: Length of a closed path, on which the search passes the start point; 0 for an open
-            path [m].
-        segment: The segment at which the search starts.
-        low: Smallest arc length of the window [m].
-        high: Largest arc length of the window [m].
-    """
+    """Squared distance of a point from the path near a segment, and the nearest segment."""
+    # The search covers a window of arc lengths and continues beyond it up to a vertex that is
+    # farther away than `REACH` allows. A point that is closer than the best distance d is at least
+    # D - d farther along the path than a vertex at distance D, because arc length grows at least as
+    # fast as distance. Segments before that are skipped.
+    # `p`: the point [m]; `rows`: segments from `pack`, (n, 15); `around`: length of a closed path,
+    # on which the search passes the start point; 0 for an open path [m]; `segment`: the segment at
+    # which the search starts; `low`: smallest arc length of the window [m]; `high`: largest arc
+    # length of the window [m].
     n = len(rows)
     best, _ = nearest_within(p, rows[segment], 0.0, rows[segment, 10], math.inf)
     nearest, far2 = segment, REACH * REACH * best
@@ -222,26 +201,19 @@ FINE = 50
 
 
 class TubePieces(NamedTuple):
-    """The m pieces of a tube.
+    """The m pieces of a tube."""
 
-    Attributes:
-        rows: The pieces from `pack`, (m, 15).
-        tolerance: Their tolerances [m], (m,).
-        given_up: Whether points at the start, and at the end, of each piece belong to a neighbour
-            with a smaller tolerance, (m, 2).
-    """
-
-    rows: FloatArray
-    tolerance: FloatArray
+    rows: FloatArray  # The pieces from `pack`, (m, 15)
+    tolerance: FloatArray  # Their tolerances [m], (m,)
+    # True if points at the start, and at the end, of each piece belong to a neighbour with a
+    # smaller tolerance, (m, 2)
     given_up: BoolArray
 
 
 @compiled(inner=True)
 def _excess(p: Point, pieces: TubePieces, j: int, low: float, high: float) -> tuple[float, float]:
-    """Distance of a point from a part of piece j, minus its tolerance, and the nearest arc length.
-
-    The distance is infinite if the part is empty or a neighbour has the nearest point.
-    """
+    """Distance of a point from a part of piece j minus its tolerance, and nearest arc length."""
+    # The distance is infinite if the part is empty or a neighbour has the nearest point.
     if low > high:
         return math.inf, 0.0
     g = pieces.rows[j]
@@ -255,11 +227,9 @@ def _excess(p: Point, pieces: TubePieces, j: int, low: float, high: float) -> tu
 def find_excess(
     points: FloatArray, ranges: FloatArray, windows: IntArray, pieces: TubePieces
 ) -> tuple[FloatArray, FloatArray]:
-    """Smallest distance minus tolerance within a range of the path, and its arc length, per point.
-
-    `ranges` has the arc lengths of each range [m], (n, 2); `windows` its first and last piece, (n,
-    2).
-    """
+    """Smallest distance minus tolerance in a range of the path, and its arc length, per point."""
+    # `ranges` has the arc lengths of each range [m], (n, 2); `windows` its first and last piece,
+    # (n, 2).
     excess, s = np.full(len(points), np.inf), np.zeros(len(points))
     for i in range(len(points)):
         p = points[i, 0], points[i, 1], points[i, 2]
@@ -275,11 +245,9 @@ def find_excess(
 
 @compiled()
 def bound_bulge(g: FloatArray, u0: float, u1: float, h: FloatArray, v0: float, v1: float) -> Any:
-    """Largest distance between two matched parts of segments, minus that at their ends.
-
-    One part runs from u0 to u1 along g, the other from v0 to v1 along h, both evenly. The bound is
-    an eighth of the largest second derivative of their difference; see tube.py.
-    """
+    """Largest distance between two matched parts of segments, minus that at their ends."""
+    # One part runs from u0 to u1 along g, the other from v0 to v1 along h, both evenly. The bound
+    # is an eighth of the largest second derivative of their difference; see tube.py.
     turn_g, turn_h = g[9] * (u1 - u0), h[9] * (v1 - v0)
     bend_g, bend_h = turn_g * (u1 - u0), turn_h * (v1 - v0)
     if bend_g == 0.0 or bend_h == 0.0 or abs(turn_g) + abs(turn_h) > 1.0:
@@ -310,28 +278,18 @@ def bound_bulge(g: FloatArray, u0: float, u1: float, h: FloatArray, v0: float, v
 
 @compiled()
 def bound_excess(
-    rows: FloatArray,
-    segment: IntArray,
+    rows: FloatArray,  # Segments of the path from `pack`, (n, 15)
+    segment: IntArray,  # The segment of each part, (k,)
     parts: FloatArray,
-    windows: IntArray,
+    windows: IntArray,  # First and last piece within reach of each part, (k, 2)
     pieces: TubePieces,
-    slack: float,
+    slack: float,  # A bound up to this is not refined [m]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Bounds of distance minus tolerance over parts of a path, and the largest values at points.
-
-    Args:
-        rows: Segments of the path from `pack`, (n, 15).
-        segment: The segment of each part, (k,).
-        parts: Distance along the segment, arc length on the objective and reach at the start of
-            each part, then at its end [m], (k, 6).
-        windows: First and last piece within reach of each part, (k, 2).
-        pieces: The pieces.
-        slack: A bound up to this is not refined [m].
-
-    Returns:
-        The bounds [m], the largest values at points [m], and the arc lengths of these points on
-        the path [m], (k,) each.
-    """
+    """Bounds of distance minus tolerance over parts of a path, and the largest values at points."""
+    # `parts`: distance along the segment, arc length on the objective and reach at the start of
+    # each part, then at its end [m], (k, 6).
+    # Returns the bounds [m], the largest values at points [m], and the arc lengths of these points
+    # on the path [m], (k,) each.
     n = len(parts)
     bounds, largest, s = np.full(n, -np.inf), np.full(n, -np.inf), np.zeros(n)
     stack, depths = np.empty((DEPTH + 2, 6)), np.empty(DEPTH + 2, np.intp)

@@ -13,11 +13,8 @@ FEW = 250_000
 
 
 def pairs_within(queries: FloatArray, points: FloatArray, near: float) -> tuple[IntArray, IntArray]:
-    """All pairs of a query and a point with at most a distance.
-
-    Returns:
-        Indices of the queries, sorted, and of their points, (pairs,) each.
-    """
+    """All pairs of a query and a point with at most a distance."""
+    # Returns indices of the queries, sorted, and of their points, (pairs,) each.
     if len(queries) * len(points) <= FEW:
         indices = np.nonzero(_squares(queries, points) <= near**2)
         return indices[0], indices[1]
@@ -31,17 +28,10 @@ def pairs_within(queries: FloatArray, points: FloatArray, near: float) -> tuple[
 def nearest_points(
     queries: FloatArray, points: FloatArray, count: int, within: float = np.inf
 ) -> IntArray:
-    """The nearest points of every query, the nearest first.
-
-    Args:
-        queries: The query points, (n, d).
-        points: The points, (m, d).
-        count: Number of points per query, at most m.
-        within: Limit of the distance.
-
-    Returns:
-        Indices of points, m where no further point is within the limit, (n, count).
-    """
+    """The nearest points of every query, the nearest first."""
+    # `queries`: the query points, (n, d); `points`: the points, (m, d); `count`: number of points
+    # per query, at most m.
+    # Returns indices of points, m where no further point is within the limit, (n, count).
     if len(queries) * len(points) <= FEW:
         squares = _squares(queries, points)
         order = np.argsort(squares, axis=1, kind="stable")[:, :count]
@@ -55,11 +45,8 @@ def nearest_points(
 
 
 def group_points(points: FloatArray, near: float) -> IntArray:
-    """Groups of points that are connected by steps of at most `near`.
-
-    Returns:
-        Numbers of the groups, in the order of their first points, (n,).
-    """
+    """Groups of points that are connected by steps of at most `near`."""
+    # Returns numbers of the groups, in the order of their first points, (n,).
     if len(points) ** 2 > FEW:
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components

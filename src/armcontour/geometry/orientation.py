@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Annotated
 
@@ -214,7 +213,7 @@ class Orientation(Checked):
 
     @property
     def constant(self) -> bool:
-        """Whether the orientation is the same along the whole path."""
+        """True if the orientation is the same along the whole path."""
         single = len(self.starts) == 1
         return self.fixed and (single or bool((self.starts[1:] == self.starts[:-1]).all()))
 
@@ -277,7 +276,7 @@ class Orientation(Checked):
             rows["first"][0] = turned @ rows["first"][0]
             rows["f"][0, 0] = rows["g"][0, 0] = 0.0
         ends = np.concatenate([[0.0], breaks[i[1:]], [length]])
-        return dataclasses.replace(self, breaks=ends, **rows)
+        return replace(self, breaks=ends, **rows)
 
     def reverse(self) -> Orientation:
         """The orientation along the reversed path; each piece starts with its former end."""
@@ -286,7 +285,7 @@ class Orientation(Checked):
         back = exp(at_end[1][:, :1] * self.second)
         # The reversed f is f(end) - f(end - u), about the reversed axis.
         f, g = (-x * [0, -1, 1, -1, 1, -1][: x.shape[1]] for x in at_end)
-        return dataclasses.replace(
+        return replace(
             self,
             breaks=np.concatenate([[0.0], np.cumsum(lengths[::-1])]),
             starts=self.on_piece(np.arange(len(self)), lengths)[::-1],
@@ -304,8 +303,8 @@ class Orientation(Checked):
             scale: Factor of all lengths.
         """
         if self.fixed and scale == 1.0:
-            return dataclasses.replace(self, starts=rotation @ self.starts)
-        return dataclasses.replace(
+            return replace(self, starts=rotation @ self.starts)
+        return replace(
             self,
             breaks=self.breaks * scale,
             starts=rotation @ self.starts,
@@ -324,12 +323,8 @@ def _straight(n: int) -> Mapping[str, FloatArray]:
 
 
 def shift_polynomials(c: FloatArray, by: FloatArray) -> FloatArray:
-    """Coefficients of polynomials c(u + by), from those of c(u), (n, degree + 1).
-
-    Args:
-        c: Coefficients of 1, u, u², ..., (n, degree + 1).
-        by: The shifts, (n,).
-    """
+    """Coefficients of polynomials c(u + by), from those of c(u), (n, degree + 1)."""
+    # `c`: coefficients of 1, u, u², ..., (n, degree + 1); `by`: the shifts, (n,).
     return rescale(c[:, :, None], by, np.ones(len(c)))[:, :, 0]
 
 
@@ -343,13 +338,9 @@ def turns_between(first: FloatArray, second: FloatArray, *, axis_only: bool) -> 
 def fit_cubics(
     width: FloatArray, begin: tuple[FloatArray, FloatArray], end: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
-    """Coefficients of cubics with given values and slopes at the ends of intervals, (n, 4).
-
-    Args:
-        width: Lengths of the intervals, (n,).
-        begin: Value and slope at the start of each interval, (n,) each.
-        end: Value and slope at its end, (n,) each.
-    """
+    """Coefficients of cubics with given values and slopes at the ends of intervals, (n, 4)."""
+    # `width`: lengths of the intervals, (n,); `begin`: value and slope at the start of each
+    # interval, (n,) each; `end`: value and slope at its end, (n,) each.
     (a, into), (b, out) = begin, end
     mean = (b - a) / width
     second, third = (3 * mean - 2 * into - out) / width, (into + out - 2 * mean) / width**2

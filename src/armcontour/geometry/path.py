@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +37,10 @@ class Path(Checked):
 
     Rounding and smoothing insert transitions, along which the curvature changes. Splines consist of
     transitions. Make a path with `polyline`, `spline` or `from_segments`.
+
+    >>> line = ac.Path.polyline([(0.0, 0.0), (0.3, 0.0), (0.3, 0.4)])
+    >>> line.length, line(0.1), line(0.1, 1)
+    (0.7, array([0.1, 0. ]), array([1., 0.]))
 
     Args:
         segments: Table of the n lines, arcs and transitions, with columns that are properties of
@@ -172,7 +175,7 @@ class Path(Checked):
         orientation = prescribed_orientation.orient_by_rotations(
             self.segments, self.waypoints, self.merged, rotations, axis_only=axis_only
         )
-        return dataclasses.replace(self, orientation=orientation)
+        return replace(self, orientation=orientation)
 
     def pointing(self, directions: npt.ArrayLike) -> Path:
         """The path with a constant direction of the tool axis (z), or with one per waypoint.
@@ -190,7 +193,7 @@ class Path(Checked):
         orientation = prescribed_orientation.orient_by_axes(
             self.segments, self.waypoints, self.merged, directions
         )
-        return dataclasses.replace(self, orientation=orientation)
+        return replace(self, orientation=orientation)
 
     def following_tangent(
         self, up: npt.ArrayLike, *, tool: Any | None = None, axis_only: bool = False
@@ -214,7 +217,7 @@ class Path(Checked):
         orientation = prescribed_orientation.follow_tangent(
             self.segments, up, tool, axis_only=axis_only
         )
-        return dataclasses.replace(self, orientation=orientation)
+        return replace(self, orientation=orientation)
 
     @checked
     def placed(self, frame: Pose, *, scale: Factor = 1.0) -> Path:
@@ -246,7 +249,7 @@ class Path(Checked):
 
     def _plain(self, **changed: object) -> Path:
         """A `Path` with some attributes changed, without the attributes of a subclass."""
-        attributes = {x.name: getattr(self, x.name) for x in dataclasses.fields(Path) if x.init}
+        attributes = {x.name: getattr(self, x.name) for x in fields(Path) if x.init}
         return Path(**{**attributes, **changed})
 
     def reversed(self) -> Path:
@@ -483,7 +486,7 @@ class Path(Checked):
         nearer = (distances < first) & (distances <= again)
         snapped = np.where((distances <= slack) & nearer, targets, orientation.breaks)
         snapped[-1] = self.length
-        return dataclasses.replace(orientation, breaks=snapped)
+        return replace(orientation, breaks=snapped)
 
 
 def _increasing(waypoints: npt.ArrayLike, n: int) -> IntArray:

@@ -14,13 +14,9 @@ from armcontour.geometry.segments import REPEATED_POINT
 
 
 def cut_path(path: Path, begin: float, end: float) -> Path:
-    """The part of a path between two arc lengths, with speeds, tolerances and orientation.
-
-    Args:
-        path: The path.
-        begin: Arc length at which the part starts [m].
-        end: Arc length at which the part ends [m].
-    """
+    """The part of a path between two arc lengths, with speeds, tolerances and orientation."""
+    # `begin`: arc length at which the part starts [m]; `end`: arc length at which the part ends
+    # [m].
     for name, s in (("begin", begin), ("end", end)):
         value = checks.check_number(name, s, "m")
         if not -REPEATED_POINT <= value <= path.length + REPEATED_POINT:
@@ -89,7 +85,7 @@ def drop_z(path: Path) -> Path:
 
 
 def has_length_without_z(path: Path) -> bool:
-    """Whether the projection of a path onto the x-y plane has any length."""
+    """True if the projection of a path onto the x-y plane has any length."""
     run = np.linalg.norm(path.tangents[:, :2], axis=1) * path.lengths
     return bool(((run > REPEATED_POINT) | (path.curvatures > 0)).any())
 

@@ -36,21 +36,13 @@ POINTING_DOWN = checks.frozen_array(np.diag([1.0, -1.0, -1.0]))
 
 def orient_by_rotations(
     segments: Segments,
-    waypoints: IntArray,
-    merged: tuple[int, ...],
-    values: Any,
+    waypoints: IntArray,  # Indices of the vertices at which the input points of the path lie
+    merged: tuple[int, ...],  # Indices of the input points that repeat the point before them
+    values: Any,  # Rotations as `rotations` takes them: one, or one per input point
     *,
-    axis_only: bool,
+    axis_only: bool,  # Rotation about the tool axis is free
 ) -> Orientation:
-    """A constant orientation, or one per waypoint with the shortest rotations between them.
-
-    Args:
-        segments: Segments of the path.
-        waypoints: Indices of the vertices at which the input points of the path lie.
-        merged: Indices of the input points that repeat the point before them.
-        values: Rotations as `rotations` takes them: one, or one per input point.
-        axis_only: Rotation about the tool axis is free.
-    """
+    """A constant orientation, or one per waypoint with the shortest rotations between them."""
     specified = rotations("tool orientation", values)
     if specified.ndim == 2:
         return _constant(segments, specified, axis_only)
@@ -62,14 +54,8 @@ def orient_by_rotations(
 def orient_by_axes(
     segments: Segments, waypoints: IntArray, merged: tuple[int, ...], values: npt.ArrayLike
 ) -> Orientation:
-    """A constant direction of the tool axis, or one per waypoint; rotation about it is free.
-
-    Args:
-        segments: As in `orient_by_rotations`.
-        waypoints: As in `orient_by_rotations`.
-        merged: As in `orient_by_rotations`.
-        values: Directions of the tool axis: one, (3,), or one per input point, (n, 3).
-    """
+    """A constant direction of the tool axis, or one per waypoint; rotation about it is free."""
+    # `values`: directions of the tool axis: one, (3,), or one per input point, (n, 3).
     directions = checks.check_numbers("direction of the tool axis", values)
     if directions.shape[-1:] != (3,) or directions.ndim > 2:
         raise InvalidInput("The direction of the tool axis is 3 numbers, once or per waypoint.")
@@ -101,19 +87,13 @@ def _pointing(x: float, y: float, z: float) -> FloatArray:
 def follow_tangent(
     segments: Segments, up: npt.ArrayLike, tool: Any | None = None, *, axis_only: bool = False
 ) -> Orientation:
-    """An orientation at a fixed angle to the tangent of a path.
-
-    The tool never turns about the tangent: its orientation is constant on a line, turns with the
-    tangent on an arc, and jumps by the turn at a corner until the corner is rounded.
-
-    Args:
-        segments: Segments of a path in space.
-        up: Direction that, made perpendicular to the first tangent, is z of the path's frame, whose
-            x is the tangent, (3,).
-        tool: Rotation of the tool in the path's frame, as `rotations` takes it; by default its z
-            axis points against `up` and its x axis along the path.
-        axis_only: Rotation about the tool axis is free.
-    """
+    """An orientation at a fixed angle to the tangent of a path."""
+    # The tool never turns about the tangent: its orientation is constant on a line, turns with the
+    # tangent on an arc, and jumps by the turn at a corner until the corner is rounded.
+    # `segments`: segments of a path in space; `up`: direction that, made perpendicular to the first
+    # tangent, is z of the path's frame, whose x is the tangent, (3,); `tool`: rotation of the tool
+    # in the path's frame, as `rotations` takes it; by default its z axis points against `up` and
+    # its x axis along the path; `axis_only`: rotation about the tool axis is free.
     in_path = POINTING_DOWN if tool is None else rotations("tool in the path's frame", tool)
     if in_path.shape != (3, 3):
         raise InvalidInput(
@@ -134,13 +114,9 @@ def follow_tangent(
 
 
 def carry_frame(segments: Segments, frame: FloatArray, *, axis_only: bool = False) -> Orientation:
-    """An orientation that turns with the tangent of a path and never about it.
-
-    Args:
-        segments: Segments of the path.
-        frame: Rotation matrix of the tool at the path's start, (3, 3).
-        axis_only: Rotation about the tool axis is free.
-    """
+    """An orientation that turns with the tangent of a path and never about it."""
+    # `frame`: rotation matrix of the tool at the path's start, (3, 3); `axis_only`: rotation about
+    # the tool axis is free.
     corners = shortest(segments.end_tangents[:-1], segments.tangents[1:])
     turn = np.linalg.norm(corners, axis=1)
     if (turn > HALF_TURN).any():
@@ -157,21 +133,15 @@ def carry_frame(segments: Segments, frame: FloatArray, *, axis_only: bool = Fals
 
 def follow_tangents(
     segments: Segments,
-    frame: FloatArray,
+    frame: FloatArray,  # Rotation matrix at the start, (3, 3)
     corners: FloatArray | None,
     frames: Mapping[int, FloatArray],
     *,
-    axis_only: bool,
+    axis_only: bool,  # Rotation about the tool axis is free
 ) -> Orientation:
-    """An orientation that turns with the tangents of segments.
-
-    Args:
-        segments: The segments, n of them.
-        frame: Rotation matrix at the start, (3, 3).
-        corners: Rotations at the vertices between segments, (n - 1, 3, 3); None for none.
-        frames: Rotation matrices that are known at the starts of some segments, (3, 3) each.
-        axis_only: Rotation about the tool axis is free.
-    """
+    """An orientation that turns with the tangents of segments."""
+    # `corners`: rotations at the vertices between segments, (n - 1, 3, 3); None for none; `frames`:
+    # rotation matrices that are known at the starts of some segments, (3, 3) each.
     columns = tangent_turns(segments)
     tilt, turn = (evaluate_polynomials(columns[x], segments.lengths)[:, None] for x in "fg")
     turns = exp(turn * columns["second"]) @ exp(tilt * columns["first"])
@@ -192,12 +162,10 @@ def tangent_rates(segments: Segments) -> FloatArray:
 
 
 def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
-    """Turns of the tangents along segments, as `first`, `second`, `f` and `g` of an `Orientation`.
-
-    On a transition `second` is the axis from the first tangent to the last, and `first` is the axis
-    of the tilt out of this plane. Both angles are quintics that match the tangent, the curvature
-    and, in a plane, the shared derivative of the angular rate at both ends.
-    """
+    """Turns of the tangents, as `first`, `second`, `f` and `g` of an `Orientation`."""
+    # On a transition `second` is the axis from the first tangent to the last, and `first` is the
+    # axis of the tilt out of this plane. Both angles are quintics that match the tangent, the
+    # curvature and, in a plane, the shared derivative of the angular rate at both ends.
     first, f = tangent_rates(segments), np.tile(LINEAR, (len(segments), 1))
     second, g = np.zeros_like(first), np.zeros_like(f)
     bent = np.flatnonzero(segments.bent)
@@ -252,11 +220,9 @@ def _axes_of_turns(segments: Segments, bent: IntArray) -> FloatArray:
 
 
 def _shared_changes(segments: Segments) -> FloatArray:
-    """Derivatives of the tangents' angular rates at all vertices [rad/m²], (n + 1, 3).
-
-    At a vertex between transitions this is the mean of both sides. Lines and arcs turn at a
-    constant rate, so the derivative is zero at their ends.
-    """
+    """Derivatives of the tangents' angular rates at all vertices [rad/m²], (n + 1, 3)."""
+    # At a vertex between transitions this is the mean of both sides. Lines and arcs turn at a
+    # constant rate, so the derivative is zero at their ends.
     every = np.arange(len(segments))
     sides = [
         np.cross(segments.evaluate(every, u, 1), segments.evaluate(every, u, 3))

@@ -21,6 +21,10 @@ from armcontour.geometry.segments import Segments
 class SegmentLimits(Checked):
     """Process requirements of one segment; stricter limits of the job override them.
 
+    >>> slow = ac.SegmentLimits(speed=0.02, tag="slow")
+    >>> ac.Line((0.0, 0.0), (0.1, 0.0), segment_limits=slow).segment_limits.speed
+    0.02
+
     Args:
         speed: Assigned velocity on the segment [m/s].
         tolerance: Largest corner error at the segment's ends [m].
@@ -54,6 +58,10 @@ NO_LIMITS = SegmentLimits()
 class Line:
     """A straight segment from `start` to `end` [m].
 
+    >>> line = ac.Line((0.30, 0.20), (0.33, 0.20))
+    >>> round(ac.Path.from_segments([line]).length, 6)
+    0.03
+
     Args:
         start: First point [m], 2 or 3 coordinates.
         end: Last point [m], same number of coordinates.
@@ -69,6 +77,10 @@ class Line:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arc:
     """A circular segment from `start` around `center` [m].
+
+    >>> quarter = ac.Arc((1.0, 0.0), (0.0, 0.0), np.pi / 2)
+    >>> round(ac.Path.from_segments([quarter]).length, 3)
+    1.571
 
     Args:
         start: First point [m], 2 or 3 coordinates.
@@ -186,12 +198,13 @@ def _circle_through(
 def tabulate(segments: Iterable[Line | Arc]) -> Segments:
     """Lines and arcs as a table of segments."""
     listed = list(checks.check_sequence("segments of a path", segments, object, "Lines and Arcs"))
-    for i, x in enumerate(listed):
-        if not isinstance(x, (Line, Arc)):
+    for i, segment in enumerate(listed):
+        if not isinstance(segment, (Line, Arc)):
             raise InvalidInput(
-                f"Segment {i + 1} must be a Line or an Arc, not a {type(x).__name__}.", index=i
+                f"Segment {i + 1} must be a Line or an Arc, not a {type(segment).__name__}.",
+                index=i,
             )
-        checks.check_type(f"Segment {i + 1}", x.segment_limits, SegmentLimits)
+        checks.check_type(f"Segment {i + 1}", segment.segment_limits, SegmentLimits)
     rows = [_line(x, i) if isinstance(x, Line) else _arc(x, i) for i, x in enumerate(listed)]
     if not rows:
         raise InvalidInput("A path needs at least one segment.")

@@ -43,18 +43,12 @@ class Projection:
 def find_nearest(
     segments: Segments, points: npt.ArrayLike, *, in_order: bool = False
 ) -> Projection:
-    """The nearest point of a path for each of `points`, exact on lines and arcs.
-
-    On transitions it is the nearest point of arcs within a nanometre of them (`draw_arcs`).
-
-    The first call for a table of segments builds a tree, which exists as long as the table. The
-    time of a query is then approximately proportional to the logarithm of the number of segments.
-
-    Args:
-        segments: Segments of the path.
-        points: Query points [m], (n, dimension).
-        in_order: Whether each point is near the previous one, so they need not be sorted.
-    """
+    """The nearest point of a path for each of `points`, exact on lines and arcs."""
+    # On transitions it is the nearest point of arcs within a nanometre of them (`draw_arcs`).
+    # The first call for a table of segments builds a tree, which exists as long as the table. The
+    # time of a query is then approximately proportional to the logarithm of the number of segments.
+    # `points`: query points [m], (n, dimension); `in_order`: true if each point is near the
+    # previous one, so they need not be sorted.
     queries = checks.points("points to project", points)
     if queries.shape[1] != segments.dimension:
         raise InvalidInput(
@@ -78,11 +72,9 @@ def find_nearest(
 
 
 def pack_segments(segments: Segments) -> FloatArray:
-    """Segments as an array for compiled functions, padded to space, (n, 15).
-
-    Transitions are drawn as arcs (`draw_arcs`), so there may be more rows than segments. Columns:
-    start (3), tangent (3), normal (3), curvature, length, arc length at the start, end (3).
-    """
+    """Segments as an array for compiled functions, padded to space, (n, 15)."""
+    # Transitions are drawn as arcs (`draw_arcs`), so there may be more rows than segments. Columns:
+    # start (3), tangent (3), normal (3), curvature, length, arc length at the start, end (3).
     return pack_arcs(*draw_arcs(segments))
 
 
@@ -124,11 +116,9 @@ def _build_tree(segments: Segments) -> Tree:
 
 
 def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Divide segments into pieces of at most a quarter circle, with their segments and boxes.
-
-    The box of a piece of length l has an area of approximately l² / pi. Of N pieces of a path of
-    length L in an area A, approximately L² / (pi A N) boxes contain a point.
-    """
+    """Divide segments into pieces of at most a quarter circle, with their segments and boxes."""
+    # The box of a piece of length l has an area of approximately l² / pi. Of N pieces of a path of
+    # length L in an area A, approximately L² / (pi A N) boxes contain a point.
     n, lengths, curvatures = len(segments), segments.lengths, segments.curvatures
     extent = np.sort(np.ptp(np.concatenate([segments.starts, segments[-1:].ends]), axis=0))[-2:]
     area = max(extent[0], 1e-3 * extent[1]) * extent[1]
@@ -152,10 +142,8 @@ def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
 
 
 def _sort_along_a_curve(points: FloatArray, digits: int = 1) -> IntArray:
-    """Indices that sort points along a Morton curve, so consecutive points are near each other.
-
-    Each of `digits` refines the cells by 8 bits per axis in the plane, 5 in space.
-    """
+    """Indices that sort points along a Morton curve, so consecutive points are near each other."""
+    # Each of `digits` refines the cells by 8 bits per axis in the plane, 5 in space.
     axes = points.shape[1]
     bits = 16 // axes
     low = points.min(axis=0)

@@ -37,10 +37,8 @@ NOWHERE = np.empty(0, dtype=np.intp)
 
 
 def find_kinks(path: Path) -> IntArray:
-    """Vertices at which the angular rate of the path's orientation jumps.
-
-    An orientation that follows the tangent, or none, has no such vertices.
-    """
+    """Vertices at which the angular rate of the path's orientation jumps."""
+    # An orientation that follows the tangent, or none, has no such vertices.
     orientation = path.orientation
     if orientation is None or orientation.follows:
         return NOWHERE
@@ -54,27 +52,19 @@ def find_kinks(path: Path) -> IntArray:
 
 
 def middle_fraction(smooth: bool) -> float:
-    """Fraction of a blend's length that reduces the deviation of its middle from the vertex.
-
-    Args:
-        smooth: Whether the derivative of the angular rate must not jump.
-    """
+    """Fraction of a blend's length that reduces the deviation of its middle from the vertex."""
+    # `smooth`: true if the derivative of the angular rate must not jump.
     return SMOOTH_MIDDLE if smooth else MIDDLE
 
 
 def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
-    """Largest k that satisfies the angular tolerance in the middle of each corner [m], (k,).
-
-    With tangent length t and length l of the curve, the middle is `exp(k b) exp(-k a) R` with `k =
-    t / 2 - l / 8`, or, for a continuous derivative of the rate, `t / 2 - 5 l / 32`. k is infinite
-    if the rate does not jump or the orientation follows the tangent, and 0 where the orientation
-    jumps, because the tool stops there.
-
-    Args:
-        path: The objective path.
-        vertex: Indices of the vertices, (k,).
-        allowed: Largest angle between the orientation and its value at the vertex [rad].
-    """
+    """Largest k that satisfies the angular tolerance in the middle of each corner [m], (k,)."""
+    # With tangent length t and length l of the curve, the middle is `exp(k b) exp(-k a) R` with `k
+    # = t / 2 - l / 8`, or, for a continuous derivative of the rate, `t / 2 - 5 l / 32`. k is
+    # infinite if the rate does not jump or the orientation follows the tangent, and 0 where the
+    # orientation jumps, because the tool stops there.
+    # `vertex`: indices of the vertices, (k,); `allowed`: largest angle between the orientation and
+    # its value at the vertex [rad].
     orientation = path.orientation
     if orientation is None or orientation.follows or not len(vertex):
         return np.full(len(vertex), np.inf)
@@ -84,28 +74,17 @@ def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
 
 def round_orientation(
     objective: Path,
-    vertex: IntArray,
-    tangent: FloatArray,
-    length: FloatArray,
-    whole: float,
+    vertex: IntArray,  # Indices of the rounded vertices, (k,)
+    tangent: FloatArray,  # Tangent length of each vertex [m], (k,); 0 for a vertex that stays sharp
+    length: FloatArray,  # Length of the curve that replaces each vertex [m], (k,)
+    whole: float,  # Length of the rounded path [m]
     *,
-    smooth: bool = False,
+    smooth: bool = False,  # True if the derivative of the angular rate must not jump
 ) -> tuple[Orientation, FloatArray]:
-    """Orientation of a rounded path if the orientation does not follow the tangent.
-
-    Args:
-        objective: The path before rounding.
-        vertex: Indices of the rounded vertices, (k,).
-        tangent: Tangent length of each vertex [m], (k,); 0 for a vertex that stays sharp.
-        length: Length of the curve that replaces each vertex [m], (k,).
-        whole: Length of the rounded path [m].
-        smooth: Whether the derivative of the angular rate must not jump.
-
-    Returns:
-        The orientation, and the angle between it and the vertex's orientation in the middle of
-        each blend [rad], (k,). For a path that prescribes the tool axis only, the angle is
-        between the axes.
-    """
+    """Orientation of a rounded path if the orientation does not follow the tangent."""
+    # Returns the orientation, and the angle between it and the vertex's orientation in the middle
+    # of each blend [rad], (k,). For a path that prescribes the tool axis only, the angle is between
+    # the axes.
     orientation = objective.orientation
     assert orientation is not None
     lengths, n = objective.lengths, len(objective)
@@ -125,26 +104,18 @@ def round_orientation(
 
 
 def follow_rounded(
-    rounded: Segments,
+    rounded: Segments,  # The segments of the rounded path, n of them
     objective: Path,
     segment: IntArray,
-    cut: FloatArray,
+    cut: FloatArray,  # Length at the start of each objective segment that a corner has replaced [m]
     allowed: float,
     *,
-    smooth: bool = False,
+    smooth: bool = False,  # True if the derivative of the angular rate must not jump
 ) -> Orientation:
-    """Orientation of a rounded path if the orientation follows the tangent.
-
-    Args:
-        rounded: The segments of the rounded path, n of them.
-        objective: The path before rounding.
-        segment: For each segment of the rounded path, index of the objective segment that contains
-            it, or that lies before its corner, (n,).
-        cut: Length at the start of each objective segment that a corner has replaced [m].
-        allowed: Largest angle between the orientation and one that follows the tangent exactly
-            [rad].
-        smooth: Whether the derivative of the angular rate must not jump.
-    """
+    """Orientation of a rounded path if the orientation follows the tangent."""
+    # `segment`: for each segment of the rounded path, index of the objective segment that contains
+    # it, or that lies before its corner, (n,); `allowed`: largest angle between the orientation and
+    # one that follows the tangent exactly [rad].
     from armcontour.geometry.prescribed_orientation import follow_tangents
 
     orientation = objective.orientation
@@ -160,16 +131,11 @@ def follow_rounded(
 
 
 def largest_cuts(sharp: Orientation, allowed: float, *, smooth: bool = False) -> FloatArray:
-    """Largest lengths that blends may take from either piece, if the path keeps its length [m].
-
-    Args:
-        sharp: The orientation of constant rates, n pieces.
-        allowed: Largest angle between the orientation and that of the constant rates [rad].
-        smooth: Whether the derivative of the angular rate must not jump.
-
-    Returns:
-        The lengths, (n - 1,); 0 at breaks where the rate does not jump.
-    """
+    """Largest lengths that blends may take from either piece, if the path keeps its length [m]."""
+    # `sharp`: the orientation of constant rates, n pieces; `allowed`: largest angle between the
+    # orientation and that of the constant rates [rad]; `smooth`: true if the derivative of the
+    # angular rate must not jump.
+    # Returns the lengths, (n - 1,); 0 at breaks where the rate does not jump.
     vertex = np.arange(len(sharp) - 1)
     shorter = 0.5 - 2 * middle_fraction(smooth)
     return np.where(sharp.kinks > 0, _largest_blend(sharp, vertex, allowed) / shorter, 0.0)
@@ -178,21 +144,14 @@ def largest_cuts(sharp: Orientation, allowed: float, *, smooth: bool = False) ->
 def blend_kinks(
     sharp: Orientation, requested: FloatArray, *, smooth: bool = False
 ) -> tuple[Orientation, FloatArray]:
-    """An orientation of constant rates with a blend at every jump of the rate.
-
-    A blend takes at most half of either piece, and nothing where the orientation jumps. Its largest
-    deviation from the constant rates is at the break.
-
-    Args:
-        sharp: The orientation of constant rates, n pieces; where the rate does not jump at either
-            end of a piece, it may change along it.
-        requested: Length that each blend takes from either piece [m], (n - 1,).
-        smooth: Whether the derivative of the angular rate must not jump.
-
-    Returns:
-        The orientation, and its deviation at each break between pieces [rad], (n - 1,); between the
-        tool axes if only they are prescribed.
-    """
+    """An orientation of constant rates with a blend at every jump of the rate."""
+    # A blend takes at most half of either piece, and nothing where the orientation jumps. Its
+    # largest deviation from the constant rates is at the break.
+    # `sharp`: the orientation of constant rates, n pieces; where the rate does not jump at either
+    # end of a piece, it may change along it; `requested`: length that each blend takes from either
+    # piece [m], (n - 1,); `smooth`: true if the derivative of the angular rate must not jump.
+    # Returns the orientation, and its deviation at each break between pieces [rad], (n - 1,);
+    # between the tool axes if only they are prescribed.
     vertex = np.arange(len(sharp) - 1)
     lengths = np.diff(sharp.breaks)
     cut = np.minimum(requested, np.minimum(lengths[:-1], lengths[1:]) / 2)
@@ -206,23 +165,19 @@ def blend_kinks(
 
 
 def _middle_angles(sharp: Orientation, vertex: IntArray, k: FloatArray) -> FloatArray:
-    """Angle of the rotation `exp(k b) exp(-k a)` in the middle of each blend [rad], (k,).
-
-    For an orientation that prescribes the tool axis only, the angle is between the axes.
-    """
+    """Angle of the rotation `exp(k b) exp(-k a)` in the middle of each blend [rad], (k,)."""
+    # For an orientation that prescribes the tool axis only, the angle is between the axes.
     a, b, rotation = sharp.first[vertex], sharp.first[vertex + 1], sharp.starts[vertex + 1]
     middle = exp(k[:, None] * b) @ exp(-k[:, None] * a)
     return turns_between(middle @ rotation, rotation, axis_only=sharp.axis_only)
 
 
 def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> FloatArray:
-    """The largest k at which `exp(k b) exp(-k a)` is a rotation by at most `allowed`.
-
-    The angle between two rotations is at most the distance of their rotation vectors, so that this
-    rotation is by at most `k |b - a|`. The tool axis alone turns by at most `k d + k² e m / 2`,
-    where d and e are the parts of b - a across and along the axis, and m is the rate by which the
-    slower of a and b tilts the axis: see docs/concepts/rounding.md.
-    """
+    """The largest k at which `exp(k b) exp(-k a)` is a rotation by at most `allowed`."""
+    # The angle between two rotations is at most the distance of their rotation vectors, so that
+    # this rotation is by at most `k |b - a|`. The tool axis alone turns by at most `k d + k² e m /
+    # 2`, where d and e are the parts of b - a across and along the axis, and m is the rate by which
+    # the slower of a and b tilts the axis: see docs/concepts/rounding.md.
     if sharp.fixed:
         return np.full(len(vertex), np.inf)
     a, b = sharp.first[vertex], sharp.first[vertex + 1]

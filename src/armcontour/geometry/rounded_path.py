@@ -281,14 +281,9 @@ def count_full_stops(path: Path) -> dict[str, int]:
 def blend_vertices(
     path: Path, vertex: IntArray, turn: FloatArray, tolerance: FloatArray
 ) -> RoundedPath:
-    """The path with some of its vertices blended; a blend takes at most half of either segment.
-
-    Args:
-        path: The path, without tool orientation.
-        vertex: Segments after which the vertices are, increasing, (n,).
-        turn: The path's turns there [rad], (n,).
-        tolerance: Largest distance of each vertex from the new path [m], (n,).
-    """
+    """The path with some of its vertices blended; a blend takes at most half of either segment."""
+    # `vertex`: segments after which the vertices are, increasing, (n,); `turn`: the path's turns
+    # there [rad], (n,); `tolerance`: largest distance of each vertex from the new path [m], (n,).
     none = np.full(len(vertex), np.inf)
     tangent_limits = np.minimum(path.lengths[vertex], path.lengths[vertex + 1]) / 2
     return _round(
@@ -466,13 +461,9 @@ def _in_plane(bounds: CornerBounds) -> BoolArray:
 
 
 def check_angular_tolerance(path: Path, tolerance: float | None, kinked: IntArray) -> float:
-    """The angular tolerance [rad]; infinite if none is specified and none is needed.
-
-    Args:
-        path: The objective path.
-        tolerance: The specified tolerance [rad].
-        kinked: Segments after which only the angular rate jumps, (k,).
-    """
+    """The angular tolerance [rad]; infinite if none is specified and none is needed."""
+    # `tolerance`: the specified tolerance [rad]; `kinked`: segments after which only the angular
+    # rate jumps, (k,).
     if tolerance is not None:
         return checks.not_negative("angular tolerance", tolerance, "rad")
     orientation = path.orientation

@@ -404,12 +404,9 @@ class Segments(Value):
 
 
 def largest_bend(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
-    """Upper bounds of the second derivatives of quintics by arc length [1/m], (n,).
-
-    Args:
-        quintics: Coefficients, (n, 6, dimension).
-        lengths: Lengths [m], (n,); 0 for a quintic of no length.
-    """
+    """Upper bounds of the second derivatives of quintics by arc length [1/m], (n,)."""
+    # `quintics`: coefficients, (n, 6, dimension); `lengths`: lengths [m], (n,); 0 for a quintic of
+    # no length.
     # A polynomial stays within the hull of its control points; the first and the last are its ends.
     control = np.einsum("ck,nkd->ncd", BENDS, quintics[:, 2:])
     curvature = np.linalg.norm(control, axis=2).max(axis=1)
@@ -425,12 +422,8 @@ def _unit_or_zero(v: FloatArray) -> FloatArray:
 
 
 def share_limits(before: Segments, after: Segments) -> dict[str, Any]:
-    """Columns of segments that replace parts of two others: the lower speeds and tolerances.
-
-    Args:
-        before: The segments before them, whose tags they take.
-        after: The segments after them.
-    """
+    """Columns of segments that replace parts of two others: the lower speeds and tolerances."""
+    # `before`: the segments before them, whose tags they take.
     return {
         "speeds": np.fmin(before.speeds, after.speeds),
         "tolerances": np.fmin(before.tolerances, after.tolerances),
@@ -441,18 +434,12 @@ def share_limits(before: Segments, after: Segments) -> dict[str, Any]:
 def close_gaps(
     starts: FloatArray, ends: FloatArray, stay: BoolArray, nearest: float
 ) -> tuple[FloatArray, BoolArray]:
-    """Drop segments that are too short, and move the starts of the next ones to close the gaps.
-
-    Args:
-        starts: Starts of consecutive segments [m], (n, dimension).
-        ends: Ends of these segments [m], (n, dimension).
-        stay: Mask of segments that remain whatever their length, (n,).
-        nearest: Other segments remain if they end farther than this from the last remaining end
-            [m], so many small steps are not lost.
-
-    Returns:
-        The new starts, (n, dimension), and the mask of remaining segments, (n,).
-    """
+    """Drop segments that are too short, and move the starts of the next ones to close the gaps."""
+    # `starts`: starts of consecutive segments [m], (n, dimension); `ends`: ends of these segments
+    # [m], (n, dimension); `stay`: mask of segments that remain whatever their length, (n,);
+    # `nearest`: other segments remain if they end farther than this from the last remaining end
+    # [m], so many small steps are not lost.
+    # Returns the new starts, (n, dimension), and the mask of remaining segments, (n,).
     mask = stay | (np.linalg.norm(ends - starts, axis=1) > nearest)
     if mask.all():
         return starts, mask

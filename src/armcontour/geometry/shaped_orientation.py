@@ -14,8 +14,7 @@ tangents. This twist is distributed evenly from segment to segment of the object
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -35,12 +34,7 @@ from armcontour.geometry.orientation import (
 )
 from armcontour.geometry.path import Path
 from armcontour.geometry.prescribed_orientation import carry_frame
-from armcontour.geometry.rounded_orientation import (
-    SLIVER,
-    blend_kinks,
-    find_kinks,
-    largest_cuts,
-)
+from armcontour.geometry.rounded_orientation import SLIVER, blend_kinks, find_kinks, largest_cuts
 from armcontour.geometry.rounded_path import check_angular_tolerance
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.geometry.shaped_path import check_correspondence
@@ -51,12 +45,12 @@ if TYPE_CHECKING:
 # Twists below this are rounding errors [rad].
 NO_TWIST = 1e-12
 # Largest turn of an arc along which a twist is corrected by one constant rate [rad].
-MOST_TURN = 0.1
+MAX_TURN = 0.1
 # Fractions of the angular tolerance that the smooth arc lengths and the blends may use. Their
 # errors do not add up: at the vertices, in the middle of blends, the smooth arc lengths are exact.
 PLACES, BLENDS = 0.5, 0.95
 # Smallest and largest angular error of the smooth arc lengths, and that without a tolerance [rad].
-LEAST_ANGLE, MOST_ANGLE, SMALL_ANGLE = 1e-5, 1e-2, 1e-3
+LEAST_ANGLE, MAX_ANGLE, SMALL_ANGLE = 1e-5, 1e-2, 1e-3
 # Factor by which blends outside the tolerance are shortened, and number of trials.
 SHORTER, TRIES = 0.8, 8
 # Largest number of halvings between two knots of the smooth arc lengths.
@@ -66,10 +60,7 @@ AnyPath = TypeVar("AnyPath", bound=Path)
 
 
 def orient_shaped(
-    path: AnyPath,
-    objective: Path,
-    places: npt.ArrayLike,
-    angular_tolerance: float | None = None,
+    path: AnyPath, objective: Path, places: npt.ArrayLike, angular_tolerance: float | None = None
 ) -> tuple[AnyPath, float]:
     """A path with the tool orientation of the objective path that it was made from.
 
@@ -108,27 +99,19 @@ def orient_shaped(
         orientation, deviation = _follow_tangent(path, objective, pairs, allowed)
     else:
         orientation, deviation = _orient_smoothly(path, objective, pairs, allowed)
-    return dataclasses.replace(path, orientation=orientation), deviation
+    return replace(path, orientation=orientation), deviation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Runs:
-    """The k longest parts of an objective with a constant angular rate.
+    """The k longest parts of an objective with a constant angular rate."""
 
-    Args:
-        objective_s: Arc lengths of their ends on the objective [m], (k + 1,).
-        s: Arc lengths of their ends on the path [m], (k + 1,).
-        segment: First segments on the objective, (k,).
-        starts: Rotation matrices at their starts, (k, 3, 3).
-        rates: Angular rates over the arc length of the objective [rad/m], (k, 3).
-        speeds: Angular speeds of the tool, or of its axis if only that is prescribed [rad/m], (k,).
-    """
-
-    objective_s: FloatArray
-    s: FloatArray
-    segment: IntArray
-    starts: FloatArray
-    rates: FloatArray
+    objective_s: FloatArray  # Arc lengths of their ends on the objective [m], (k + 1,)
+    s: FloatArray  # Arc lengths of their ends on the path [m], (k + 1,)
+    segment: IntArray  # First segments on the objective, (k,)
+    starts: FloatArray  # Rotation matrices at their starts, (k, 3, 3)
+    rates: FloatArray  # Angular rates over the arc length of the objective [rad/m], (k, 3)
+    # Angular speeds of the tool, or of its axis if only that is prescribed [rad/m], (k,)
     speeds: FloatArray
 
     @classmethod
@@ -165,7 +148,7 @@ def _orient_smoothly(
     source = objective.orientation
     assert source is not None
     runs = _Runs.from_path(path, objective, pairs)
-    near = float(np.clip(PLACES * allowed, LEAST_ANGLE, MOST_ANGLE))
+    near = float(np.clip(PLACES * allowed, LEAST_ANGLE, MAX_ANGLE))
     near = near if np.isfinite(allowed) else SMALL_ANGLE
     mapping = _smooth_places(runs, pairs, near)
     cut = _blend_lengths(path, objective, runs, pairs, BLENDS * allowed)
@@ -206,10 +189,8 @@ def _smooth_places(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpol
 def _blend_lengths(
     path: Path, objective: Path, runs: _Runs, pairs: FloatArray, allowed: float
 ) -> FloatArray:
-    """Lengths of the path that blends take on either side of the vertices between runs [m], (k,).
-
-    The length is 0 where the rate does not jump, or where the tool stops anyway.
-    """
+    """Lengths of the path that blends take on either side of vertices between runs [m], (k,)."""
+    # The length is 0 where the rate does not jump, or where the tool stops anyway.
     orientation = objective.orientation
     assert orientation is not None
     vertex = runs.segment[1:] - 1
@@ -308,18 +289,16 @@ def _follow_tangent(
 def _apply_twist(
     path: Path, carried: Orientation, s: FloatArray, twist: FloatArray
 ) -> tuple[Orientation, float]:
-    """The orientation turned about the path's tangent by a twist, and its largest error [rad].
-
-    The twist is linear between arc lengths. Each piece gets the constant rate from its start to its
-    end; long arcs become several pieces.
-    """
+    """The orientation turned about the path's tangent by a twist, and its largest error [rad]."""
+    # The twist is linear between arc lengths. Each piece gets the constant rate from its start to
+    # its end; long arcs become several pieces.
     deviations = np.abs(s - path.breaks[np.stack([path.locate(s), path.locate(s) + 1])]).min(axis=0)
     cuts = np.union1d(path.breaks, s[deviations > REPEATED_POINT])
     whole = path.locate((cuts[:-1] + cuts[1:]) / 2)
     first, last = cuts[:-1] - path.breaks[whole], cuts[1:] - path.breaks[whole]
     # On tiny arcs a difference of arc lengths has too few digits.
     last = np.where(cuts[1:] == path.breaks[whole + 1], path.lengths[whole], last)
-    count = np.ceil(path.curvatures[whole] * (last - first) / MOST_TURN).astype(np.intp).clip(1)
+    count = np.ceil(path.curvatures[whole] * (last - first) / MAX_TURN).astype(np.intp).clip(1)
     part, k = number_parts(count)
     i, step = whole[part], ((last - first) / count)[part]
     u = [first[part] + x * step for x in (k, k + 0.5, k + 1)]

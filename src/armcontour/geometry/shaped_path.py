@@ -199,13 +199,9 @@ def describe_unfinished(paths: Iterable[Path]) -> list[str]:
 
 
 def check_correspondence(places: npt.ArrayLike, objective: Path, path: Path) -> FloatArray:
-    """Corresponding arc lengths, locked, after a check that they cover both paths.
-
-    Args:
-        places: Arc lengths on the objective and on the path [m], (n, 2).
-        objective: The objective path.
-        path: A path that was made from it.
-    """
+    """Corresponding arc lengths, locked, after a check that they cover both paths."""
+    # `places`: arc lengths on the objective and on the path [m], (n, 2); `path`: A path that was
+    # made from it.
     pairs = checks.frozen_array(places)
     ends = np.array([[0.0, 0.0], [objective.length, path.length]])
     near = 1e-9 * (1 + ends[1])

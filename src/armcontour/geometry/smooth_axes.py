@@ -19,20 +19,14 @@ SAME = 1e-9
 
 
 def smooth_axes(points: npt.ArrayLike, axes: npt.ArrayLike, tolerance: float) -> FloatArray:
-    """Directions that turn as smoothly as possible within an angle of the specified directions.
-
-    A smoothing spline minimizes the squared changes of the directions plus, with a weight, their
-    squared second derivatives along the points. The weight is the largest with which every
-    direction is within the tolerance. A closed path stays closed.
-
-    Args:
-        points: Points of a path, which differ from their neighbours [m], (n, dimension).
-        axes: Directions at the points, (n, 3).
-        tolerance: Largest angle between a direction and the specified one [rad].
-
-    Returns:
-        Unit vectors, (n, 3).
-    """
+    """Directions that turn as smoothly as possible within an angle of the specified directions."""
+    # A smoothing spline minimizes the squared changes of the directions plus, with a weight, their
+    # squared second derivatives along the points. The weight is the largest with which every
+    # direction is within the tolerance. A closed path stays closed.
+    # `points`: points of a path, which differ from their neighbours [m], (n, dimension); `axes`:
+    # directions at the points, (n, 3); `tolerance`: largest angle between a direction and the
+    # specified one [rad].
+    # Returns unit vectors, (n, 3).
     positions, directions = (
         checks.check_numbers("points", points),
         checks.check_numbers("axes", axes),

@@ -20,31 +20,22 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
 # between these fractions.
 SHARE = 0.9
 # Largest number of pieces; more raise an error because the tolerance is too small for the spline.
-MOST_PIECES = 500_000
+MAX_PIECES = 500_000
 
 
 def fit_spline(
-    points: FloatArray,
-    tolerance: float,
-    closed: bool,
+    points: FloatArray,  # Points of the spline without equal neighbours [m], (n, dimension)
+    tolerance: float,  # Largest distance between the transitions and the spline [m]
+    closed: bool,  # True if the spline is periodic
     *,
     ends: Literal["natural", "not-a-knot"] = "natural",
 ) -> tuple[Segments, IntArray]:
-    """Transitions along the cubic spline through points.
-
-    The spline is C² over chord length, periodic or with an end condition. Each transition has the
-    points, tangents and curvatures of the spline at its ends; the spline is cut until all are
-    within the tolerance.
-
-    Args:
-        points: Points of the spline without equal neighbours [m], (n, dimension).
-        tolerance: Largest distance between the transitions and the spline [m].
-        closed: Whether the spline is periodic.
-        ends: End condition of an open spline, as in SciPy's `CubicSpline`.
-
-    Returns:
-        The transitions, and the index of the vertex at each point, (n,).
-    """
+    """Transitions along the cubic spline through points."""
+    # The spline is C² over chord length, periodic or with an end condition. Each transition has the
+    # points, tangents and curvatures of the spline at its ends; the spline is cut until all are
+    # within the tolerance.
+    # `ends`: end condition of an open spline, as in SciPy's `CubicSpline`.
+    # Returns the transitions, and the index of the vertex at each point, (n,).
     from scipy.interpolate import CubicSpline
 
     if closed and np.linalg.norm(points[-1] - points[0]) > REPEATED_POINT:
@@ -69,11 +60,9 @@ def fit_spline(
 
 
 def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Cut cubics in halves until a transition follows each part.
-
-    Returns coefficients and arc lengths [m] of the parts, and their starts as index of the cubic
-    plus fraction.
-    """
+    """Cut cubics in halves until a transition follows each part."""
+    # Returns coefficients and arc lengths [m] of the parts, and their starts as index of the cubic
+    # plus fraction.
     begin, size = np.arange(len(cubics), dtype=np.float64), 1.0
     done: list[tuple[FloatArray, FloatArray, FloatArray]] = []
     count = 0
@@ -87,9 +76,9 @@ def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray
                 f"The spline turns back on the spot near {point} m: move the points apart, or "
                 "split the spline there."
             )
-        if count > MOST_PIECES:
+        if count > MAX_PIECES:
             raise InvalidInput(
-                f"A spline would need more than {MOST_PIECES} segments to be within "
+                f"A spline would need more than {MAX_PIECES} segments to be within "
                 f"{tolerance:g} m: give it a larger tolerance."
             )
         done.append((cubics[good], lengths[good], begin[good]))

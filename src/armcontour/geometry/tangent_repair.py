@@ -21,28 +21,19 @@ LARGEST_KINK = 0.05
 SHARES = np.linspace(0.0, 1.0, 9)
 ALL = np.zeros(len(SHARES), dtype=np.intp)
 # Largest number of halvings of these blends before the closing vertex stays unchanged.
-MOST_HALVINGS = 20
+MAX_HALVINGS = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RepairedPath:
-    """A path with repaired vertices.
-
-    Args:
-        path: The path.
-        before: Arc lengths on the path before [m], increasing, (n,).
-        after: The arc lengths on this path that correspond to them [m], (n,).
-        count: Number of repaired vertices.
-        kink: Largest turn at one of them [rad].
-        deviation: Largest distance between both paths [m].
-    """
+    """A path with repaired vertices."""
 
     path: Path
-    before: FloatArray
-    after: FloatArray
+    before: FloatArray  # Arc lengths on the path before [m], increasing, (n,)
+    after: FloatArray  # The arc lengths on this path that correspond to them [m], (n,)
     count: int
-    kink: float
-    deviation: float
+    kink: float  # Largest turn at one of them [rad]
+    deviation: float  # Largest distance between both paths [m]
 
     def place(self, s: npt.ArrayLike) -> FloatArray:
         """Arc lengths on this path for arc lengths on the path before [m]."""
@@ -52,18 +43,13 @@ class RepairedPath:
 def repair_tangents(
     path: Path, tolerance: float, deviation_limit: float = np.inf
 ) -> RepairedPath | None:
-    """Make almost tangent vertices exactly tangent; None without such vertices.
-
-    A vertex is almost tangent if small movements of points explain its turn. Moving both ends of a
-    line by a distance turns it by up to twice the distance over its length, the ends of an arc over
-    its length or radius. At most half of each segment changes per vertex. Vertices next to a
-    segment with tolerance 0 stay. On a closed path the point at which it closes stays.
-
-    Args:
-        path: A path without tool orientation.
-        tolerance: Largest movement of points, and largest distance between both paths [m].
-        deviation_limit: Largest distance between both paths [m], if it is less.
-    """
+    """Make almost tangent vertices exactly tangent; None without such vertices."""
+    # A vertex is almost tangent if small movements of points explain its turn. Moving both ends of
+    # a line by a distance turns it by up to twice the distance over its length, the ends of an arc
+    # over its length or radius. At most half of each segment changes per vertex. Vertices next to a
+    # segment with tolerance 0 stay. On a closed path the point at which it closes stays.
+    # `tolerance`: largest movement of points, and largest distance between both paths [m];
+    # `deviation_limit`: largest distance between both paths [m], if it is less.
     rows, turns = path.segments, path.turns
     size = np.minimum(rows.lengths, 1 / np.maximum(rows.curvatures, 1 / rows.lengths))
     possible_turns = 2 * tolerance / size
@@ -104,10 +90,8 @@ def repair_tangents(
 
 
 def _repair_closure(path: Path, largest_turn: float, allowed: float) -> RepairedPath | None:
-    """Replace both ends of a closed path by two arcs each, which are tangent where it closes.
-
-    Their lengths start at half of a segment and are halved until the distance is allowed.
-    """
+    """Replace both ends of a closed path by two arcs each, which are tangent where it closes."""
+    # Their lengths start at half of a segment and are halved until the distance is allowed.
     rows = path.segments
     first, last = rows[:1], rows[-1:]
     kink = float(angle_between(last.end_tangents, first.tangents)[0])
@@ -121,7 +105,7 @@ def _repair_closure(path: Path, largest_turn: float, allowed: float) -> Repaired
     size = np.minimum(
         size, WIDEST / np.maximum(np.maximum(first.curvatures, last.curvatures), 1e-300)
     )
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MAX_HALVINGS):
         begin = last.lengths - size
         leaving = make_biarcs(
             first.starts, middle, first.evaluate(EVERY, size), first.evaluate(EVERY, size, 1)

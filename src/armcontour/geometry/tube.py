@@ -69,12 +69,12 @@ class Proof:
 
     @property
     def ok(self) -> bool:
-        """Whether the path is proven to be within its tolerance everywhere."""
+        """True if the path is proven to be within its tolerance everywhere."""
         return bool(self.excess <= self.slack)
 
     @property
     def violated(self) -> bool:
-        """Whether an evaluated point or corner is outside the tube."""
+        """True if an evaluated point or corner is outside the tube."""
         return bool(self.sampled_excess > self.slack)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -32,7 +32,7 @@ SHAPES = ("sine", "zigzag")
 UP = checks.frozen_array([0.0, 0.0, 1.0])
 # Initial number of points of a sine per pitch, largest number of doublings, and largest number of
 # points.
-SAMPLES, MOST_DOUBLINGS, MOST_POINTS = 64, 6, 2_000_000
+SAMPLES, MAX_DOUBLINGS, MAX_POINTS = 64, 6, 2_000_000
 # Smallest sine of the angle between the tool axis and the tangent; below it a seam has no sides.
 PARALLEL = 1e-6
 # Fractions between two samples at which a sine is compared with its spline.
@@ -49,28 +49,19 @@ TURN = np.radians(10.0)
 # Relative rounding errors of lengths.
 ROUNDING = 1e-12
 # Largest share of the pitch for both dwells of a wave.
-MOST_DWELL = 0.8
+MAX_DWELL = 0.8
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Woven:
-    """Result of weaving along a seam.
-
-    Args:
-        seam: The smooth seam.
-        crests: Arc lengths of the seam at the crests that have the full width [m], (n,).
-        width: Distance between the crests on both sides [m].
-        pitch: Length of the seam per wave [m].
-        frequency: Waves per second at the assigned velocity [1/s]; NaN without a single one.
-        left_out: Length of the seam in parts that are too short for the weave [m].
-    """
+    """Result of weaving along a seam."""
 
     seam: Path
-    crests: FloatArray
-    width: float
-    pitch: float
-    frequency: float
-    left_out: float
+    crests: FloatArray  # Arc lengths of the seam at the crests that have the full width [m], (n,)
+    width: float  # Distance between the crests on both sides [m]
+    pitch: float  # Length of the seam per wave [m]
+    frequency: float  # Waves per second at the assigned velocity [1/s]; NaN without a single one
+    left_out: float  # Length of the seam in parts that are too short for the weave [m]
 
 
 def weave_path(path: Path, **wishes: Any) -> Path:
@@ -82,51 +73,42 @@ def weave_path(path: Path, **wishes: Any) -> Path:
 def weave_seam(
     path: Path,
     *,
-    width: Size,
-    pitch: Size | None = None,
+    width: Size,  # Distance between the crests on both sides [m]
+    pitch: Size | None = None,  # Length of the seam per wave [m]; give this or the frequency
     frequency: Frequency | None = None,
     dwell: Duration = 0.0,
     speed: Speed | None = None,
     shape: Annotated[str, Choice(SHAPES)] = "sine",
     up: Annotated[npt.ArrayLike, Quantity(""), Axes(3)] | None = None,
-    tolerance: Tolerance = 1e-5,
+    tolerance: Tolerance = 1e-5,  # Largest distance of the arcs from the sine [m]
 ) -> tuple[Path, Woven]:
-    """The path that weaves along a seam, perpendicular to the seam and to the tool axis.
-
-    Vertices that turn by no more than 30° are waypoints of a smooth seam, a spline through them,
-    unless a vertex turns by more than 5° and three times as much as both of its neighbours. All
-    others are corners. Each part between two corners starts and ends on the seam: the amplitude of
-    a sine grows within the first half pitch and fades in the last one, so the sine leaves and meets
-    the seam along its tangent. A part of less than half a pitch is not woven. Speeds are along the
-    seam: the assigned velocity of the woven path is greater by the ratio of the lengths, piece by
-    piece. Tolerances, tags and the tool orientation are those of the seam.
-
-    Args:
-        path: The seam.
-        width: Distance between the crests on both sides [m].
-        pitch: Length of the seam per wave [m]; give this or the frequency.
-        frequency: Waves per second at the assigned velocity of the seam [1/s].
-        dwell: Time at each edge, during which the tool moves along the seam at its assigned
-            velocity [s].
-        speed: Assigned velocity along the seam [m/s]; by default that of its segments.
-        shape: "sine", as tangent arcs, or "zigzag", as lines from crest to crest.
-        up: For a seam in space, the direction that weaving is perpendicular to, (3,). By default it
-            is the tool axis, or z for a seam without orientation.
-        tolerance: Largest distance of the arcs from the sine [m].
-    """
+    """The path that weaves along a seam, perpendicular to the seam and to the tool axis."""
+    # Vertices that turn by no more than 30° are waypoints of a smooth seam, a spline through them,
+    # unless a vertex turns by more than 5° and three times as much as both of its neighbours. All
+    # others are corners. Each part between two corners starts and ends on the seam: the amplitude
+    # of a sine grows within the first half pitch and fades in the last one, so the sine leaves and
+    # meets the seam along its tangent. A part of less than half a pitch is not woven. Speeds are
+    # along the seam: the assigned velocity of the woven path is greater by the ratio of the
+    # lengths, piece by piece. Tolerances, tags and the tool orientation are those of the seam.
+    # `frequency`: waves per second at the assigned velocity of the seam [1/s]; `dwell`: time at
+    # each edge, during which the tool moves along the seam at its assigned velocity [s]; `speed`:
+    # assigned velocity along the seam [m/s]; by default that of its segments; `shape`: "sine", as
+    # tangent arcs, or "zigzag", as lines from crest to crest; `up`: for a seam in space, the
+    # direction that weaving is perpendicular to, (3,). By default it is the tool axis, or z for a
+    # seam without orientation.
     if speed is not None:
         same = path.segments.replace(speeds=np.full(len(path), speed))
-        path = dataclasses.replace(path, segments=same)
+        path = replace(path, segments=same)
     pitch, edge = _pitch_and_edge(path, pitch, frequency, dwell)
     direction = None
     if up is not None:
         length = np.linalg.norm(up)
         checks.raise_if(length == 0, "up must be a direction in space.")
         direction = np.asarray(up) / length
-    if path.length / pitch * SAMPLES > MOST_POINTS:
+    if path.length / pitch * SAMPLES > MAX_POINTS:
         raise InvalidInput(
             f"A weave with a pitch of {pitch * 1e3:.4g} mm has {path.length / pitch:.3g} waves on "
-            f"a seam of {path.length:.4g} m, more than {MOST_POINTS // SAMPLES}: take a longer "
+            f"a seam of {path.length:.4g} m, more than {MAX_POINTS // SAMPLES}: take a longer "
             "pitch."
         )
     ends = [0.0, *path.breaks[1:-1][_corners(path)].tolist(), path.length]
@@ -189,13 +171,13 @@ def _pitch_and_edge(
         pitch = speed / frequency
     assert pitch is not None
     edge = speed * dwell if dwell else 0.0
-    if 2 * edge > MOST_DWELL * pitch:
+    if 2 * edge > MAX_DWELL * pitch:
         raise InvalidInput(
             f"Two dwells of {dwell:.4g} s take {2e3 * edge:.4g} mm of the weave's pitch of "
-            f"{pitch * 1e3:.4g} mm at {speed * 1e3:.4g} mm/s: at most {MOST_DWELL:.0%} of the "
-            f"pitch is allowed, a dwell of {MOST_DWELL * pitch / speed / 2:.4g} s.",
+            f"{pitch * 1e3:.4g} mm at {speed * 1e3:.4g} mm/s: at most {MAX_DWELL:.0%} of the "
+            f"pitch is allowed, a dwell of {MAX_DWELL * pitch / speed / 2:.4g} s.",
             needed=dwell,
-            allowed=MOST_DWELL * pitch / speed / 2,
+            allowed=MAX_DWELL * pitch / speed / 2,
         )
     return pitch, edge
 
@@ -212,7 +194,7 @@ def _smooth_seam(path: Path, pitch: float, width: float) -> tuple[Path, FloatArr
     """The smooth seam, and corresponding arc lengths of seam and path [m], (n, 2)."""
     from armcontour.geometry.spline import fit_spline
 
-    bare = dataclasses.replace(path, orientation=None)
+    bare = replace(path, orientation=None)
     ends = np.repeat([[0.0], [path.length]], 2, axis=1)
     if not (path.turns > TANGENT_TOLERANCE).any():
         return bare, ends
@@ -242,26 +224,17 @@ def _smooth_seam(path: Path, pitch: float, width: float) -> tuple[Path, FloatArr
     return seam, np.column_stack([table.breaks[vertices], s[mask]])
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Wave:
-    """A weave along a part of a seam without corners.
-
-    Args:
-        part: The original part.
-        seam: The smooth seam.
-        places: Corresponding arc lengths of the seam and of the part [m], (n, 2).
-        width: Distance between crests [m].
-        pitch: Length of the seam per wave [m].
-        edge: Length of the seam at each edge without change of the offset [m].
-        up: Unit vector that weaving is perpendicular to, (3,); None for the tool axis.
-    """
+    """A weave along a part of a seam without corners."""
 
     part: Path
     seam: Path
-    places: FloatArray
-    width: float
-    pitch: float
-    edge: float
+    places: FloatArray  # Corresponding arc lengths of the seam and of the part [m], (n, 2)
+    width: float  # Distance between crests [m]
+    pitch: float  # Length of the seam per wave [m]
+    edge: float  # Length of the seam at each edge without change of the offset [m]
+    # Unit vector that weaving is perpendicular to, (3,); None for the tool axis
     up: FloatArray | None
 
     def on_part(self, s: FloatArray) -> FloatArray:
@@ -356,20 +329,18 @@ def _weave_part(wave: _Wave, shape: str, tolerance: float) -> Path:
 def _fit_sine(
     wave: _Wave, pieces: FloatArray, tolerance: float
 ) -> tuple[Segments, npt.NDArray[np.intp]]:
-    """Tangent arcs along the sine of a part, and the vertex at the end of each piece.
-
-    Where the curvature of the seam jumps, the sine has a slight kink, which a cubic spline through
-    its points rounds.
-    """
+    """Tangent arcs along the sine of a part, and the vertex at the end of each piece."""
+    # Where the curvature of the seam jumps, the sine has a slight kink, which a cubic spline
+    # through its points rounds.
     from scipy.interpolate import CubicSpline
 
     from armcontour.geometry.arc_fit import fit_through
 
     length = wave.seam.length
     ends = wave.seam([0.0, length], 1, side="left")
-    for doubling in range(MOST_DOUBLINGS + 1):
+    for doubling in range(MAX_DOUBLINGS + 1):
         count = int(np.ceil(SAMPLES * 2**doubling * length / wave.pitch))
-        if count > MOST_POINTS:
+        if count > MAX_POINTS:
             break
         s = np.linspace(0.0, length, count + 1)
         spline = CubicSpline(s, wave.sine(s), bc_type=((1, ends[0]), (1, ends[1])))

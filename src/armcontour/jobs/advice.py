@@ -29,7 +29,7 @@ from armcontour.robot.limits import UNITS
 from armcontour.verification import evaluate
 
 # Changes that are listed, and changes that are planned to find them.
-MOST_LISTED, MOST_PLANNED = 3, 6
+MAX_LISTED, MAX_PLANNED = 3, 6
 # Factor for limits, and factor for corner tolerances.
 RAISED, WIDER = 1.2, 2.0
 # Changes that save a smaller share of the duration are not listed.
@@ -50,20 +50,13 @@ STEP = "changes"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Candidate:
-    """A change that may help.
+    """A change that may help."""
 
-    Args:
-        label: As in `Improvement`, as are `edits` and `condition`.
-        job: The changed job.
-        run: The changed run.
-        worth: Approximate share of the duration that it may save.
-    """
-
-    label: str
+    label: str  # As in `Improvement`, as are `edits` and `condition`
     edits: tuple[tuple[str, Any], ...]
     job: Job
     run: Run
-    worth: float = 0.0
+    worth: float = 0.0  # Approximate share of the duration that it may save
     condition: str = ""
 
 
@@ -82,32 +75,25 @@ def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Adv
 
 
 def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
-    """The steps of `advise`, each of which plans one change.
-
-    Yields:
-        The share that is done.
-
-    Returns:
-        The advice.
-    """
+    """The steps of `advise`, each of which plans one change; yields the share that is done."""
     reuse, helpful = Reuse(2), list[Improvement]()
     repairs = result.kept is False
     if repairs:
         groups = list(_repairs(job, result))
         none = "No single change of tolerance, compensation, reserve and speed makes the run kept."
     else:
-        likely = sorted(_savings(job, result), key=lambda x: -x[0].worth)[:MOST_PLANNED]
+        likely = sorted(_savings(job, result), key=lambda x: -x[0].worth)[:MAX_PLANNED]
         groups = list(map(iter, likely))
         none = "No single change of a limit, the corners or the order makes the motion faster."
     smallest = -inf if repairs else LEAST * result.trajectory.duration
     for k, group in enumerate(groups):
-        for x in group:
+        for candidate in group:
             yield k / len(groups)
-            tried = _try(x, result, reuse)
+            tried = _try(candidate, result, reuse)
             if tried is not None and tried.saved > smallest and tried.kept is not False:
                 helpful.append(tried)
                 break
-    suggestions = tuple(sorted(helpful, key=lambda x: -x.saved))[:MOST_LISTED]
+    suggestions = tuple(sorted(helpful, key=lambda x: -x.saved))[:MAX_LISTED]
     return Advice(improvements=suggestions, note="" if suggestions else none)
 
 
@@ -126,22 +112,22 @@ def is_small(job: Job, maximum: int = SMALL) -> bool:
     return segments * len(job.runs) <= maximum and not any(x.is_shaped for x in job.runs)
 
 
-def _try(x: _Candidate, result: RunResult, reuse: Reuse) -> Improvement | None:
+def _try(candidate: _Candidate, result: RunResult, reuse: Reuse) -> Improvement | None:
     """Plan and simulate a change; None if it is not possible."""
     try:
-        planned = plan_one(x.job, x.run, reuse)
-        errors = _contour_errors(x.job, planned)
+        planned = plan_one(candidate.job, candidate.run, reuse)
+        errors = _contour_errors(candidate.job, planned)
     except ArmContourError:
         return None
     duration = planned.trajectory.duration
     return Improvement(
-        label=x.label,
-        edits=x.edits,
+        label=candidate.label,
+        edits=candidate.edits,
         saved=result.trajectory.duration - duration,
         duration=duration,
         off_drawing=sum(filter(None, farthest(planned, errors))),
         kept=judge(planned, errors)[0],
-        condition=x.condition,
+        condition=candidate.condition,
     )
 
 
@@ -168,8 +154,10 @@ def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
     if why is None or run.duration is not None:
         return
     kinds, joints = why.kinds, {x.name: x.joint for x in why.bindings}
-    for x in why.shares:
-        yield from ([y] for y in _raised_limit(job, run, x.kind, joints.get(x.name), x.of_time))
+    for part in why.shares:
+        yield from (
+            [y] for y in _raised_limit(job, run, part.kind, joints.get(part.name), part.of_time)
+        )
     yield from ([x] for x in _faster_weave(job, result, kinds.get(NAMES["speed"], 0.0)))
     free = [NAMES["speed"], RAPIDS, DWELLS]
     cornering = 1 - sum(kinds.get(x, 0.0) for x in free)

@@ -52,20 +52,11 @@ NO_SHAPES = (
 def alternatives(
     job: Job, run: Run, traced: Tracing, progress: Progress
 ) -> Iterator[tuple[Tracing, tuple[str, ...]]]:
-    """Yield joint paths of a program: the fastest ones, then collision-free ones.
-
-    Contours are followed in another configuration, or with another turn about a free tool axis.
-    Rapids retract along the tool axis, move, and approach along it; or they pass through
-    configurations from a search.
-
-    Yields:
-        Joint paths, and sentences on their differences or on why the clearance is not checked. Take
-        the next ones if the plan along these has a collision. The last ones are those with the
-        longest collision-free part.
-
-    Raises:
-        InvalidInput: The job has a scene, but the shapes of the arm are not known.
-    """
+    """Yield joint paths, the fastest first, then collision-free ones, and sentences on them."""
+    # Contours are followed in another configuration, or with another turn about a free tool axis.
+    # Rapids retract along the tool axis, move, and approach along it; or they pass through
+    # configurations from a search. Take the next ones if the plan along these has a collision. The
+    # last ones are those with the longest collision-free part.
     if not _is_checked(job):
         yield traced, _explain_unchecked(job.arm)
         return
@@ -152,50 +143,43 @@ def _about_tool(arm: Arm) -> tuple[str, ...]:
 
 
 def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
-    """Raise the collision of the first contour that has one, else of the first other move.
-
-    Contours come first because a rapid may find a way around obstacles, but a contour may not.
-
-    Raises:
-        Collision: A move violates a clearance margin; times are those of the whole motion.
-    """
+    """Raise the collision of the first contour that has one, else of the first other move."""
+    # Contours come first because a rapid may find a way around obstacles, but a contour may not.
     contours = iter(enumerate(program.contours))
     moves: list[tuple[str, Span]] = []
     called = contour_called(program.contours[0], 0)
-    for x in trajectory.spans:
-        if x.kind == "contour":
+    for span in trajectory.spans:
+        if span.kind == "contour":
             number, contour = next(contours)
             called = contour_called(contour, number)
-        moves.append((called if x.kind == "contour" else f"{x.kind} after {called}", x))
-    for name, x in sorted(moves, key=lambda move: move[1].kind != "contour"):
-        clearance = None if x.trajectory is None else job.cell.check(x.trajectory)
+        moves.append((called if span.kind == "contour" else f"{span.kind} after {called}", span))
+    for name, span in sorted(moves, key=lambda move: move[1].kind != "contour"):
+        clearance = None if span.trajectory is None else job.cell.check(span.trajectory)
         if clearance is not None and not clearance.satisfied:
             with error_context(name):
-                clearance.later(x.t[0]).refuse()
+                clearance.later(span.t[0]).refuse()
     job.cell.check(trajectory).refuse()
 
 
 def _rapids_around(job: Job, run: Run, traced: Tracing, cell: Cell, progress: Progress) -> Tracing:
     """Joint paths with detours for rapids that have a collision, if detours are found."""
     steps = []
-    for k, x in enumerate(traced.steps):
+    for k, step in enumerate(traced.steps):
         progress(Step(("clearance",), k / len(traced.steps)))
-        path = x.joint_path
-        if path is not None and not traced.is_contour(x) and not cell.keeps(path):
+        path = step.joint_path
+        if path is not None and not traced.is_contour(step) and not cell.keeps(path):
             detour = _rapid_around(job.arm, run, cell, path)
             if detour is not None:
-                x = dataclasses.replace(x, joint_path=detour)
-        steps.append(x)
+                step = dataclasses.replace(step, joint_path=detour)
+        steps.append(step)
     return dataclasses.replace(traced, steps=tuple(steps))
 
 
 def _other_start(
     job: Job, run: Run, traced: Tracing, reached: float, progress: Progress
 ) -> Tracing | None:
-    """Joint paths from another start: the fastest collision-free ones, or those that get farthest.
-
-    None if no start gets farther than the first joint paths, by `_reach`.
-    """
+    """Joint paths from another start that are collision-free or get farthest, by `_reach`."""
+    # None if no start gets farther than the first joint paths.
     if job.seed is not None or not isinstance(job.arm, SerialArm):
         return None
     program, farthest, cell = traced.program, None, job.cell
@@ -224,10 +208,8 @@ def _other_start(
 
 
 def _reach(traced: Tracing, cell: Cell) -> float:
-    """Number of collision-free contours before the first collision, plus its share of the contour.
-
-    Infinite if all are collision-free.
-    """
+    """Number of collision-free contours, plus the share of the first one with a collision."""
+    # Infinite if all are collision-free.
     contours = [x.joint_path for x in traced.steps if traced.is_contour(x)]
     for k, path in enumerate(x for x in contours if x is not None):
         if not cell.keeps(path):
@@ -237,10 +219,8 @@ def _reach(traced: Tracing, cell: Cell) -> float:
 
 
 def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
-    """Joint positions at the start of a path: its configurations, then other turns of the tool.
-
-    Other turns about a free axis are only needed if no configuration is collision-free.
-    """
+    """Joint positions at the start of a path: its configurations, then other turns of the tool."""
+    # Other turns about a free axis are only needed if no configuration is collision-free.
     try:
         yield find_starts(path, arm)
     except ArmContourError:

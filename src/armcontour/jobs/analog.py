@@ -49,11 +49,7 @@ def _output(process: Process, name: str) -> Analog | None:
 
 
 def check_speeds(program: Program, process: Process, limits: Limits) -> None:
-    """Check that contours have an assigned velocity if an analog output depends on it.
-
-    Raises:
-        InvalidInput: There is such an output.
-    """
+    """Check that contours have an assigned velocity if an analog output depends on it."""
     if limits.speed is not None or not process.analog_names:
         return
     for k, contour in enumerate(program.contours):
@@ -136,17 +132,12 @@ def _full_speeds(
 
 
 class _States:
-    """On/off outputs over the time of a plan, by the position of the tool, without lead times.
-
-    Args:
-        trajectory: The plan.
-        process: The process.
-    """
+    """On/off outputs over the time of a plan, by the position of the tool, without lead times."""
 
     def __init__(self, trajectory: Trajectory, process: Process) -> None:
         events: dict[str, list[TimedEvent]] = {}
-        for x in sorted(trajectory.events, key=lambda x: x.due):
-            events.setdefault(x.name, []).append(x)
+        for event in sorted(trajectory.events, key=lambda x: x.due):
+            events.setdefault(event.name, []).append(event)
         # Times of the events of each output, and whether it is on before, between and after them;
         # before its first event, an output has the opposite value.
         self.outputs = {

@@ -33,15 +33,10 @@ PlanOne = Callable[..., Planned]
 
 
 def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
-    """The shortest leads with which the tool has full speed when the process switches on and off.
-
-    Full speed is the assigned velocity. If no lead within the arm's reach gives the assigned
-    velocity, full speed is the largest speed that a lead gives. Corners of the shape free count as
-    arcs here, because several leads are tried, and shaping takes long.
-
-    Returns:
-        The lengths of lead-in and lead-out per contour [m]; 0 where the length is not automatic.
-    """
+    """Shortest lead-in and lead-out per contour [m] with full speed at the process's switches."""
+    # Full speed is the assigned velocity, or the largest speed that a lead within the arm's reach
+    # gives; the lengths are 0 where not automatic. Corners of the shape free count as arcs here,
+    # because several leads are tried, and shaping takes long.
     rounding = None if run.rounding is None else run.rounding.with_arcs
     assert isinstance(run.timing, Optimal)
     timing = dataclasses.replace(run.timing, duration=None)
@@ -65,18 +60,18 @@ def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
         job = dataclasses.replace(
             job, configuration=job.arm.configuration_of(first.trajectory(0.0))
         )
-    for x in contours:
-        contour = dataclasses.replace(x, events=(), work=None)
-        process_of_layer = process.of_layer(x.layer)
+    for contour in contours:
+        bare = dataclasses.replace(contour, events=(), work=None)
+        process_of_layer = process.of_layer(contour.layer)
         lengths = []
         for lead, s, side, name in (
             (process_of_layer.lead_in, 0.0, "right", "before"),
-            (process_of_layer.lead_out, x.path.length, "left", "after"),
+            (process_of_layer.lead_out, contour.path.length, "left", "after"),
         ):
             automatic = lead is not None and lead.length is None
-            speeds = partial(_lead_speeds, plan, job, run, contour, name)
+            speeds = partial(_lead_speeds, plan, job, run, bare, name)
             with error_context("leads"):
-                assigned = assigned_speed(x, s, side, run)
+                assigned = assigned_speed(contour, s, side, run)
                 lengths.append(_shortest_lead(speeds, assigned, gain) if automatic else 0.0)
         leads.append(Leads(before=lengths[0], after=lengths[1]))
     return leads
@@ -85,11 +80,9 @@ def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
 def _lead_speeds(
     plan: PlanOne, job: Job, run: Run, contour: Contour, name: str, length: float
 ) -> FloatArray | None:
-    """Speeds along the lead "before" or "after" a contour that is planned alone [m/s].
-
-    They are at evenly spaced places, from the end where the tool rests to the contour. None if the
-    arm does not reach that end, but may reach that of a shorter lead.
-    """
+    """Speeds along the lead "before" or "after" a contour that is planned alone [m/s]."""
+    # They are at evenly spaced places, from the end where the tool rests to the contour. None if
+    # the arm does not reach that end, but may reach that of a shorter lead.
     process = job.process.of_layer(contour.layer)
     used = "lead_in" if name == "before" else "lead_out"
     ends = Process(begin="drawn", up=process.up, **{used: getattr(process, used)})
@@ -110,10 +103,8 @@ def _lead_speeds(
 def _shortest_lead(
     speeds: Callable[[float], FloatArray | None], assigned: float, gain: float
 ) -> float:
-    """The shortest lead [m] with the assigned velocity, or with the largest speed of any lead.
-
-    A long lead shows in which share of it the tool gets fast enough, which is the next length.
-    """
+    """The shortest lead [m] with the assigned velocity, or with the largest speed of any lead."""
+    # A long lead shows in which share of it the tool gets fast enough, which is the next length.
     # Half of the tolerance of `slow_ends`, so that no warning is given for the result.
     enough = assigned * (1 - SAME_SPEED / 2)
     long, beyond = FIRST_LEAD, LONGEST_LEAD

@@ -9,11 +9,7 @@ from armcontour.core.result import FIRST, TABLE, Data, Row, Table
 
 
 def differences(one: Data, other: Data, names: tuple[str, str] = ("one", "other")) -> Table:
-    """The figures of two runs that matter first, and the time of each limit, with differences.
-
-    Returns:
-        A row for each figure: label, both values, and the first minus the second value.
-    """
+    """Main figures and times of limits: label, values of two runs, and first minus second."""
     columns = ("figure", *names, "difference")
     rows = [
         (before.label or after.label, figure(before), figure(after), _difference(before, after))
@@ -25,9 +21,9 @@ def differences(one: Data, other: Data, names: tuple[str, str] = ("one", "other"
 def _pairs(one: Data, other: Data) -> Iterator[tuple[Row, Row]]:
     """Pairs of rows with the same name, and pairs of times with the same cause."""
     others = {x.name: x for x in other.shown(FIRST)}
-    for x in one.shown(FIRST):
-        if x.name in others:
-            yield x, others[x.name]
+    for row in one.shown(FIRST):
+        if row.name in others:
+            yield row, others[row.name]
     times = [
         {y["name"]: y["time"] for x in data.tables if x.name == "time" for y in x.as_dicts()}
         for data in (one, other)

@@ -23,11 +23,7 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.chain import Payload
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import RigidBodyPlant
-from armcontour.simulation.rigid_body_plant import (
-    DriveCycle,
-    PositionNoise,
-    check_damping,
-)
+from armcontour.simulation.rigid_body_plant import DriveCycle, PositionNoise, check_damping
 
 # Properties per joint, with unit and name in sentences.
 PER_JOINT = {

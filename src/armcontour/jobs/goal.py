@@ -20,6 +20,10 @@ PLANTS = ("servo", "rigid_body")
 class CertificateGoal(Checked):
     """Requirements that a certified plan meets.
 
+    >>> goal = ac.CertificateGoal(servo_error=0.1e-3, plant="servo")
+    >>> goal.samples
+    10000
+
     Args:
         tolerance: Largest distance of the tool from the objective path [m]. The part that servo and
             cycle do not use goes to the corners. None keeps the corners of the run.

@@ -61,6 +61,9 @@ TANGENT, CURVATURE = CONTINUITIES
 class Rounding(Checked):
     """Rounding of corners: by `tolerance`, or by `speed` and `acceleration`.
 
+    >>> ac.Rounding(tolerance=1e-3).shape
+    'arc'
+
     Args:
         shape: "arc" rounds corners with arcs; "free" finds, for the limits of the run, the fastest
             path whose points are all within the tolerance of the objective, corners and lines
@@ -215,6 +218,10 @@ OF_FREE = ("line_tolerance", "zone", "iterations")
 class Run(Checked):
     """A run: limits and methods for one plan of the job, to be compared with other runs.
 
+    >>> job = ac.read_job("job.yaml")
+    >>> job.runs[0].name, job.runs[0].cycle
+    ('only', 0.01)
+
     Args:
         name: Key of the run in the study.
         limits: Limits of this run.
@@ -308,6 +315,10 @@ class Job(Checked):
 
     Its `program` is the path as a program; runs add leads, overlaps and events of the process.
 
+    >>> job = ac.read_job("job.yaml")
+    >>> job.arm.name, [run.name for run in job.runs]
+    ('PMK-3s', ['only'])
+
     Args:
         name: Short name.
         title: Title for reports.
@@ -359,15 +370,15 @@ class Job(Checked):
     def _check_together(self) -> None:
         program = Program.from_path(self.path, "A job needs a Path or a Program")
         object.__setattr__(self, "program", program)
-        for x in self.runs:
-            with error_context(f"Run {x.name}"):
-                self.servo.check_gains(x.cycle)
-                self.plant_servo.check_gains(x.cycle)
-                check_duration(program, x.limits)
-                x.check_end_time(program)
-                check_speeds(program, self.process, x.limits)
-                if x.rounding is not None and x.rounding.at:
-                    check_corners(program, self.process, list(x.rounding.at))
+        for run in self.runs:
+            with error_context(f"Run {run.name}"):
+                self.servo.check_gains(run.cycle)
+                self.plant_servo.check_gains(run.cycle)
+                check_duration(program, run.limits)
+                run.check_end_time(program)
+                check_speeds(program, self.process, run.limits)
+                if run.rounding is not None and run.rounding.at:
+                    check_corners(program, self.process, list(run.rounding.at))
         with error_context("process"):
             check_process(program, self.process)
         names = [x.name for x in self.runs]
@@ -382,13 +393,13 @@ class Job(Checked):
 
     def __str__(self) -> str:
         """Arm, path and runs."""
-        x = self.program
-        summary = f"{count_noun(len(x.contours), 'contour')}, {digits(x.length)} m"
+        program = self.program
+        summary = f"{count_noun(len(program.contours), 'contour')}, {digits(program.length)} m"
         return format_table(
             f"Job {self.name}: {self.title}" if self.title != self.name else f"Job {self.name}",
             [
                 ("arm", str(self.arm)),
-                ("path", f"{summary}, {x.source}" if x.source else summary),
+                ("path", f"{summary}, {program.source}" if program.source else summary),
                 *((f"run {x.name}", self._words(x)) for x in self.runs),
                 ("obstacles", "" if self.scene is None else f"{len(self.scene.obstacles)}"),
                 ("certificate", "" if self.certificate is None else "requested"),
@@ -417,11 +428,7 @@ class Job(Checked):
 
 
 def find_run(job: Job, name: str) -> Run:
-    """The run of a name.
-
-    Raises:
-        InvalidInput: There is no such run.
-    """
+    """The run of a name."""
     for run in job.runs:
         if run.name == name:
             return run
@@ -430,11 +437,7 @@ def find_run(job: Job, name: str) -> Run:
 
 
 def choose_run(job: Job, name: str | None, done: str, among: Sequence[Run] = ()) -> Run:
-    """The run of a name, or the only run.
-
-    Raises:
-        InvalidInput: There is no such run, or there are several.
-    """
+    """The run of a name, or the only run."""
     if name is not None:
         return find_run(job, name)
     able = among or job.runs

@@ -19,9 +19,7 @@ from armcontour.geometry import RoundedPath
 from armcontour.jobs import run_warnings
 from armcontour.jobs.improvements import Advice
 from armcontour.jobs.job import Job
-from armcontour.jobs.plan_quantities import (
-    applied_torques,
-)
+from armcontour.jobs.plan_quantities import applied_torques
 from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.run_data import (
     angular_rows,
@@ -151,8 +149,10 @@ class RunResult(Planned, Result):
         if self.execution is not None and self.evaluation is not None:
             yield from run_warnings.unsettled(self.execution)
             yield from run_warnings.not_followed(run, self.execution, self.evaluation)
-        if (x := self.experiment) is not None and x.uncompensated is not None:
-            yield from run_warnings.worse_than_none(run, x.evaluation, x.uncompensated)
+        if (experiment := self.experiment) is not None and experiment.uncompensated is not None:
+            yield from run_warnings.worse_than_none(
+                run, experiment.evaluation, experiment.uncompensated
+            )
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -336,18 +336,16 @@ def promoted(rows: Iterable[Row]) -> tuple[Row, ...]:
     """Rows with those of the verdict first, in its order."""
     ranks = {name: k for k, name in enumerate(OF_VERDICT)}
 
-    def rank(x: Row) -> int:
-        return ranks.get(x.name.removeprefix(BODIES) if x.level <= TABLE else "", len(ranks))
+    def rank(row: Row) -> int:
+        return ranks.get(row.name.removeprefix(BODIES) if row.level <= TABLE else "", len(ranks))
 
     ordered = sorted(rows, key=rank)
     return tuple(replace(x, level=VERDICT) if rank(x) < len(ranks) else x for x in ordered)
 
 
 def judging_rows(result: RunResult, rows: Iterable[Row] | None = None) -> tuple[Row, ...]:
-    """Rows of a run, where figures of its evaluation are those that judge it.
-
-    Where rigid bodies judge the run, their figures have the names without "experiment." too.
-    """
+    """Rows of a run, where figures of its evaluation are those that judge it."""
+    # Where rigid bodies judge the run, their figures have the names without "experiment." too.
     if rows is None:
         rows = [*_plan(result, None), *_set_points(result)]
         if result.evaluation is None:
@@ -396,13 +394,13 @@ def _experiment(result: RunResult) -> Iterator[Row]:
     """Figures of the execution on rigid bodies; if these judge the run, figures of the run."""
     if result.failure is not None:
         yield Row("experiment.failed", str(result.failure), "", f"{ON_BODIES}failed", level=FIRST)
-    x = result.experiment
-    if x is None:
+    experiment = result.experiment
+    if experiment is None:
         return
-    data = x.evaluation.to_data()
-    rows = [*plant_rows(x.plant), *data.rows, *angular_rows(x.execution)]
+    data = experiment.evaluation.to_data()
+    rows = [*plant_rows(experiment.plant), *data.rows, *angular_rows(experiment.execution)]
     limit = result.run.limits.joint_torque
-    rows += torque_rows(applied_torques(x.execution), limit, result.arm, "applied")
+    rows += torque_rows(applied_torques(experiment.execution), limit, result.arm, "applied")
     for row in rows:
         row = replace(row, name=f"{BODIES}{row.name}")
         if result.run.for_bodies:

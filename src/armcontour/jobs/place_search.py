@@ -24,7 +24,7 @@ LENGTHS = AXES[:3]
 # In the plane of a planar arm.
 IN_PLANE = ("x", "y", "yaw")
 # Largest number of places of a grid: about 0.5 kB each, and an hour of bounds.
-MOST_PLACES = 500_000
+MAX_PLACES = 500_000
 # Decimals of places in SI units.
 DIGITS = 12
 # Largest coordinates of places, uncertainties and the anchor [m, rad]: larger values are mistakes
@@ -60,11 +60,7 @@ class Axis:
 
 
 def read_axes(over: Mapping[str, Sequence[Any]], dimension: int) -> tuple[Axis, ...]:
-    """The axes of a grid, in the order of `AXES`.
-
-    Raises:
-        InvalidInput: No axis, an unknown one, an empty range, or too many places.
-    """
+    """The axes of a grid, in the order of `AXES`."""
     names = AXES if dimension == 3 else IN_PLANE
     if not isinstance(over, Mapping) or not over:
         raise InvalidInput(
@@ -75,22 +71,18 @@ def read_axes(over: Mapping[str, Sequence[Any]], dimension: int) -> tuple[Axis, 
         _check_axis(name, names, "over")
     axes = tuple(_axis(x, over[x]) for x in names if x in over)
     count = math.prod(len(x.values) for x in axes)
-    if count > MOST_PLACES:
+    if count > MAX_PLACES:
         raise InvalidInput(
-            f"over has {count:,} places, but at most {MOST_PLACES:,} are compared: take fewer "
+            f"over has {count:,} places, but at most {MAX_PLACES:,} are compared: take fewer "
             "steps, and refine around the best place.",
             needed=count,
-            allowed=MOST_PLACES,
+            allowed=MAX_PLACES,
         )
     return axes
 
 
 def read_uncertainty(deviations: Mapping[str, float], dimension: int) -> dict[str, float]:
-    """Position uncertainty of the part, of some axes [m, rad], without zeros.
-
-    Raises:
-        InvalidInput: An unknown axis, or a value below zero.
-    """
+    """Position uncertainty of the part, of some axes [m, rad], without zeros."""
     names = AXES if dimension == 3 else IN_PLANE
     for name in deviations:
         _check_axis(name, names, "uncertainty")
@@ -132,7 +124,7 @@ def _axis(name: str, limits: Sequence[Any]) -> Axis:
     unit = UNITS[name]
     far = FARTHEST[unit]
     low, high = (checks.check_range(f"over {name}", x, -far, far, unit) for x in limits[:2])
-    count = checks.check_int(f"number of places along {name}", limits[2], 1, MOST_PLACES)
+    count = checks.check_int(f"number of places along {name}", limits[2], 1, MAX_PLACES)
     if low > high:
         raise InvalidInput(
             f"The range of {name} from {low:g} to {high:g} {unit} is empty: give the smaller value "
@@ -167,6 +159,10 @@ OFF = "Position error of the part, whose worst corner counts: 'x: 2 mm'; 0 takes
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlaceSearch(Checked):
     """Options of a placement: the grid of positions, the objective and the uncertainty.
+
+    >>> search = ac.PlaceSearch(over={"x": (-0.01, 0.01, 3)}, objective="duration")
+    >>> search.objective
+    'duration'
 
     Args:
         over: The axes of the grid, each with its first value, its last value and the number of
@@ -215,8 +211,8 @@ class PlaceSearch(Checked):
         about = checks.check_numbers("about", self.about, "m")
         if about.shape != (SPACE,):
             raise InvalidInput(f"about is a point of 3 coordinates in m, not {about.size}.")
-        for x in about:
-            checks.check_range("about", x, -FARTHEST["m"], FARTHEST["m"], "m")
+        for axis in about:
+            checks.check_range("about", axis, -FARTHEST["m"], FARTHEST["m"], "m")
 
     def check(self, dimension: int) -> None:
         """Check that an arm has these axes.

@@ -22,17 +22,11 @@ CURVATURE_JUMPS = "curvature jumps"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JerkStop:
-    """A full stop inside a contour, at a jump of the curvature.
+    """A full stop inside a contour, at a jump of the curvature."""
 
-    Args:
-        contour: Name of the contour in messages; empty for a single path.
-        s: Arc length from the start of the contour [m].
-        point: Position [m], 2 or 3 coordinates.
-    """
-
-    contour: str
-    s: float
-    point: tuple[float, ...]
+    contour: str  # Name of the contour in messages; empty for a single path
+    s: float  # Arc length from the start of the contour [m]
+    point: tuple[float, ...]  # Position [m], 2 or 3 coordinates
 
 
 def jerk_stops(
@@ -43,12 +37,14 @@ def jerk_stops(
         return ()
     paths = {x.move: x.joint_path for x in traced.steps}
     stops = []
-    for i, (x, span) in enumerate(zip(program.contours, trajectory.contour_spans, strict=True)):
+    for i, (contour, span) in enumerate(
+        zip(program.contours, trajectory.contour_spans, strict=True)
+    ):
         joint_path = paths.get(span.move)
         if joint_path is not None and span.trajectory is not None:
-            name = "" if program.single_path is not None else contour_called(x, i)
+            name = "" if program.single_path is not None else contour_called(contour, i)
             stops += [
-                JerkStop(contour=name, s=s, point=tuple(x.path(s).tolist()))
+                JerkStop(contour=name, s=s, point=tuple(contour.path(s).tolist()))
                 for s in find_jerk_stops(joint_path, span.trajectory).tolist()
             ]
     return tuple(stops)
@@ -62,22 +58,15 @@ ALLOWED = 0.02
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weaving:
-    """Weave of a contour as planned, where the weave has its full width.
+    """Weave of a contour as planned, where the weave has its full width."""
 
-    Args:
-        contour: Name of the contour in messages.
-        width: Smallest and largest distance between neighbouring crests, across the seam [m].
-        frequency: Smallest and largest number of waves per second [1/s].
-        requested: Requested width [m] and frequency [1/s]; the frequency is NaN without an assigned
-            velocity.
-        left_out: Length of the seam that is not woven, in parts shorter than half a pitch [m].
-    """
-
-    contour: str
+    contour: str  # Name of the contour in messages
+    # Smallest and largest distance between neighbouring crests, across the seam [m].
     width: tuple[float, float]
-    frequency: tuple[float, float]
+    frequency: tuple[float, float]  # Smallest and largest number of waves per second [1/s]
+    # Requested width [m] and frequency [1/s]; the frequency is NaN without an assigned velocity.
     requested: tuple[float, float]
-    left_out: float
+    left_out: float  # Length of the seam that is not woven, in parts shorter than half a pitch [m]
 
     @property
     def differs(self) -> bool:
@@ -107,15 +96,17 @@ class Weaving:
 
 def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
     """The weaves of a program as planned, of contours with waves of full width."""
-    for i, (x, span) in enumerate(zip(program.contours, trajectory.contour_spans, strict=True)):
-        woven, plan = x.woven, span.trajectory
+    for i, (contour, span) in enumerate(
+        zip(program.contours, trajectory.contour_spans, strict=True)
+    ):
+        woven, plan = contour.woven, span.trajectory
         if woven is None or plan is None or len(woven.crests) < 3:
             continue
         begin, end = (0.0, plan.duration) if span.work is None else span.work
         offset = 0.0 if span.work is None else span.t[0]
         count = int(PER_WAVE * woven.seam.length / woven.pitch) + 2
         t = np.linspace(begin - offset, end - offset, count).clip(0.0, plan.duration)
-        near = woven.seam.project(x.path(plan.s(t).clip(0.0, x.path.length)))
+        near = woven.seam.project(contour.path(plan.s(t).clip(0.0, contour.path.length)))
         # The tool may stop or turn, but it only moves forward along the seam.
         s = np.maximum.accumulate(near.s)
         first, last = (np.searchsorted(s, woven.crests + y * woven.pitch / 4) for y in (-1, 1))
@@ -129,7 +120,7 @@ def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
         widths, times = widths[same], times[same[:-1] & same[1:]]
         if len(times):
             yield Weaving(
-                contour=contour_called(x, i),
+                contour=contour_called(contour, i),
                 width=(float(widths.min()), float(widths.max())),
                 frequency=(float(1 / times.max()), float(1 / times.min())),
                 requested=(woven.width, woven.frequency),
@@ -143,15 +134,10 @@ SAMPLES = 4000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Torques(Checked):
-    """Torques of the drives over time.
+    """Torques of the drives over time."""
 
-    Args:
-        t: Times [s], (n,).
-        values: Torques [N m], (n, dof).
-    """
-
-    t: FloatArray
-    values: FloatArray
+    t: FloatArray  # Times [s], (n,)
+    values: FloatArray  # Torques [N m], (n, dof)
 
     @property
     def peak(self) -> FloatArray:
@@ -165,10 +151,8 @@ def assumed_numbers(arm: Arm) -> str:
 
 
 def planned_torques(arm: Arm, plan: Trajectory) -> Torques | None:
-    """Torques of a plan over time; None if the arm has no bodies.
-
-    Every time appears twice, with the torques before and after a jump.
-    """
+    """Torques of a plan over time; None if the arm has no bodies."""
+    # Every time appears twice, with the torques before and after a jump.
     if not arm.has_bodies:
         return None
     t = np.union1d(np.linspace(0, plan.duration, SAMPLES), plan.breaks)

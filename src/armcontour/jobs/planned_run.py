@@ -167,8 +167,8 @@ class Planned:
             # This method passes corners at its uniform speed.
             return {}
         stops: Counter[str] = Counter()
-        for x in self.path.contours:
-            stops.update(count_full_stops(x.path))
+        for contour in self.path.contours:
+            stops.update(count_full_stops(contour.path))
         return dict(sorted(stops.items()))
 
     @property

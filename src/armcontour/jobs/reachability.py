@@ -20,48 +20,40 @@ from armcontour.robot import Arm, PlanarTwoLink, SerialArm
 from armcontour.robot.arm import FAR_OUT, unit_hint
 
 # Number of points on each path, and on all paths; each takes a few milliseconds.
-MOST_ALONG = 60
-MOST_PLACES = 400
+MAX_ALONG = 60
+MAX_PLACES = 400
 # Number of initial configurations, and number of the worst points with more of them.
 FEW_SEEDS = 12
 WORST = 6
 # Search for a shift that brings all points into reach: number of steps and of points; margin inside
 # the reach [m], because arms are singular at its edge; resolution of the reported shift [m].
-MOST_STEPS = 40
-MOST_MOVED = 80
+MAX_STEPS = 40
+MAX_MOVED = 80
 INSIDE = 5e-3
 RESOLUTION = 1e-3
 
 
 class _PathPoints(NamedTuple):
-    """Points along some paths of a program.
+    """Points along some paths of a program."""
 
-    Args:
-        paths: Names of the paths in messages, and the paths.
-        owner: Index of the path of each point, (n,).
-        s: Arc lengths [m], (n,).
-        points: Required positions of the tool [m], (n, dimension).
-        rotations: Its orientation, (n, 3, 3); the unit matrix where none is required.
-    """
-
-    paths: list[tuple[str, Path]]
-    owner: IntArray
-    s: FloatArray
-    points: FloatArray
-    rotations: FloatArray
+    paths: list[tuple[str, Path]]  # Names of the paths in messages, and the paths
+    owner: IntArray  # Index of the path of each point, (n,)
+    s: FloatArray  # Arc lengths [m], (n,)
+    points: FloatArray  # Required positions of the tool [m], (n, dimension)
+    rotations: FloatArray  # Its orientation, (n, 3, 3); the unit matrix where none is required
 
     @classmethod
     def along(cls, paths: list[tuple[str, Path]]) -> _PathPoints:
         """Points along paths: ends of segments and points between them, or a subset."""
-        maximum, rows = int(np.clip(MOST_PLACES // len(paths), 2, MOST_ALONG)), []
-        for k, (_, x) in enumerate(paths):
-            s = np.union1d(np.linspace(0, x.length, maximum), x.breaks)
+        maximum, rows = int(np.clip(MAX_PLACES // len(paths), 2, MAX_ALONG)), []
+        for k, (_, path) in enumerate(paths):
+            s = np.union1d(np.linspace(0, path.length, maximum), path.breaks)
             if len(s) > 2 * maximum:
                 s = s[np.unique(np.linspace(0, len(s) - 1, 2 * maximum).astype(np.intp))]
             turned = np.tile(np.eye(3), (len(s), 1, 1))
-            if x.orientation is not None:
-                turned = x.orientation(s)
-            rows.append((np.full(len(s), k), s, x(s), turned))
+            if path.orientation is not None:
+                turned = path.orientation(s)
+            rows.append((np.full(len(s), k), s, path(s), turned))
         return cls(paths, *map(np.concatenate, zip(*rows, strict=True)))
 
     def some(self, selection: IntArray) -> _PathPoints:
@@ -73,13 +65,8 @@ class _PathPoints(NamedTuple):
 
 
 def explain(error: Unreachable, job: Job) -> Unreachable:
-    """The refusal by the point of a job that is farthest out of reach, contours before rapids.
-
-    Tracing refuses a program by the move that comes first, which may be a rapid.
-
-    Returns:
-        The refusal; the same error if no point of the job is out of reach.
-    """
+    """The refusal by the point of a job that is farthest out of reach, contours before rapids."""
+    # Tracing refuses a program by the move that comes first, which may be a rapid.
     program = job.program
     if not job.process.automatic:
         program = prepare(program, job.process)
@@ -97,27 +84,27 @@ def explain(error: Unreachable, job: Job) -> Unreachable:
 def _paths_of(program: Program, rapid: bool) -> Iterator[tuple[str, Path]]:
     """Names and paths of all contours, or of all rapids that have a path."""
     contours, done = program.contours, 0
-    for x in program.moves:
-        if isinstance(x, Contour):
+    for move in program.moves:
+        if isinstance(move, Contour):
             if not rapid:
-                alone = program.single_path is not None and not x.name
-                yield "the path" if alone else contour_called(x, done), x.path
+                alone = program.single_path is not None and not move.name
+                yield "the path" if alone else contour_called(move, done), move.path
             done += 1
-        elif rapid and isinstance(x, Rapid) and x.path is not None:
+        elif rapid and isinstance(move, Rapid) and move.path is not None:
             before, after = contours[max(done - 1, 0) : done], contours[done : done + 1]
             to, (other,) = ("to", after) if after else ("away from", before)
             called = contour_called(other, done if after else done - 1)
-            yield f"rapid {to} {called}", turn_along(x.path, before, after)
+            yield f"rapid {to} {called}", turn_along(move.path, before, after)
 
 
 def _extremes(arm: Arm, points: _PathPoints) -> _PathPoints:
     """Subset of very many points: those farthest from the base of the arm, and nearest to it."""
-    if len(points.s) <= 2 * MOST_PLACES:
+    if len(points.s) <= 2 * MAX_PLACES:
         return points
     assert isinstance(arm, PlanarTwoLink | SerialArm)
     base = [arm.base, 0.0] if isinstance(arm, PlanarTwoLink) else arm.chain.base.position
     ranks = np.argsort(np.linalg.norm(points.points - base, axis=1))
-    return points.some(np.sort(np.append(ranks[: MOST_PLACES // 4], ranks[-MOST_PLACES:])))
+    return points.some(np.sort(np.append(ranks[: MAX_PLACES // 4], ranks[-MAX_PLACES:])))
 
 
 def _reached(
@@ -185,19 +172,17 @@ def _remedy(job: Job, points: _PathPoints, away: FloatArray, rapid: bool) -> str
     if shift is None:
         return f"{lower}move the part or the arm{free}; armcontour place finds a position"
     return (
-        f"{lower}move the part by {_place(shift)} (path.frame, --at), which brings all "
+        f"{lower}move the part by {_place(shift)} (path.frame, --position), which brings all "
         f"{'rapids' if rapid else 'contours'} into reach{free}, or let armcontour place find the "
         "best position"
     )
 
 
 def _way(arm: Arm, points: _PathPoints, away: FloatArray) -> FloatArray | None:
-    """A way of the part that brings all places into reach [m], (3,); None if none is found.
-
-    Parts stay on their table, as far as that helps.
-    """
-    worst = np.argsort(-away)[: MOST_MOVED // 4]
-    even = np.linspace(0, len(away) - 1, MOST_MOVED).astype(np.intp)
+    """A way of the part that brings all places into reach [m], (3,); None if none is found."""
+    # Parts stay on their table, as far as that helps.
+    worst = np.argsort(-away)[: MAX_MOVED // 4]
+    even = np.linspace(0, len(away) - 1, MAX_MOVED).astype(np.intp)
     sample = points.some(np.union1d(worst, even))
     shift = np.zeros(sample.points.shape[1])
     starts = None
@@ -205,7 +190,7 @@ def _way(arm: Arm, points: _PathPoints, away: FloatArray) -> FloatArray | None:
         from armcontour.robot.inverse import seeds
 
         starts = np.tile(seeds(arm)[0], (len(sample.s), 1))
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         moved = sample._replace(points=sample.points + shift)
         missing = _reached(arm, moved, WORST, starts) - moved.points
         gaps = np.linalg.norm(missing, axis=1)

@@ -12,15 +12,11 @@ T = TypeVar("T")
 # Number of results of each step in the cache: those of a few runs that a user compares.
 RESULTS = 4
 # Number of sampled results in the cache: 2, or 1 above 200,000 samples.
-LARGE_RESULTS, MOST_SAMPLES = 2, 200_000
+LARGE_RESULTS, MAX_SAMPLES = 2, 200_000
 
 
 class Reuse:
-    """A cache of the results of steps: a step with the same inputs is not repeated.
-
-    Args:
-        size: Number of results of each step in the cache.
-    """
+    """A cache of the results of steps: a step with the same inputs is not repeated."""
 
     def __init__(self, size: int = RESULTS) -> None:
         self.size = size
@@ -45,7 +41,7 @@ class Reuse:
         value = make()
         entries.insert(0, (made_of, value))
         del entries[self.size if maximum is None else maximum :]
-        while len(entries) > 1 and sum(samples(x) for _, x in entries) > MOST_SAMPLES:
+        while len(entries) > 1 and sum(samples(x) for _, x in entries) > MAX_SAMPLES:
             del entries[-1]
         return value
 

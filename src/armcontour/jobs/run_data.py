@@ -38,25 +38,18 @@ def field_rows(name: str, value: Any) -> Iterator[Row]:
         return
     kind: Any = type(value)
     units = quantities(kind)
-    for x in fields(value):
-        inner, key = getattr(value, x.name), f"{name}.{x.name}"
+    for attribute in fields(value):
+        inner, key = getattr(value, attribute.name), f"{name}.{attribute.name}"
         if is_dataclass(inner):
             yield from field_rows(key, inner)
             continue
-        yield Row(key, inner, units[x.name].unit if x.name in units else "")
+        yield Row(key, inner, units[attribute.name].unit if attribute.name in units else "")
 
 
 def torque_rows(
     torques: Torques | None, limit: FloatArray | None, arm: Arm, kind: str
 ) -> Iterator[Row]:
-    """Largest torques, their limits, and assumed parameters of the bodies.
-
-    Args:
-        torques: The torques; None for an arm without bodies.
-        limit: Their limits [N m], (dof,); None without.
-        arm: The arm.
-        kind: "planned" or "applied".
-    """
+    """Largest torques, their limits, and assumed parameters of the bodies."""
     if torques is None:
         return
     peak = torques.peak
@@ -134,29 +127,22 @@ def move_table(
     starts: Sequence[tuple[float, float]],
     errors: Sequence[ErrorProfile],
 ) -> Table:
-    """The moves of a program with their times; columns of contours are null for other moves.
-
-    Args:
-        trajectory: The plan.
-        path: The program.
-        starts: Start and end of every contour, in the arc length of `resume_at` [m].
-        errors: The contour error of every contour; empty without an execution.
-    """
+    """The moves of a program with their times; columns of contours are null for other moves."""
     contours = iter(zip(path.contours, starts, strict=True))
     remaining = iter(errors)
     rows = []
-    for x in trajectory.spans:
+    for span in trajectory.spans:
         profile: tuple[Any, ...] = (None,) * 7
-        if x.kind == "contour":
+        if span.kind == "contour":
             contour, resume_at = next(contours)
             error = next(remaining, None)
             geometry = contour.path
             profile = (
-                *(contour.name, contour.layer, contour.closed, x.work, resume_at),
+                *(contour.name, contour.layer, contour.closed, span.work, resume_at),
                 _outcome(geometry) if isinstance(geometry, ShapedPath) else None,
                 None if error is None else plain(error.to_data()),
             )
-        rows.append((x.kind, x.t, x.s, *profile))
+        rows.append((span.kind, span.t, span.s, *profile))
     return Table(
         "moves",
         columns(
@@ -167,16 +153,16 @@ def move_table(
     )
 
 
-def work_length(x: Contour) -> float:
+def work_length(contour: Contour) -> float:
     """Length of a contour with the process on [m]."""
-    start, end = x.at_work
+    start, end = contour.at_work
     return end - start
 
 
-def pierce_length(x: Contour) -> float:
+def pierce_length(contour: Contour) -> float:
     """Length of the move from the pierce height to the lead-in or the contour [m]."""
-    tags = x.path.tags
-    return float(sum(x.path.lengths[k] for k, tag in enumerate(tags) if tag == PIERCE))
+    tags = contour.path.tags
+    return float(sum(contour.path.lengths[k] for k, tag in enumerate(tags) if tag == PIERCE))
 
 
 def program_rows(trajectory: Trajectory, path: Program, objective: Program) -> Iterator[Row]:
@@ -208,12 +194,9 @@ def _duration(spans: Sequence[Span]) -> float:
 
 def _outcome(path: ShapedPath) -> dict[str, Any]:
     """Outcome of the shape search of one contour."""
-    x = path.outcome
-    iterations = max(len(x.history) - 1, 0)
-    return {
-        **{"start": x.start, "durations": x.durations, "gain": x.gain},
-        "iterations": iterations,
-    }
+    outcome = path.outcome
+    data = {x: getattr(outcome, x) for x in ("start", "durations", "gain")}
+    return data | {"iterations": max(len(outcome.history) - 1, 0)}
 
 
 def resume_intervals(begin: float, objective: Program) -> list[tuple[float, float]]:

@@ -40,17 +40,11 @@ REPORTED_DIFFERENCE, DIFFERENCE_SHARE = 2e-5, 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LearningStudy:
-    """A run of a job, and the result of learning from its executions on a robot.
-
-    Args:
-        job: The job.
-        plan: Plan and set-points before learning.
-        lesson: Result of learning, with the set-points of the next run.
-    """
+    """A run of a job, and the result of learning from its executions on a robot."""
 
     job: Job
-    plan: RunResult
-    lesson: LearningResult
+    plan: RunResult  # Plan and set-points before learning
+    lesson: LearningResult  # Result of learning, with the set-points of the next run
 
     @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
@@ -66,11 +60,9 @@ class LearningStudy:
         return replace(data, title=f"Run {name}", rows=rows, notes=tuple(self.notes))
 
     def errors(self, k: int) -> tuple[float, float]:
-        """RMS and largest error of the tool in a run [m].
-
-        It is the contour error that the encoders show, or the distance from the planned position if
-        the plan has no path.
-        """
+        """RMS and largest error of the tool in a run [m]."""
+        # It is the contour error that the encoders show, or the distance from the planned position
+        # if the plan has no path.
         run = self.lesson.runs[k]
         largest = run.tool_max if run.contour_max is None else run.contour_max
         return run.rms, largest
@@ -125,29 +117,19 @@ class LearningStudy:
         return f"Go on{because}: {expected}; {noise}."
 
     def planned(self, t: FloatArray) -> FloatArray:
-        """Planned joint positions [rad], (n, dof); at rest before and after the motion.
-
-        Args:
-            t: Times [s], (n,).
-        """
+        """Planned joint positions [rad], (n, dof); at rest before and after the motion."""
         return self.plan.trajectory.with_rests(t)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JudgedStudy:
-    """A run of a job, and its errors according to a log.
-
-    Args:
-        job: The job.
-        plan: Plan and set-points of the run.
-        judged: The run, as `judge_run` gives it.
-        early: Time by which its plan begins earlier than that of the set-points, as the robot has
-            more dead time than its model [s].
-    """
+    """A run of a job, and its errors according to a log."""
 
     job: Job
-    plan: RunResult
-    judged: LearningResult
+    plan: RunResult  # Plan and set-points of the run
+    judged: LearningResult  # The run, as `judge_run` gives it
+    # Time by which its plan begins earlier than that of the set-points, as the robot has more dead
+    # time than its model [s].
     early: float = 0.0
 
     @checked
@@ -166,7 +148,7 @@ class JudgedStudy:
                 (
                     Row("name", name, "", "contour", level=FIRST),
                     *error_rows("", "contour error", error, FIRST, FIRST),
-                    *error_rows("coverage_error", "path missed", coverage_error, most=FIRST),
+                    *error_rows("coverage_error", "path missed", coverage_error, max_level=FIRST),
                 ),
             )
             for name, error, coverage_error in self.contours
@@ -300,11 +282,7 @@ def _corrections(run: LearningRun) -> list[str]:
 
 
 def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> RunResult:
-    """Plan and set-points of one run of a job.
-
-    Raises:
-        ArmContourError: No such run, or a run that cannot be planned.
-    """
+    """Plan and set-points of one run of a job."""
     chosen = choose_run(job, name, "learned")
     alone = replace(job, runs=(chosen,))
     return run(alone, simulate=False, progress=progress).runs[chosen.name]
@@ -318,17 +296,8 @@ def learn_run(
     *,
     tool: tuple[FloatArray, FloatArray] | None = None,
 ) -> LearningResult:
-    """Learn from a run of a job, with the job's arm and servo.
-
-    Set-points satisfy the limits of the run, unless those before learning exceed them.
-
-    Args:
-        job: The job.
-        plan: The plan of the run.
-        set_points: The set-points that were executed: those of the plan, or a lesson.
-        executed: Motion of the joints, as in `learn`.
-        tool: Times [s] and measured positions of the tool [m], as `learn` takes them.
-    """
+    """Learn from a run of a job, with the job's arm and servo."""
+    # Set-points satisfy the limits of the run, unless those before learning exceed them.
     try:
         lesson = learn(
             set_points,
@@ -387,15 +356,7 @@ def judge_log(
     *,
     tool: tuple[FloatArray, FloatArray] | None = None,
 ) -> JudgedStudy:
-    """Determine the errors of a run from its log, with the job's arm and servo.
-
-    Args:
-        job: The job.
-        plan: The plan of the run.
-        set_points: The set-points that were executed: those of the plan, or a lesson.
-        log: Motion of the joints.
-        tool: Times [s] and measured positions of the tool [m], as `learn` takes them.
-    """
+    """Determine the errors of a run from its log, with the job's arm and servo."""
     judged = judge_run(
         set_points,
         log,
@@ -419,11 +380,7 @@ def feeds_gravity_forward(run: Run) -> bool:
 
 
 def check_run(set_points: SetPoints, log: Log) -> None:
-    """Refuse the log of an earlier run, by the set-points in it.
-
-    Raises:
-        InvalidInput: The set-points of an earlier run fit those of the log better.
-    """
+    """Refuse the log of an earlier run, by the set-points in it."""
     if not isinstance(set_points, LearningResult):
         return
     times = set_points.times(len(set_points.q), set_points.cycle)

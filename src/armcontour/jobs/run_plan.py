@@ -86,11 +86,7 @@ def trace_one(
     clear: bool = True,
     first_only: bool = False,
 ) -> tuple[Program, Tracing]:
-    """The prepared program of a run, and the joint paths of the rounded one.
-
-    Raises:
-        ArmContourError: The program cannot be prepared, rounded or traced.
-    """
+    """The prepared program of a run, and the joint paths of the rounded one."""
     report = subprogress(progress)
     try:
         prepared, path = prepare_and_round(job, run, reuse, progress, objective)
@@ -224,11 +220,9 @@ def _tolerance(job: Job, rounding: Rounding) -> float | None | Callable[[Path], 
 
 
 def trace_run(job: Job, run: Run, program: Program, progress: Progress) -> Tracing:
-    """Trace the joint paths of all moves of a program, under the limits of a run.
-
-    A shaped program is traced in the configuration of its shaping, others in the fastest one that
-    is collision-free and above the base.
-    """
+    """Trace the joint paths of all moves of a program, under the limits of a run."""
+    # A shaped program is traced in the configuration of its shaping, others in the fastest one that
+    # is collision-free and above the base.
     progress(Step(("tracing",)))
     return trace_program(
         program,
@@ -242,11 +236,9 @@ def trace_run(job: Job, run: Run, program: Program, progress: Progress) -> Traci
 
 
 def _join_smoothly(program: Program, run: Run, *, rounded: bool) -> Program:
-    """The program with transitions where lines and arcs meet, if it is their turn.
-
-    An orientation that follows the tangent is rounded with the corners, so that transitions come
-    before that; otherwise they come afterwards. One that turns by itself gets none.
-    """
+    """The program with transitions where lines and arcs meet, if it is their turn."""
+    # An orientation that follows the tangent is rounded with the corners, so that transitions come
+    # before that; otherwise they come afterwards. One that turns by itself gets none.
     orientations = [x.path.orientation for x in program.contours]
     follow = all(x is not None and x.follows for x in orientations)
     due = all(x is None or x.fixed for x in orientations) if rounded else follow

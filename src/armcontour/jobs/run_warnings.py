@@ -25,7 +25,7 @@ from armcontour.verification.clearance import Clearance
 from armcontour.verification.evaluation import duration_row
 
 # Number of contours that one sentence names.
-MOST_NAMES = 4
+MAX_NAMES = 4
 # Relative difference below which two values are equal.
 SAME = 1e-9
 # A joint whose demand exceeds this multiple of its acceleration limit saturates for long.
@@ -64,7 +64,7 @@ def capped(program: Program, run: Run) -> Iterator[str]:
         if above and cap is not None:
             requested = max(largest[x] for x in above)
             yield (
-                f"the {label} of up to {number(requested, unit)} of {list_some(above, MOST_NAMES)} "
+                f"the {label} of up to {number(requested, unit)} of {list_some(above, MAX_NAMES)} "
                 f"is capped at {number(cap, unit)} by {key}: raise {key} to have it."
             )
 
@@ -78,14 +78,14 @@ def _at_corners(path: Path) -> FloatArray:
 
 
 def slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool) -> Iterator[str]:
-    """A warning for the contour, or its start or end, that is slowest relative to its speed.
-
-    Contours that are too short for the assigned velocity, and stops of the path, do not count.
-    """
+    """A warning for the contour, or its start or end, that is slowest relative to its speed."""
+    # Contours that are too short for the assigned velocity, and stops of the path, do not count.
     slow: list[tuple[float, str, str]] = []
-    for i, (x, span) in enumerate(zip(program.contours, trajectory.contour_spans, strict=True)):
+    for i, (contour, span) in enumerate(
+        zip(program.contours, trajectory.contour_spans, strict=True)
+    ):
         if span.trajectory is not None:
-            name = contour_called(x, i)
+            name = contour_called(contour, i)
             slow += (
                 (
                     speed / assigned,
@@ -94,10 +94,10 @@ def slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool)
                     "a longer lead, with an arc of a larger radius if it has one, helps unless the "
                     "contour itself is too tight or too short; else ",
                 )
-                for word, speed, assigned, lead in slow_ends(x, span.trajectory, run)
+                for word, speed, assigned, lead in slow_ends(contour, span.trajectory, run)
             )
             if not ends_only and not isinstance(run.timing, Conventional):
-                slow += _missed_speed(name, x.path, span.trajectory, run)
+                slow += _missed_speed(name, contour.path, span.trajectory, run)
     if slow:
         _, label, advice = min(slow)
         others = f" (the slowest of {len(slow)} places)" if len(slow) > 1 else ""
@@ -116,11 +116,7 @@ def assigned_speed(contour: Contour, s: float, side: str, run: Run) -> float:
 def slow_ends(
     contour: Contour, motion: Trajectory, run: Run
 ) -> Iterator[tuple[str, float, float, float]]:
-    """Ends of the work of a contour that have a lead and are below the assigned velocity.
-
-    Yields:
-        "begins" or "ends", the speed, the assigned velocity [m/s], the length of the lead [m].
-    """
+    """Yield "begins" or "ends", speed, assigned velocity and lead [m] of slow contour ends."""
     if contour.work is None:
         return
     start, end = contour.work
@@ -229,10 +225,8 @@ def unsettled(executed: Execution) -> Iterator[str]:
 
 
 def not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> Iterator[str]:
-    """A warning for the joint that saturates most, or for a servo model that cannot judge the run.
-
-    The method "conventional" does not consider limits of joints.
-    """
+    """Warning for the joint that saturates most, or if the servo model cannot judge the run."""
+    # The method "conventional" does not consider limits of joints.
     error = f"up to {number(evaluation.contour_error.max, 'm')} off"
     joint = int(evaluation.demand_ratio.argmax())
     ratio = float(evaluation.demand_ratio[joint])

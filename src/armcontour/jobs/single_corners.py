@@ -18,14 +18,9 @@ SAME_DIRECTION = 1e-6
 
 
 def corner_waypoints(path: Path, prepared: Path) -> IntArray:
-    """Waypoint numbers of the vertices of a prepared path, matched by position and directions.
-
-    A process changes the vertices of a path: it adds leads and overlap, and moves the start.
-
-    Returns:
-        For every vertex between segments of the prepared path the number of its waypoint, from 1,
-        or 0 if it is none, (vertices,).
-    """
+    """Waypoint numbers of the vertices of a prepared path, from 1, or 0 for none, (vertices,)."""
+    # A process changes the vertices of a path (leads, overlap, start), so that positions and
+    # directions are matched.
     numbers, points, before, after = _waypoints(path)
     waypoints = np.zeros(len(prepared) - 1, dtype=np.intp)
     if np.array_equal(prepared.vertices, path.vertices):
@@ -53,25 +48,13 @@ def corner_waypoints(path: Path, prepared: Path) -> IntArray:
 def corner_tolerances(
     path: Path, prepared: Path, tolerance: float, single: Mapping[int, float]
 ) -> FloatArray:
-    """The tolerances of all vertices between segments of a prepared path [m], (vertices,).
-
-    Args:
-        path: The path as it was given.
-        prepared: The path with what a process adds.
-        tolerance: The tolerance of corners without one of their own [m].
-        single: Tolerances by the numbers of waypoints, from 1 [m].
-    """
+    """The tolerances of all vertices between segments of a prepared path [m], (vertices,)."""
     numbers = corner_waypoints(path, prepared)
     return np.array([single.get(int(k), tolerance) for k in numbers])
 
 
 def check_corners(program: Program, process: Process, numbers: Sequence[int]) -> None:
-    """Check that a path has corners at waypoints.
-
-    Raises:
-        InvalidInput: There is such a number; or the program has several contours, or a process that
-            moves its corners.
-    """
+    """Check that a path has corners at waypoints."""
     if len(program.contours) != 1:
         raise InvalidInput(
             f"corners.at is for a path of one contour, but {program.source or 'the job'} has "
@@ -94,11 +77,7 @@ def check_corners(program: Program, process: Process, numbers: Sequence[int]) ->
 
 
 def check_found(path: Path, program: Program, numbers: Sequence[int]) -> None:
-    """Check that the start of a closed path is a corner of the prepared path, if it is listed.
-
-    Raises:
-        InvalidInput: The number 1 is among them, and no contour passes the first waypoint.
-    """
+    """Check that the start of a closed path is a corner of the prepared path, if it is listed."""
     if 1 in numbers and not any(1 in corner_waypoints(path, x.path) for x in program.contours):
         raise InvalidInput(
             "corners.at: the path starts and ends at waypoint 1, so that this corner is not "
@@ -107,11 +86,7 @@ def check_found(path: Path, program: Program, numbers: Sequence[int]) -> None:
 
 
 def _waypoints(path: Path) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-    """The waypoints at which a path has a corner.
-
-    Returns:
-        Their numbers from 1; their points [m], and the directions before and after them.
-    """
+    """Waypoints with a corner: numbers from 1, points [m], directions before and after them."""
     numbers, vertices = _numbers(path), path.vertices
     ahead = np.concatenate([path.segments.end_tangents[-1:], path.segments.end_tangents])
     behind = np.concatenate([path.tangents, path.tangents[:1]])

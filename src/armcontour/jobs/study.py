@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from armcontour.control.compensation import NoCompensation
-from armcontour.control.compensation.compensator import teach
+from armcontour.control.compensation.compensator import unchecked_set_points
 from armcontour.core.errors import ExecutionError, error_context
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
@@ -39,6 +39,10 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
 
     If the joints of an experiment do not come to rest, the error is the `failure` of its run.
 
+    >>> study = ac.run(ac.read_job("job.yaml"))
+    >>> list(study.runs)
+    ['only']
+
     Args:
         job: The job.
         simulate: Whether to execute and evaluate; otherwise runs end with their set-points.
@@ -67,18 +71,18 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
 
 
 def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
-    """The simulated robots of the experiments, by the names of the runs.
-
-    Invalid combinations are rejected before planning, which can take minutes.
-    """
+    """The simulated robots of the experiments, by the names of the runs."""
+    # Invalid combinations are rejected before planning, which can take minutes.
     plants = {}
-    for x in job.runs:
-        with error_context(f"Run {x.name}"):
-            check_jerk_support(Method.SHAPED if x.is_shaped else x.timing.method, x.limits)
-            if simulate and x.experiment is not None:
+    for run in job.runs:
+        with error_context(f"Run {run.name}"):
+            check_jerk_support(Method.SHAPED if run.is_shaped else run.timing.method, run.limits)
+            if simulate and run.experiment is not None:
                 with error_context(EXPERIMENT):
                     require_mujoco()
-                    plants[x.name] = build_plant(x.experiment, job.arm, job.plant_servo, x.limits)
+                    plants[run.name] = build_plant(
+                        run.experiment, job.arm, job.plant_servo, run.limits
+                    )
     return plants
 
 
@@ -111,20 +115,14 @@ def _simulate(
 
 
 def compute_set_points(job: Job, run: Run, trajectory: Trajectory) -> SetPoints:
-    """Compensate the plan of a run for the servo's delay.
-
-    Raises:
-        CompensationError: The method cannot compensate this delay.
-    """
-    return teach(trajectory, job.servo, run.compensation, cycle=run.cycle, arm=job.arm)
+    """Compensate the plan of a run for the servo's delay."""
+    return unchecked_set_points(
+        trajectory, job.servo, run.compensation, cycle=run.cycle, arm=job.arm
+    )
 
 
 def simulate_run(job: Job, set_points: SetPoints, plant: RigidBodyPlant | None = None) -> Execution:
-    """Simulate how a plant executes the set-points of a run, by default the servo of the job.
-
-    Raises:
-        ExecutionError: The joints do not come to rest.
-    """
+    """Simulate how a plant executes the set-points of a run, by default the servo of the job."""
     if plant is None:
         return simulate(set_points, ServoPlant(job.arm, job.plant_servo), resolution=RESOLUTION)
     # The plant has no results between two cycles of the drives.

@@ -26,15 +26,7 @@ def off_drawing(
     allowed: float | None = None,
     label: str = "off the drawing",
 ) -> Row:
-    """The distance of the tool from the drawing, in sum and in parts.
-
-    Args:
-        rounding: Largest corner error [m]; None for a path as drawn.
-        tolerance: Largest corner error that the run allows [m]; None without a tolerance.
-        error: Largest contour error [m].
-        allowed: Largest contour error that the run allows [m]; None if it states none.
-        label: Label of the sum.
-    """
+    """The distance of the tool from the drawing, in sum and in parts."""
     parts = [("servo", error, allowed)]
     if rounding is not None:
         parts.insert(0, ("rounding", rounding, tolerance))
@@ -56,26 +48,13 @@ def allowed_error(planned: Planned) -> float | None:
 
 
 def farthest(planned: Planned, errors: Sequence[float]) -> tuple[float | None, float]:
-    """Rounding and contour error of the contour with the largest sum of both [m].
-
-    Args:
-        planned: The plan.
-        errors: Largest contour error of each contour [m].
-    """
+    """Rounding and contour error of the contour with the largest sum of both [m]."""
     roundings = [getattr(x.path, "deviation", None) for x in planned.path.contours]
     return max(zip(roundings, errors, strict=True), key=lambda x: (x[0] or 0.0) + x[1])
 
 
 def judge(planned: Planned, errors: Sequence[float]) -> tuple[bool | None, str]:
-    """Verdict on contour errors, and a sentence on the comparison.
-
-    Args:
-        planned: The plan.
-        errors: Largest contour error of each contour [m].
-
-    Returns:
-        True or False, or None without an accuracy and a tolerance; and a sentence.
-    """
+    """Verdict on contour errors, None without accuracy and tolerance, and a sentence on it."""
     rounding, tolerance, run = planned.rounding_error or 0.0, planned.tolerance, planned.run
     allowed = allowed_error(planned)
     if allowed is None:
@@ -95,13 +74,7 @@ def judge(planned: Planned, errors: Sequence[float]) -> tuple[bool | None, str]:
 def verdict_rows(
     planned: Planned, errors: Sequence[float] | None, failure: str = ""
 ) -> Iterator[Row]:
-    """Rows of the verdict and of the deviation from the drawing.
-
-    Args:
-        planned: The plan.
-        errors: Largest contour error of each contour [m]; None without a simulation.
-        failure: Why the run was not completed.
-    """
+    """Rows of the verdict and of the deviation from the drawing."""
     satisfied, note = (None, "") if errors is None else judge(planned, errors)
     if failure:
         satisfied, note = False, failure

@@ -13,15 +13,10 @@ from armcontour.robot.limit_use import use_of
 
 
 def check_commands(set_points: SetPoints, limits: Limits | None = None) -> None:
-    """Refuse set-points outside a joint range, or faster than a velocity limit.
-
-    A compensated command leads the joint by approximately `dq / K_p`, so it can exceed the limits
-    that the plan satisfies. A controller that checks its set-points would then stop.
-
-    Args:
-        set_points: The set-points.
-        limits: Limits instead of those of the plan; by default the limits of commands.
-    """
+    """Refuse set-points outside a joint range, or faster than a velocity limit."""
+    # A compensated command leads the joint by approximately `dq / K_p`, so it can exceed the limits
+    # that the plan satisfies. A controller that checks its set-points would then stop.
+    # `limits`: limits instead of those of the plan; by default the limits of commands.
     specified = set_points.command_limits if limits is None else limits
     dof, limits = set_points.q.shape[1], set_points.trajectory.limits_for(specified)
     lower, upper = limits.joint_range(dof)
@@ -60,10 +55,8 @@ def describe_excess(set_points: SetPoints) -> str:
 def _check_joint_range(
     set_points: SetPoints, name: str, values: FloatArray, bound: FloatArray
 ) -> None:
-    """Raise CompensationError if set-points exceed the end `name` of the joint range.
-
-    Values and bound have the opposite sign for "joint_lower".
-    """
+    """Raise CompensationError if set-points exceed the end `name` of the joint range."""
+    # Values and bound have the opposite sign for "joint_lower".
     worst = _worst(values, bound)
     if worst is None:
         return

@@ -63,11 +63,9 @@ def _shares(
     limits: FloatArray,
     speeds: FloatArray,
 ) -> FloatArray:
-    """Ratios to the limits in the middle of parts of intervals, and bounds on these parts, (n, 12).
-
-    `t` has start, middle and end of each part [s]. A joint's velocity and acceleration, and the
-    path speed, are quadratics about the middle, plus bounds of the terms of third order.
-    """
+    """Ratios to the limits in the middle of parts of intervals, and bounds on them, (n, 12)."""
+    # `t` has start, middle and end of each part [s]. A joint's velocity and acceleration, and the
+    # path speed, are quadratics about the middle, plus bounds of the terms of third order.
     path, (begin, middle, end) = law.joint_path, t
     half = np.maximum(middle - begin, end - middle)
     v = [*law.path_motion(i, middle)[:3], *path_rates(law, i, middle, half)]
@@ -107,14 +105,9 @@ def _shares(
 
 
 def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> Derivatives:
-    """Third and fourth derivatives of a law's arc length, and a bound of the fifth.
-
-    Args:
-        law: The law.
-        i: Intervals, (n,).
-        t: Times in them [s], (n,).
-        half: The bound is valid within this time before and after each of the times [s], (n,).
-    """
+    """Third and fourth derivatives of a law's arc length, and a bound of the fifth."""
+    # `i`: intervals, (n,); `t`: times in them [s], (n,); `half`: the bound is valid within this
+    # time before and after each of the times [s], (n,).
     ds, dds, ddds = law.path_motion(i, t)[1:]
     slope = law.rates.slope[i]
     # ds is a sum of cosh and sinh, or of cos and sin, which have smaller bounds.

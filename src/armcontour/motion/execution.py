@@ -14,14 +14,7 @@ from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Axes, Quantity, Time
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
-from armcontour.core.text import (
-    count_noun,
-    draw,
-    format_table,
-    joint_rows,
-    short_repr,
-    to_html,
-)
+from armcontour.core.text import count_noun, draw, format_table, joint_rows, short_repr, to_html
 from armcontour.motion.trajectory import Trajectory, to_columns
 from armcontour.robot import Arm, Limits
 
@@ -36,7 +29,7 @@ WHOLE_CYCLES = 1e-9
 # not determine the motion between set-points.
 INTERVALS = (1e-6, 1.0)
 # Time between samples of an execution made from a plan [s], and their largest number.
-PLANNED_STEP, MOST_PLANNED = 1e-3, 20_000
+PLANNED_STEP, MAX_PLANNED = 1e-3, 20_000
 # Longest cycle of a controller [s]; industrial controllers have cycles of 1 to 40 ms.
 LONGEST_CLOCK = 0.1
 
@@ -52,6 +45,9 @@ class Between(Protocol):
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Execution(Checked):
     """Motion of the joints of a plant, from the first set-point until rest.
+
+    >>> executed.q.shape == (len(executed.t), arm.dof)
+    True
 
     Args:
         arm: The arm that moved.
@@ -139,7 +135,7 @@ class Execution(Checked):
             trajectory: The plan.
             arm: Its arm.
         """
-        cycle = max(PLANNED_STEP, trajectory.duration / MOST_PLANNED)
+        cycle = max(PLANNED_STEP, trajectory.duration / MAX_PLANNED)
         samples = trajectory.sample(cycle)
         set_points = SetPoints(cycle=cycle, q=samples.q, trajectory=trajectory, method="none")
         return cls(
@@ -172,7 +168,7 @@ class Execution(Checked):
         return motion if deviation.max(initial=0.0) < SAME else None
 
     def _are_steps(self, indices: IntArray) -> bool:
-        """Whether samples and the next ones are at whole steps of the cycle."""
+        """True if samples and the next ones are at whole steps of the cycle."""
         step = float(self.t[1] - self.t[0])
         if not 0 < step < self.set_points.cycle * (1 + WHOLE):
             return False
@@ -312,6 +308,9 @@ class LimitCost(Checked):
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SetPoints(Checked):
     """Joint set-points at regular times.
+
+    >>> set_points.q.shape == (len(set_points.t), arm.dof), set_points.cycle
+    (True, 0.004)
 
     Args:
         cycle: Cycle [s].

@@ -37,6 +37,10 @@ class JointPath(Checked):
 
     In interval i, `q(s) = sum_k coefficients[i, k] x^k` with `x = (s - breaks[i]) / width_i`.
 
+    >>> joint_path = ac.JointPath.spline([(0.1, 1.0), (0.2, 1.1), (0.5, 1.0)])
+    >>> joint_path(joint_path.length / 2).shape
+    (2,)
+
     Args:
         breaks: Arc lengths of the ends of the intervals [m], (n + 1,); without a tool path, values
             of any parameter s.
@@ -75,10 +79,7 @@ class JointPath(Checked):
         return format_table(
             f"Joint path: {number(self.length, 'm')}, {count_noun(self.dof, 'joint')}, "
             f"{count_noun(len(self.breaks) - 1, 'interval')}",
-            [
-                ("inner stops", f"{len(self.stops)}"),
-                *joint_rows(ends),
-            ],
+            [("inner stops", f"{len(self.stops)}"), *joint_rows(ends)],
         )
 
     __repr__ = short_repr

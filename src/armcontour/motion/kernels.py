@@ -47,23 +47,14 @@ def interval_times(
 
 @compiled()
 def write_law(
-    s: FloatArray,
-    x: FloatArray,
-    slope: FloatArray,
-    breaks: FloatArray,
-    ds: FloatArray,
-    dds: FloatArray,
+    s: FloatArray,  # Arc lengths at the breaks [m], (n + 1,)
+    x: FloatArray,  # ds² at the breaks [m²/s²], (n + 1,)
+    slope: FloatArray,  # Slopes of dds over s [1/s²], (n,)
+    breaks: FloatArray,  # Output: the breaks [s], (n + 1,)
+    ds: FloatArray,  # Output: path speeds at the starts of the intervals [m/s], (n,)
+    dds: FloatArray,  # Output: path accelerations there [m/s²], (n,)
 ) -> int:
-    """Write the time law from squared path speeds; return the first interval at rest, or -1.
-
-    Args:
-        s: Arc lengths at the breaks [m], (n + 1,).
-        x: ds² at the breaks [m²/s²], (n + 1,).
-        slope: Slopes of dds over s [1/s²], (n,).
-        breaks: Output: the breaks [s], (n + 1,).
-        ds: Output: path speeds at the starts of the intervals [m/s], (n,).
-        dds: Output: path accelerations there [m/s²], (n,).
-    """
+    """Write the time law from squared path speeds; return the first interval at rest, or -1."""
     stuck, begin, breaks[0] = -1, math.sqrt(x[0]), 0.0
     for i in range(len(slope)):
         width, end = s[i + 1] - s[i], math.sqrt(x[i + 1])
@@ -77,25 +68,15 @@ def write_law(
 
 @compiled()
 def examine_pieces(
-    breaks: FloatArray,
-    coefficients: FloatArray,
-    kink: float,
-    no_direction: float,
-    kinks: BoolArray,
+    breaks: FloatArray,  # Arc lengths of the ends of the pieces, (n + 1,)
+    coefficients: FloatArray,  # Coefficients of the quintics, (n, 6, dof)
+    kink: float,  # Smallest jump of dq_ds that counts, as a fraction of dq_ds
+    no_direction: float,  # A dq_ds below this fraction of the sum of its terms is a rounding error
+    kinks: BoolArray,  # Output: whether dq_ds jumps at each inner break, (n - 1,)
 ) -> tuple[bool, float]:
-    """Check the pieces of a joint path, and mark the breaks at which dq_ds jumps.
-
-    Args:
-        breaks: Arc lengths of the ends of the pieces, (n + 1,).
-        coefficients: Coefficients of the quintics, (n, 6, dof).
-        kink: Smallest jump of dq_ds that counts, as a fraction of dq_ds.
-        no_direction: A dq_ds below this fraction of the sum of its terms is a rounding error.
-        kinks: Output: whether dq_ds jumps at each inner break, (n - 1,).
-
-    Returns:
-        Whether all numbers are finite and the breaks increase, and the largest jump of a joint
-        position at a break [rad].
-    """
+    """Check the pieces of a joint path, and mark the breaks at which dq_ds jumps."""
+    # Returns whether all numbers are finite and the breaks increase, and the largest jump of a
+    # joint position at a break [rad].
     n, dof = coefficients.shape[0], coefficients.shape[2]
     sound, largest, terms_before = True, 0.0, 0.0
     for i in range(n):
@@ -128,16 +109,12 @@ def examine_pieces(
 
 @compiled()
 def spline_pieces(knots: FloatArray, points: FloatArray, clamped: bool) -> FloatArray:
-    """Coefficients of the cubic spline through points as those of a `JointPath`, (n, 6, dof).
-
-    The second derivatives solve a diagonally dominant tridiagonal system by forward elimination and
-    back substitution.
-
-    Args:
-        knots: Parameters of the points, which increase, (n + 1,).
-        points: The points, (n + 1, dof).
-        clamped: Whether the slopes are zero at both ends; otherwise the second derivatives are.
-    """
+    """Coefficients of the cubic spline through points as those of a `JointPath`, (n, 6, dof)."""
+    # The second derivatives solve a diagonally dominant tridiagonal system by forward elimination
+    # and back substitution.
+    # `knots`: parameters of the points, which increase, (n + 1,); `points`: the points, (n + 1,
+    # dof); `clamped`: true if the slopes are zero at both ends; otherwise the second derivatives
+    # are.
     n, dof = len(knots) - 1, points.shape[1]
     coefficients, second, diagonal = np.zeros((n, 6, dof)), np.zeros((n + 1, dof)), np.empty(n + 1)
     # The points with unknown second derivatives.
@@ -192,11 +169,9 @@ def path_motions(
     slope: FloatArray,
     jerk: FloatArray,
 ) -> FloatArray:
-    """The arc length s and its first three derivatives at times `t` of intervals `i`, (4, n).
-
-    `breaks` and `s` are those of the law, (m + 1,); `ds`, `dds`, `slope` and `jerk` its `Rates`,
-    (m,).
-    """
+    """The arc length s and its first three derivatives at times `t` of intervals `i`, (4, n)."""
+    # `breaks` and `s` are those of the law, (m + 1,); `ds`, `dds`, `slope` and `jerk` its `Rates`,
+    # (m,).
     motions = np.empty((4, len(t)))
     for k in range(len(t)):
         j = i[k]
@@ -242,28 +217,20 @@ def value_and_slopes(
 
 @compiled()
 def joint_motions(
-    along: FloatArray,
+    along: FloatArray,  # s and its derivatives over time up to the third, (4, n)
     end: FloatArray,
-    law: IntArray,
+    law: IntArray,  # The law of each point, (n,)
     rows: IntArray,
-    breaks: FloatArray,
+    breaks: FloatArray,  # Breaks of all joint paths [m], each counted from its own start, (m,)
     coefficients: FloatArray,
-    out: JointMotion,
+    out: JointMotion,  # Output; arrays without rows are not computed
 ) -> None:
-    """Joint positions and their derivatives over time along joint paths, by the chain rule.
-
-    Args:
-        along: s and its derivatives over time up to the third, (4, n).
-        end: End of the law's interval at each point [m], (n,): a break of the joint path there
-            ends the piece of the point.
-        law: The law of each point, (n,).
-        rows: Indices of the first breaks of the laws' joint paths, and the number of all breaks,
-            (laws + 1,).
-        breaks: Breaks of all joint paths [m], each counted from its own start, (m,).
-        coefficients: The coefficients of the interval after each break, (m, 6, dof); those after
-            the last break of a joint path are not read, and may be missing.
-        out: Output; arrays without rows are not computed.
-    """
+    """Joint positions and their derivatives over time along joint paths, by the chain rule."""
+    # `end`: end of the law's interval at each point [m], (n,): a break of the joint path there ends
+    # the piece of the point; `rows`: indices of the first breaks of the laws' joint paths, and the
+    # number of all breaks, (laws + 1,); `coefficients`: the coefficients of the interval after each
+    # break, (m, 6, dof); those after the last break of a joint path are not read, and may be
+    # missing.
     orders = len(out.q) > 0, len(out.dq) > 0, len(out.ddq) > 0, len(out.dddq) > 0
     piece = 0
     for k in range(along.shape[1]):
@@ -311,12 +278,10 @@ def joint_motions(
 def fastest_joints(
     breaks: FloatArray, coefficients: FloatArray, s: FloatArray, speeds: FloatArray
 ) -> FloatArray:
-    """Bounds of the joint velocities between neighbouring arc lengths `s` [rad/s], (n, dof).
-
-    On each piece dq_ds is a polynomial of degree 4: over an interval it lies between the smallest
-    and the largest of its Bernstein coefficients. `speeds` bounds the path speed on each interval
-    [m/s], (n,).
-    """
+    """Bounds of the joint velocities between neighbouring arc lengths `s` [rad/s], (n, dof)."""
+    # On each piece dq_ds is a polynomial of degree 4: over an interval it lies between the smallest
+    # and the largest of its Bernstein coefficients. `speeds` bounds the path speed on each interval
+    # [m/s], (n,).
     c, last = coefficients, len(breaks) - 2
     n, dof = len(s) - 1, c.shape[2]
     bounds = np.empty((n, dof))

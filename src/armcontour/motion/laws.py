@@ -132,6 +132,10 @@ class LapLaw(Law):
 def dwell_law(q: FloatArray, duration: Interval) -> LapLaw:
     """The law of joints at rest.
 
+    >>> rest = ac.dwell_law(np.array([0.1, 1.0]), 0.5)
+    >>> ac.Trajectory(laws=(rest,), method="rest").duration
+    0.5
+
     Args:
         q: Joint positions [rad], (dof,).
         duration: Duration of the rest [s].
@@ -331,18 +335,11 @@ class PathLaw(LawAlongPath):
 def join_path(
     joint_path: JointPath, end: FloatArray, along: FloatArray, orders: tuple[int, ...]
 ) -> tuple[FloatArray, ...]:
-    """Derivatives of joint positions over time along a joint path, by the chain rule.
-
-    Args:
-        joint_path: The joint path.
-        end: Arc length of the end of the law's interval at each point [m]: a point at a break of
-            the joint path is before the break if the interval ends there.
-        along: s and its derivatives over time up to the third, (4, n).
-        orders: The requested orders; 0 for the positions.
-
-    Returns:
-        (n, dof) for each order.
-    """
+    """Derivatives of joint positions over time along a joint path, by the chain rule."""
+    # `end`: arc length of the end of the law's interval at each point [m]: a point at a break of
+    # the joint path is before the break if the interval ends there; `along`: s and its derivatives
+    # over time up to the third, (4, n); `orders`: the requested orders; 0 for the positions.
+    # Returns (n, dof) for each order.
     shape, dof = np.shape(along)[1:], joint_path.dof
     count = along[0].size
     motion = JointMotion(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -34,6 +33,10 @@ class Log(Checked):
     """Set-points and measured positions of joints at the same times.
 
     A log may have gaps, as from lost packets, in which the commands are unknown.
+
+    >>> t = np.arange(250) * 4e-3
+    >>> ac.Log(t=t, command=np.sin(t)[:, None], measured=np.sin(t - 0.01)[:, None]).dof
+    1
 
     Args:
         t: Times [s], increasing, (n,).
@@ -140,10 +143,10 @@ class Log(Checked):
             start: First time to keep [s].
             end: Last time to keep [s].
         """
-        return cut_log(
-            self.t, self.command, self.measured, start, end, self.joint_names,
-            interpolation=self.interpolation, source=self.source, notes=self.notes,
-        )  # fmt: skip
+        mask = _time_mask(self.t, start, end, self.source)
+        return replace(
+            self, t=self.t[mask], command=self.command[mask], measured=self.measured[mask]
+        )
 
     def _check_rows(self, name: str) -> FloatArray:
         """Positions as a locked array with one row for each time."""
@@ -180,48 +183,21 @@ class Log(Checked):
 
 
 def cut_log(
-    t: FloatArray,
-    command: FloatArray,
-    measured: FloatArray,
-    start: float,
-    end: float,
-    joint_names: Sequence[str] = (),
+    t: FloatArray,  # Times [s]
+    command: FloatArray,  # Set-points [rad]
+    measured: FloatArray,  # Measured positions [rad]
+    window: tuple[float, float],  # First and last time to use [s]
     *,
-    interpolation: str | None = None,
     source: str = "the log",
     unwrap: bool = False,
-    notes: Sequence[str] = (),
+    **fields: Any,
 ) -> Log:
-    """The log from `start` to `end` [s], from arrays that need not be a valid log as a whole.
-
-    Args:
-        t: Times [s].
-        command: Set-points [rad].
-        measured: Measured positions [rad].
-        start: First time to use [s].
-        end: Last time to use [s].
-        joint_names: As in `Log`.
-        interpolation: As in `Log`.
-        source: As in `Log`.
-        unwrap: Undo jumps of whole turns.
-        notes: As in `Log`.
-
-    Raises:
-        InvalidInput: As `Log` does.
-    """
-    used = _time_mask(t, start, end, source)
+    """Part of a log, from arrays that need not be a valid log as a whole; `fields` as of `Log`."""
+    used = _time_mask(t, *window, source)
     command, measured = np.asarray(command)[used], np.asarray(measured)[used]
     if unwrap:
         command, measured = _unwrap(command, measured)
-    return Log(
-        t=np.asarray(t)[used],
-        command=command,
-        measured=measured,
-        joint_names=tuple(joint_names),
-        interpolation=interpolation,
-        source=source,
-        notes=tuple(notes),
-    )
+    return Log(t=np.asarray(t)[used], command=command, measured=measured, source=source, **fields)
 
 
 def _time_mask(t: FloatArray, start: float, end: float, source: str) -> BoolArray:

@@ -17,7 +17,7 @@ from armcontour.motion.log import Log
 from armcontour.robot import Arm
 
 # Largest number of names in one message.
-MOST_NAMED = 8
+MAX_NAMED = 8
 # Shortest log [s] and longest sample interval [s] for identification: between samples farther apart
 # the command is too uncertain.
 SHORTEST = 2.0
@@ -73,7 +73,7 @@ def match_joints(names: Sequence[str], requested: Sequence[str], source: str) ->
 
 
 def _is_prefixed(long: str, short: str) -> bool:
-    """Whether one of two names is the other name with a prefix."""
+    """True if one of two names is the other name with a prefix."""
     if len(long) < len(short):
         long, short = short, long
     return not short.isdigit() and re.fullmatch(rf".*[_\W]{re.escape(short)}", long) is not None
@@ -92,15 +92,13 @@ def describe_match(
 
 
 def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
-    """The log with its joints in the order of an arm, by equal names or by names with a prefix.
-
-    Otherwise joints stay in their order, also those with numbers.
-    """
+    """The log with its joints in the order of an arm, by equal names or by names with a prefix."""
+    # Otherwise joints stay in their order, also those with numbers.
     names, source = log.joint_names, log.source
     numbered = all(re.fullmatch(r"joint \d+", x) for x in names)
     order = match_joints(names, joint_names, source)
     if order is None or (numbered and len(names) != len(joint_names)):
-        log_names, other = (list_some(x, MOST_NAMED) for x in (names, joint_names))
+        log_names, other = (list_some(x, MAX_NAMED) for x in (names, joint_names))
         if len(names) != len(joint_names):
             raise InvalidInput(
                 f"{source} has {count_noun(len(names), 'joint')} ({log_names}), but the arm has "
@@ -117,7 +115,7 @@ def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
         return log
     notes = describe_match(names, joint_names, order)
     if spare := [x for i, x in enumerate(names) if i not in order]:
-        left_out = list_some(spare, MOST_NAMED)
+        left_out = list_some(spare, MAX_NAMED)
         notes.append(f"Joints of {source} that the arm does not have are left out: {left_out}.")
     return replace(
         log,
@@ -129,12 +127,8 @@ def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
 
 
 def check_logs(logs: Sequence[Log], arm: Arm) -> None:
-    """Refuse logs from which the arm cannot be identified.
-
-    Args:
-        logs: Logs with as many joints as the arm.
-        arm: The nominal arm.
-    """
+    """Refuse logs from which the arm cannot be identified."""
+    # `logs`: logs with as many joints as the arm.
     for log in logs:
         duration = float(log.t[-1] - log.t[0])
         if duration < SHORTEST:
@@ -164,37 +158,24 @@ def check_logs(logs: Sequence[Log], arm: Arm) -> None:
 
 
 def check_distance(log: Log, arm: Arm) -> None:
-    """Refuse a log with positions outside the joint ranges.
-
-    Args:
-        log: The log, with as many joints as the arm.
-        arm: The arm.
-    """
+    """Refuse a log with positions outside the joint ranges."""
+    # `log`: the log, with as many joints as the arm.
     both = {"set-point": log.command, "measured position": log.measured}
     check_range_of_log(log.source, log.t, both, log.joint_names, arm)
 
 
 def check_range_of_log(
-    source: str,
-    t: FloatArray,
-    positions: Mapping[str, FloatArray],
+    source: str,  # Origin of the positions, for messages
+    t: FloatArray,  # Times [s], (n,)
+    positions: Mapping[str, FloatArray],  # Positions [rad], (n, dof), by their names
     joint_names: Sequence[str],
     arm: Arm,
     *,
-    margin: float = BEYOND,
+    margin: float = BEYOND,  # Allowed distance from the range of a joint [rad]
     degrees_only: bool = False,
 ) -> None:
-    """Refuse positions outside the joint ranges.
-
-    Args:
-        source: Origin of the positions, for messages.
-        t: Times [s], (n,).
-        positions: Positions [rad], (n, dof), by their names.
-        joint_names: Names of their joints.
-        arm: The arm.
-        margin: Allowed distance from the range of a joint [rad].
-        degrees_only: Whether to refuse only positions that are within all ranges as degrees.
-    """
+    """Refuse positions outside the joint ranges."""
+    # `degrees_only`: true to refuse only positions that are within all ranges as degrees.
     low, high = arm.limits.joint_range(arm.dof)
     for name, values in positions.items():
         beyond = np.maximum(low - values, values - high)
@@ -253,14 +234,9 @@ def check_leading_rest(log: Log) -> None:
 
 
 def check_units(log: Log, longest: float, j: int, *, single: bool = True) -> None:
-    """Refuse a log whose joint j does not follow its command, if another reading explains it.
-
-    Args:
-        log: The log.
-        longest: Largest dead time [s].
-        j: The joint, from 0.
-        single: Whether to consider also other units and directions of this joint only.
-    """
+    """Refuse a log whose joint j does not follow its command, if another reading explains it."""
+    # `longest`: largest dead time [s]; `single`: true to consider also other units and directions
+    # of this joint only.
     for some in (slice(None), slice(j, j + 1))[: 1 + single]:
         q, u, names = log.measured[:, some], log.command[:, some], log.joint_names[some]
         if reading := find_misreading(log.t, q, u, names=names, longest_delay=longest):
@@ -271,14 +247,10 @@ def check_units(log: Log, longest: float, j: int, *, single: bool = True) -> Non
 
 
 def check_is_whole(source: str, t: FloatArray, duration: float, slack: float) -> None:
-    """Refuse a recording that does not cover a whole motion.
-
-    Args:
-        source: Origin of the recording, for messages.
-        t: Its times from the start of the motion [s], (n,).
-        duration: Duration of the motion [s].
-        slack: Time that may be missing at either end [s].
-    """
+    """Refuse a recording that does not cover a whole motion."""
+    # `source`: origin of the recording, for messages; `t`: its times from the start of the motion
+    # [s], (n,); `duration`: duration of the motion [s]; `slack`: time that may be missing at either
+    # end [s].
     if t[0] > slack or t[-1] < duration - slack:
         raise InvalidInput(
             f"{source} covers the plan from {t[0]:.4g} s to {t[-1]:.4g} s, but the plan lasts from "
@@ -288,29 +260,20 @@ def check_is_whole(source: str, t: FloatArray, duration: float, slack: float) ->
 
 
 def find_misreading(
-    t: FloatArray,
-    measured: FloatArray,
+    t: FloatArray,  # Times [s], (n,)
+    measured: FloatArray,  # Measured positions [rad], (n, dof)
     reference: FloatArray,
     *,
-    names: Sequence[str] = (),
+    names: Sequence[str] = (),  # Names of the joints; their numbers by default
     longest_delay: float | None = None,
 ) -> str:
-    """Error in the columns of measured positions that explains them, and its correction.
-
-    Candidates are other units, signs and orders of the columns. A candidate is reported only if its
-    differences are much smaller.
-
-    Args:
-        t: Times [s], (n,).
-        measured: Measured positions [rad], (n, dof).
-        reference: Reference positions [rad], or, with `longest_delay`, commands [rad], (n, dof).
-        names: Names of the joints; their numbers by default.
-        longest_delay: Largest dead time with which joints follow commands, with any lag and offset
-            [s]; without it positions are compared directly.
-
-    Returns:
-        The error as a part of a sentence; empty if no candidate explains the positions.
-    """
+    """Error in the columns of measured positions that explains them, and its correction."""
+    # Candidates are other units, signs and orders of the columns. A candidate is reported only if
+    # its differences are much smaller.
+    # `reference`: reference positions [rad], or, with `longest_delay`, commands [rad], (n, dof);
+    # `longest_delay`: largest dead time with which joints follow commands, with any lag and offset
+    # [s]; without it positions are compared directly.
+    # Returns the error as a part of a sentence; empty if no candidate explains the positions.
     names = names or [str(j + 1) for j in range(reference.shape[1])]
     if longest_delay is not None:
         piece = _find_liveliest(reference)
@@ -349,15 +312,12 @@ def find_misreading(
 
 
 class _Comparison:
-    """Second moments of measured and reference positions, for all candidates of lag and dead time.
-
-    Attributes:
-        power: Mean squares of the measured columns [rad²], (dof,).
-    """
+    """Second moments of measured and reference positions, for all lags and dead times."""
 
     def __init__(
         self, t: FloatArray, y: FloatArray, u: FloatArray, longest_delay: float | None
     ) -> None:
+        # `power`: mean squares of the measured columns [rad²], (dof,).
         pairs = [(y, u)] if longest_delay is None else _candidate_responses(t, y, u, longest_delay)
         self._yy = np.array([(a**2).mean(axis=0) for a, _ in pairs])[:, :, None]
         self._uu = np.array([(b**2).mean(axis=0) for _, b in pairs])[:, None, :]
@@ -377,9 +337,9 @@ def _candidate_responses(
     step, pairs = float(t[-1] - t[0]) / (len(t) - 1), []
     delays = np.unique(np.round(np.linspace(0.0, longest_delay, DEAD_TIMES) / step).astype(int))
     for lag in LAGS:
-        x = _apply_lag(t, u, lag)
+        response = _apply_lag(t, u, lag)
         for k in delays[delays < len(t) // 2]:
-            a, b = y[k:], x[: len(x) - k]
+            a, b = y[k:], response[: len(response) - k]
             pairs.append((a - a.mean(axis=0), b - b.mean(axis=0)))
     return pairs
 

@@ -36,13 +36,8 @@ def command_bounds(limits: Limits, dof: int) -> FloatArray:
 
 
 def command_use(q: FloatArray, cycle: float, limits: Limits) -> dict[str, FloatArray]:
-    """Largest ratio of set-points to each limit, per joint, by names of `BY_ORDER`.
-
-    Args:
-        q: Set-points [rad], (n, dof); constant before and after.
-        cycle: Cycle [s].
-        limits: Limits of commands.
-    """
+    """Largest ratio of set-points to each limit, per joint, by names of `BY_ORDER`."""
+    # `q`: set-points [rad], (n, dof); constant before and after; `cycle`: cycle [s].
     return {
         name: use_of(name, limits, differences(q, order) / cycle**order).largest
         for order, name in enumerate(BY_ORDER)
@@ -53,47 +48,35 @@ def command_use(q: FloatArray, cycle: float, limits: Limits) -> dict[str, FloatA
 def find_excess(
     q: FloatArray, cycle: float, bounds: FloatArray
 ) -> tuple[int, int, int, float] | None:
-    """Order, row and joint of the set-point farthest beyond its bound, and its value.
-
-    Args:
-        q: Set-points [rad], (n, dof).
-        cycle: Cycle [s].
-        bounds: As from `command_bounds`, or its first orders.
-
-    Returns:
-        The row is that of the last set-point of the difference; None if all bounds are satisfied.
-    """
+    """Order, row and joint of the set-point farthest beyond its bound, and its value."""
+    # `q`: set-points [rad], (n, dof); `cycle`: cycle [s]; `bounds`: as from `command_bounds`, or
+    # its first orders.
+    # Returns the row is that of the last set-point of the difference; None if all bounds are
+    # satisfied.
     worst, violation = COMMAND_SLACK, None
     for order, (low, high) in enumerate(bounds):
         if not (np.isfinite(low).any() or np.isfinite(high).any()):
             continue
-        x = differences(q, order) / cycle**order if order else q
+        values = differences(q, order) / cycle**order if order else q
         upper, lower = (np.where(np.isfinite(y) & (order > 0), np.abs(y), 1.0) for y in (high, low))
-        beyond = np.maximum((x - high) / upper, (low - x) / lower)
+        beyond = np.maximum((values - high) / upper, (low - values) / lower)
         k, j = (int(i) for i in np.unravel_index(int(np.argmax(beyond)), beyond.shape))
         if beyond[k, j] > worst:
             row = min(k + (order == 0), len(q) - 1)
-            worst, violation = float(beyond[k, j]), (order, row, j, float(x[k, j]))
+            worst, violation = float(beyond[k, j]), (order, row, j, float(values[k, j]))
     return violation
 
 
 def nearest_commands(
     q: FloatArray, cycle: float, bounds: FloatArray, otherwise: FloatArray | None = None
 ) -> tuple[FloatArray, int | None]:
-    """The set-points nearest to specified ones, in the mean square, within bounds.
-
-    Joints within their bounds keep their set-points to the last bit. Others get set-points that are
-    rounded to DECIMALS, and satisfy the bounds with this rounding.
-
-    Args:
-        q: Set-points [rad], (n, dof), at rest before and after.
-        cycle: Cycle [s].
-        bounds: As from `command_bounds`.
-        otherwise: Set-points of joints whose bounds cannot be satisfied.
-
-    Returns:
-        Set-points [rad], (n, dof), and the first joint whose bounds cannot be satisfied, or None.
-    """
+    """The set-points nearest to specified ones, in the mean square, within bounds."""
+    # Joints within their bounds keep their set-points to the last bit. Others get set-points that
+    # are rounded to DECIMALS, and satisfy the bounds with this rounding.
+    # `q`: set-points [rad], (n, dof), at rest before and after; `cycle`: cycle [s]; `bounds`: as
+    # from `command_bounds`; `otherwise`: set-points of joints whose bounds cannot be satisfied.
+    # Returns set-points [rad], (n, dof), and the first joint whose bounds cannot be satisfied, or
+    # None.
     commands = q.copy()
     for j in range(q.shape[1]):
         joint_bounds, one = bounds[:, :, j], q[:, j : j + 1]

@@ -18,14 +18,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Interval
 from armcontour.core.render import number
-from armcontour.core.text import (
-    count_kinds,
-    count_noun,
-    draw,
-    format_table,
-    short_repr,
-    to_html,
-)
+from armcontour.core.text import count_kinds, count_noun, draw, format_table, short_repr, to_html
 from armcontour.geometry import Path
 from armcontour.motion.kernels import JointMotion, joint_motions, path_motions
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw
@@ -157,6 +150,10 @@ def to_columns(samples: Any) -> dict[str, FloatArray]:
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Trajectory(Checked):
     """Joint positions over time, made of consecutive time laws; two-sided at breaks.
+
+    >>> q, dq = planned(0.1), planned(0.1, 1)
+    >>> planned.sample(0.01).q.shape[1]
+    2
 
     Args:
         laws: The time laws in order.
@@ -408,36 +405,22 @@ class Trajectory(Checked):
         if len(many) >= MANY:
             together = np.zeros(len(self.laws), dtype=bool)
             together[many] = True
-            yield from self._values_together(
-                np.flatnonzero(together[law_index]), law_index, t, side, orders
-            )
+            indices = np.flatnonzero(together[law_index])
+            for begin in range(0, len(indices), AT_ONCE):
+                batch = indices[begin : begin + AT_ONCE]
+                law, joined = self._join(law_index[batch])
+                yield batch, joined.motion(law, t[batch], side, orders)
             separate = np.flatnonzero(~together[law_index])
         for k, indices, i, local in self.locate(t[separate], side):
-            law = self.laws[k]
             if len(orders) == 1:
-                yield separate[indices], (law.on_interval(i, local, orders[0]),)
+                yield separate[indices], (self.laws[k].on_interval(i, local, orders[0]),)
             else:
-                yield separate[indices], law.motion(i, local, orders[-1])
-
-    def _values_together(
-        self,
-        indices: IntArray,
-        law_index: IntArray,
-        t: FloatArray,
-        side: str,
-        orders: tuple[int, ...],
-    ) -> Iterator[tuple[IntArray, tuple[FloatArray, ...]]]:
-        """Values at the times `indices` of laws along joint paths, AT_ONCE times together."""
-        for begin in range(0, len(indices), AT_ONCE):
-            batch = indices[begin : begin + AT_ONCE]
-            law, joined = self._join(law_index[batch])
-            yield batch, joined.motion(law, t[batch], side, orders)
+                yield separate[indices], self.laws[k].motion(i, local, orders[-1])
 
     def _join(self, law_index: IntArray) -> tuple[IntArray, JoinedLaws]:
-        """A table of the laws of some times, and the rows of these laws in it, (n,).
-
-        The last table of few laws is cached, because the check of clearance requests it repeatedly.
-        """
+        """A table of the laws of some times, and the rows of these laws in it, (n,)."""
+        # The last table of few laws is cached, because the check of clearance requests it
+        # repeatedly.
         first, last = int(law_index.min()), int(law_index.max()) + 1
         for begin, end, joined in self._joined[:]:
             if begin <= first and last <= end:
@@ -660,17 +643,11 @@ class Trajectory(Checked):
 
 @dataclass(frozen=True, slots=True)
 class _LawRange:
-    """Arc lengths of one law in its trajectory.
+    """Arc lengths of one law in its trajectory."""
 
-    Args:
-        law: The law; None if s is constant.
-        s: Arc lengths at the start and end of the law [m]; NaN if it has none.
-        offset: Difference between the trajectory's and the law's arc lengths [m].
-    """
-
-    law: LawAlongPath | None
-    s: tuple[float, float]
-    offset: float
+    law: LawAlongPath | None  # The law; None if s is constant
+    s: tuple[float, float]  # Arc lengths at the start and end of the law [m]; NaN if it has none
+    offset: float  # Difference between the trajectory's and the law's arc lengths [m]
 
 
 def _law_ranges(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> tuple[_LawRange, ...]:
@@ -717,30 +694,20 @@ def _group_by_law(law_index: IntArray) -> Iterator[tuple[int, IntArray]]:
 
 @dataclass(frozen=True, slots=True)
 class JoinedLaws:
-    """Several laws as one table, with a row for every break, also for the last one of a law.
+    """Several laws as one table, with a row for every break, also for the last one of a law."""
 
-    Args:
-        starts: Start times of the laws [s], (laws,).
-        rows: Rows of the laws' first breaks, and the number of all rows, (laws + 1,).
-        breaks: Breaks, counted from the start of each law [s], (n,).
-        times: Breaks, counted from the start of the trajectory and rounded as those of the
-            trajectory are [s], (n,).
-        s: Arc lengths there [m], (n,).
-        rates: The columns of `Rates` for the interval after each break, (n,) each.
-        path_rows: Rows of the first breaks of the laws' joint paths, (laws + 1,).
-        path_breaks: Breaks of the joint paths [m], (m,).
-        coefficients: Their coefficients after each break, (m, 6, dof).
-    """
-
-    starts: FloatArray
-    rows: IntArray
-    breaks: FloatArray
+    starts: FloatArray  # Start times of the laws [s], (laws,)
+    rows: IntArray  # Rows of the laws' first breaks, and the number of all rows, (laws + 1,)
+    breaks: FloatArray  # Breaks, counted from the start of each law [s], (n,)
+    # Breaks, counted from the start of the trajectory and rounded as those of the trajectory are
+    # [s], (n,)
     times: FloatArray
-    s: FloatArray
+    s: FloatArray  # Arc lengths there [m], (n,)
+    # The columns of `Rates` for the interval after each break, (n,) each
     rates: tuple[FloatArray, ...]
-    path_rows: IntArray
-    path_breaks: FloatArray
-    coefficients: FloatArray
+    path_rows: IntArray  # Rows of the first breaks of the laws' joint paths, (laws + 1,)
+    path_breaks: FloatArray  # Breaks of the joint paths [m], (m,)
+    coefficients: FloatArray  # Their coefficients after each break, (m, 6, dof)
 
     @classmethod
     def from_laws(cls, laws: Sequence[PathLaw], starts: FloatArray) -> JoinedLaws:
@@ -761,19 +728,14 @@ class JoinedLaws:
     def motion(
         self, law: IntArray, t: FloatArray, side: str, orders: tuple[int, ...]
     ) -> tuple[FloatArray, ...]:
-        """Joint positions or derivatives over time, (n, dof) for each order.
-
-        Args:
-            law: The law of each time, (n,).
-            t: Times [s], (n,).
-            side: "right" or "left": the interval to which a break belongs.
-            orders: The orders, from 0 to 3.
-        """
+        """Joint positions or derivatives over time, (n, dof) for each order."""
+        # `law`: the law of each time, (n,); `t`: times [s], (n,); `side`: "right" or "left": the
+        # interval to which a break belongs; `orders`: the orders, from 0 to 3.
         row = np.searchsorted(self.times, t, side=checks.check_side(side)) - 1
         row = np.clip(row, self.rows[law], self.rows[law + 1] - 2)
         local = np.clip(t - self.starts[law], self.breaks[row], self.breaks[row + 1])
-        for x in (row, local):
-            x.setflags(write=False)
+        for array in (row, local):
+            array.setflags(write=False)
         along = path_motions(row, local, self.breaks, self.s, *self.rates)
         dof = self.coefficients.shape[2]
         motion = JointMotion(*(np.empty((len(t) if k in orders else 0, dof)) for k in range(4)))

@@ -20,22 +20,19 @@ ROUNDING = 1e-12
 
 
 def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray, FloatArray]:
-    """Upper bound of each joint's travel since the start; back and forth counts twice.
-
-    Between the times the bound grows linearly and is valid there, too: between any two times a
-    joint moves no farther than the bound grows.
-
-    Args:
-        motion: A planned or an executed motion, or a joint path, for which arc length replaces
-            time. Between its samples, the accelerations of an executed motion are assumed to be at
-            most the largest demand.
-
-    Returns:
-        Times from the start to the end [s], (n,), and the bounds at these times [rad], (n, dof).
-    """
+    """Upper bound of each joint's travel since the start; back and forth counts twice."""
+    # Between the times the bound grows linearly and is valid there, too: between any two times a
+    # joint moves no farther than the bound grows.
+    # `motion`: A planned or an executed motion, or a joint path, for which arc length replaces
+    # time. Between its samples, the accelerations of an executed motion are assumed to be at most
+    # the largest demand.
+    # Returns times from the start to the end [s], (n,), and the bounds at these times [rad], (n,
+    # dof).
     parts: Iterable[FloatArray]
     if isinstance(motion, Execution):
-        t, dof, parts = motion.t, motion.q.shape[1], [_fastest_executed(motion)]
+        t, dof, rate = motion.t, motion.q.shape[1], np.abs(motion.dq)
+        gained = largest_accelerations(motion) * (np.diff(t)[:, None] / 2)
+        parts = [np.maximum(rate[:-1], rate[1:]) + gained]
     elif isinstance(motion, JointPath):
         t, dof = motion.breaks, motion.dof
         parts = [_along(motion, t, np.ones(len(t) - 1))]
@@ -94,9 +91,3 @@ def _fastest_along(law: PathLaw) -> FloatArray:
 def _along(joint_path: JointPath, s: FloatArray, speeds: FloatArray) -> FloatArray:
     """Bounds of the joint velocities between neighbouring arc lengths [rad/s], (n, dof)."""
     return np.asarray(kernels.fastest_joints(joint_path.breaks, joint_path.coefficients, s, speeds))
-
-
-def _fastest_executed(motion: Execution) -> FloatArray:
-    """Bounds of the joint velocities between samples [rad/s], (n - 1, dof)."""
-    rate, half = np.abs(motion.dq), np.diff(motion.t)[:, None] / 2
-    return np.asarray(np.maximum(rate[:-1], rate[1:]) + largest_accelerations(motion) * half)

@@ -66,13 +66,7 @@ def _ceiling(b: FloatArray, c: FloatArray, i: int, low: FloatArray, high: FloatA
 
 @compiled(inner=True)
 def _largest_u(
-    b: FloatArray,
-    c: FloatArray,
-    i: int,
-    low: FloatArray,
-    high: FloatArray,
-    x: float,
-    sign: float,
+    b: FloatArray, c: FloatArray, i: int, low: FloatArray, high: FloatArray, x: float, sign: float
 ) -> float:
     """Largest u = dds at x = ds² within the joint accelerations; of `-u` with sign -1."""
     largest = math.inf
@@ -88,10 +82,8 @@ def _largest_u(
 def _time_on(
     width: float, first: float, last: float, up: float, down: float, ceiling: float
 ) -> float:
-    """Shortest time from x = first to x = last over `width` [s]: x rises, stays, and falls.
-
-    `up` and `down` are the largest acceleration and deceleration [m/s²].
-    """
+    """Shortest time from x = first to x = last over `width` [s]: x rises, stays, and falls."""
+    # `up` and `down` are the largest acceleration and deceleration [m/s²].
     top = max(first, last)
     if up > 0.0 and down > 0.0:
         met = (up * last + down * first + 2.0 * up * down * width) / (up + down)
@@ -110,25 +102,17 @@ def _time_on(
 
 @compiled()
 def least_duration(
-    breaks: FloatArray,
-    coefficients: FloatArray,
-    rests: BoolArray,
-    ceilings: FloatArray,
+    breaks: FloatArray,  # Arc lengths of the ends of the pieces [m], (n + 1,)
+    coefficients: FloatArray,  # Coefficients of the quintics [rad], (n, 6, dof)
+    rests: BoolArray,  # True at breaks at which the motion rests, (n + 1,)
+    ceilings: FloatArray,  # Largest ds² on each piece [m²/s²], (n,)
     bounds: FloatArray,
 ) -> float:
-    """Lower bound of the duration of any motion along a joint path [s]; 0 if it is not limited.
-
-    Limits are satisfied at points only, and between two points ds² may grow at the larger of both
-    rates, so every plan takes longer.
-
-    Args:
-        breaks: Arc lengths of the ends of the pieces [m], (n + 1,).
-        coefficients: Coefficients of the quintics [rad], (n, 6, dof).
-        rests: True at breaks at which the motion rests, (n + 1,).
-        ceilings: Largest ds² on each piece [m²/s²], (n,).
-        bounds: Lower and upper bounds of the velocities [rad/s] and accelerations [rad/s²] of the
-            joints, (4, dof).
-    """
+    """Lower bound of the duration of any motion along a joint path [s]; 0 if it is not limited."""
+    # Limits are satisfied at points only, and between two points ds² may grow at the larger of both
+    # rates, so every plan takes longer.
+    # `bounds`: lower and upper bounds of the velocities [rad/s] and accelerations [rad/s²] of the
+    # joints, (4, dof).
     n, dof = len(coefficients), coefficients.shape[2]
     slow, fast, low, high = bounds[0], bounds[1], bounds[2], bounds[3]
     parts = _count_parts(breaks, coefficients)
@@ -186,11 +170,9 @@ def least_duration(
 
 
 def bound_duration(joint_path: JointPath, limits: Limits) -> float:
-    """Lower bound of the duration of any motion from rest to rest along a joint path [s].
-
-    The bound includes joint velocities and accelerations, tool speed, and the centripetal
-    acceleration on arcs. Torques and all other limits are ignored.
-    """
+    """Lower bound of the duration of any motion from rest to rest along a joint path [s]."""
+    # The bound includes joint velocities and accelerations, tool speed, and the centripetal
+    # acceleration on arcs. Torques and all other limits are ignored.
     breaks, dof = joint_path.breaks, joint_path.dof
     rests = np.isin(breaks, joint_path.stops)
     rests[[0, -1]] = True

@@ -19,7 +19,7 @@ START, END = "start speed", "end speed"
 # Digits of the reported speed, which is planned with these digits.
 DIGITS = 6
 # Largest number of estimates; each failed one is reduced by at least the share LOWER.
-MOST_ESTIMATES = 8
+MAX_ESTIMATES = 8
 # Relative rounding error of a feasible speed; it counts as feasible, see `PLAY`.
 ROUNDING = 1e-9
 LOWER = 1e-3
@@ -29,25 +29,18 @@ HALVINGS = 12
 
 @dataclass(frozen=True, slots=True)
 class EndSpeeds:
-    """Speeds at the ends of a path.
+    """Speeds at the ends of a path."""
 
-    Args:
-        plan: Plans with a start and an end speed [m/s]; raises NotRealizable.
-        start: The requested start speed [m/s].
-        end: The requested end speed [m/s].
-    """
-
+    # Plans with a start and an end speed [m/s]; raises NotRealizable
     plan: Callable[[float, float], object]
-    start: float
-    end: float
+    start: float  # The requested start speed [m/s]
+    end: float  # The requested end speed [m/s]
 
     def refuse(self, error: NotRealizable) -> NotRealizable:
-        """Return the error for these speeds, with a feasible speed.
-
-        The feasible speed is that of the blamed end with the requested speed at the other end, or
-        of the other end with the requested speed at the blamed end. If neither exists, it is that
-        of the blamed end with rest at the other end.
-        """
+        """Return the error for these speeds, with a feasible speed."""
+        # The feasible speed is that of the blamed end with the requested speed at the other end, or
+        # of the other end with the requested speed at the blamed end. If neither exists, it is that
+        # of the blamed end with rest at the other end.
         blamed = START if error.limit == START else END
         other = END if blamed == START else START
         for name in (blamed, other):
@@ -61,13 +54,11 @@ class EndSpeeds:
         return self._refusal(blamed, allowed, error, condition)
 
     def _allowed(self, name: str, *, at_rest: bool) -> float | None:
-        """Feasible speed close to the largest at one end; None if no lower speed is feasible.
-
-        `at_rest` means that the speed at the other end is zero instead of the requested one.
-        """
+        """Feasible speed close to the largest at one end; None if no lower speed is feasible."""
+        # `at_rest` means that the speed at the other end is zero instead of the requested one.
         requested = self.start if name == START else self.end
         speed = requested
-        for _ in range(MOST_ESTIMATES):
+        for _ in range(MAX_ESTIMATES):
             failed = self._failure(name, speed, at_rest)
             if failed is None:
                 return speed
@@ -111,11 +102,7 @@ class EndSpeeds:
 
 
 def raise_too_fast(name: str, x: float, allowed: float, s: float) -> NoReturn:
-    """Raise the error for a start or end speed; `x` and `allowed` are squared speeds [m²/s²].
-
-    Raises:
-        NotRealizable: Always.
-    """
+    """Raise the error for a start or end speed; `x` and `allowed` are squared speeds [m²/s²]."""
     raise NotRealizable(
         f"The {name} speed of {np.sqrt(x):.6g} m/s is too high: at {s:.6g} m along the path the "
         f"limits allow {np.sqrt(max(allowed, 0.0)):.6g} m/s.",

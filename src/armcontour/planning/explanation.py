@@ -109,25 +109,15 @@ class Shortfall:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitShare:
-    """Length and time for which one limit is active, or the time between contours.
+    """Length and time for which one limit is active, or the time between contours."""
 
-    Args:
-        kind: The limit, `BETWEEN`, `RAPIDS` or `DWELLS`.
-        name: The limit with its joint; otherwise the kind.
-        length: Length [m]; None between contours.
-        time: Time [s].
-        of_length: Share of the length of all contours; None between contours.
-        of_time: Share of the duration of the motion.
-        count: Number of parts of the path, or of moves.
-    """
-
-    kind: str
-    name: str
-    length: float | None
-    time: float
-    of_length: float | None
-    of_time: float
-    count: int
+    kind: str  # The limit, `BETWEEN`, `RAPIDS` or `DWELLS`
+    name: str  # The limit with its joint; otherwise the kind
+    length: float | None  # Length [m]; None between contours
+    time: float  # Time [s]
+    of_length: float | None  # Share of the length of all contours; None between contours
+    of_time: float  # Share of the duration of the motion
+    count: int  # Number of parts of the path, or of moves
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -264,6 +254,9 @@ def explain(
 ) -> Explanation:
     """Determine the active limit at each point of a plan of the method "optimal" or "shaped".
 
+    >>> ac.explain(planned, arm, limits)
+    Explanation(joint 2 acceleration 74%, centripetal acceleration 16%, ...)
+
     Args:
         trajectory: The plan.
         arm: The arm that the plan was made for, or any object with its `dof` and `limits`.
@@ -302,18 +295,13 @@ def explain(
 
 @dataclass(frozen=True, slots=True)
 class _LawExplanation:
-    """Explanation of one law.
-
-    Args:
-        bindings: The active limits in order.
-        shortfalls: Speed extremes below the assigned velocity.
-        with_assigned: Length [m] and time [s] of the intervals that have an assigned velocity.
-        reached: Length [m] and time [s] of the intervals at the assigned velocity.
-    """
+    """Explanation of one law."""
 
     bindings: tuple[Binding, ...]
-    shortfalls: tuple[Shortfall, ...]
+    shortfalls: tuple[Shortfall, ...]  # Speed extremes below the assigned velocity
+    # Length [m] and time [s] of the intervals that have an assigned velocity
     with_assigned: tuple[float, float]
+    # Length [m] and time [s] of the intervals at the assigned velocity
     reached: tuple[float, float]
 
 
@@ -369,10 +357,8 @@ def _explain_law(
 
 
 def _find_binding(shares: FloatArray, threshold: float) -> IntArray:
-    """Column of the active limit on each interval, or -1, (n,), from used shares, (n, limits).
-
-    A limit is active from the share `threshold` on, regardless of neighbouring intervals.
-    """
+    """Column of the active limit on each interval, or -1, (n,), from used shares, (n, limits)."""
+    # A limit is active from the share `threshold` on, regardless of neighbouring intervals.
     share, most_used = shares.max(axis=1), shares.argmax(axis=1)
     certain = share >= threshold
     candidates = np.where(share >= min(threshold, BINDS_BESIDE), most_used, -1)
@@ -464,11 +450,9 @@ def _shortfalls(
 
 
 def _turning_points(speed: FloatArray, first: int, points: list[int]) -> list[tuple[int, int, str]]:
-    """First and last index of every extreme of the speed, and its kind: "fastest" or "slowest".
-
-    An extreme is confirmed once the speed differs from it by the share `FLAT`. All points within
-    `FLAT` belong to it. `points` are indices of changes of the slope's sign, and the last point.
-    """
+    """First and last index of every extreme of the speed, and its kind: "fastest" or "slowest"."""
+    # An extreme is confirmed once the speed differs from it by the share `FLAT`. All points within
+    # `FLAT` belong to it. `points` are indices of changes of the slope's sign, and the last point.
     extremes: list[tuple[int, int, str]] = []
     rising: bool | None = None
     extreme = first

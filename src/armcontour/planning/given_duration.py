@@ -30,25 +30,16 @@ from armcontour.planning.topp.limit_forms import Ceiling, Form
 SAME_DURATION = 1e-9
 # Largest share of the time of a contour that is spent at rest at its end, if it is planned again.
 LONGEST_WAIT = 1e-3
-MOST_PLANS = 20
+MAX_PLANS = 20
 
 
 def slow_down(
     fastest: Trajectory, duration: float, traced: Tracing | JointPath, timing: Timing
 ) -> Trajectory:
-    """Slow the fastest motion down to a given duration.
-
-    All contours are slowed down by one factor. Rapids and dwells keep their durations.
-
-    Args:
-        fastest: The fastest motion.
-        duration: Duration from start to end [s].
-        traced: The tracing or joint path of the motion.
-        timing: The timing of the fastest motion with the method "optimal".
-
-    Raises:
-        NotRealizable: The fastest motion takes longer.
-    """
+    """Slow the fastest motion down to a given duration."""
+    # All contours are slowed down by one factor. Rapids and dwells keep their durations.
+    # `duration`: duration from start to end [s]; `traced`: the tracing or joint path of the motion;
+    # `timing`: the timing of the fastest motion with the method "optimal".
     if isinstance(traced, JointPath):
         factor = _factor(duration, fastest.duration, 0.0)
         return _slow_down(fastest, factor, timing)
@@ -117,7 +108,7 @@ def _plan_slower(fastest: Trajectory, target: float, timing: Timing) -> Trajecto
     assert isinstance(options, Optimal)
     joint_path = _laws(fastest)[0].joint_path
     share = (fastest.duration / target) ** 2
-    for _ in range(MOST_PLANS):
+    for _ in range(MAX_PLANS):
         slower = (*options.constraints, _Slower(fastest, share))
         trajectory = plan_optimal(
             joint_path, timing.arm, timing.limits, replace(options, constraints=slower)

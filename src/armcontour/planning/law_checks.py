@@ -39,11 +39,7 @@ def with_reserve(limits: Limits, reserve: float) -> Limits:
 
 
 def tool_path_of(joint_path: JointPath, method: str) -> Path:
-    """Return the tool path of a joint path.
-
-    Raises:
-        InvalidInput: The joint path has no tool path.
-    """
+    """Return the tool path of a joint path."""
     if joint_path.tool_path is None:
         raise InvalidInput(
             f"The method {method} plans along a tool path: give it a Path, or a traced one."
@@ -52,11 +48,7 @@ def tool_path_of(joint_path: JointPath, method: str) -> Path:
 
 
 def require_speed(limits: Limits, method: str) -> float:
-    """Return the assigned velocity [m/s].
-
-    Raises:
-        InvalidInput: The limits have no assigned velocity.
-    """
+    """Return the assigned velocity [m/s]."""
     if limits.speed is None:
         raise InvalidInput(
             f"The method {method} needs an assigned velocity: give the limit speed [m/s]."
@@ -70,14 +62,9 @@ def segment_speeds(path: Path, speed: float) -> FloatArray:
 
 
 def path_law(joint_path: JointPath, s: FloatArray, start: FloatArray, end: FloatArray) -> PathLaw:
-    """Time law with constant path acceleration on each interval.
-
-    Args:
-        joint_path: The joint path.
-        s: Arc lengths of the interval ends [m], (n + 1,).
-        start: Tool speed at the start of each interval [m/s], (n,).
-        end: Tool speed at the end of each interval [m/s], (n,).
-    """
+    """Time law with constant path acceleration on each interval."""
+    # `s`: arc lengths of the interval ends [m], (n + 1,); `start`: tool speed at the start of each
+    # interval [m/s], (n,); `end`: tool speed at the end of each interval [m/s], (n,).
     lengths = np.diff(s)
     times = 2 * lengths / (start + end)
     none = np.zeros_like(lengths)
@@ -103,11 +90,8 @@ def law_states(law: Law, arm: Arm) -> States:
 
 
 def sample_times(law: Law) -> tuple[IntArray, FloatArray]:
-    """Sample times that include the peaks of a law.
-
-    Returns:
-        The interval of each sample, (n,), and its time [s], (n,).
-    """
+    """Sample times that include the peaks of a law."""
+    # Returns the interval of each sample, (n,), and its time [s], (n,).
     knots = law.breaks
     if isinstance(law, PathLaw):
         knots = np.unique(np.append(knots, law.passages))
@@ -120,29 +104,14 @@ def sample_times(law: Law) -> tuple[IntArray, FloatArray]:
 def check_kept(
     laws: Sequence[LawAlongPath],
     arm: Arm,
-    limits: Limits,
-    names: Sequence[str],
+    limits: Limits,  # The limits. A named limit that is None is not checked.
+    names: Sequence[str],  # Fields of `Limits` to check
     *,
-    location: str,
-    t: float,
-    remedy: str,
+    location: str,  # First words of the error message; the arc length follows
+    t: float,  # Start time of the first law [s]
+    remedy: str,  # Last words of the error message
 ) -> None:
-    """Check that laws satisfy the named limits at all samples.
-
-    Args:
-        laws: Consecutive laws.
-        arm: The arm.
-        limits: The limits. A named limit that is None is not checked.
-        names: Fields of `Limits` to check.
-        location: First words of the error message; the arc length follows.
-        t: Start time of the first law [s].
-        remedy: Last words of the error message.
-
-    Raises:
-        NotRealizable: A limit is violated; with position, time, joint, required value and limit.
-        InvalidInput: A torque limit for an arm without masses, or a limit of angular motion for a
-            tool without orientation.
-    """
+    """Check that laws satisfy the named limits at all samples."""
     limited = [name for name in names if getattr(limits, name) is not None]
     start = t
     for law in laws if limited else ():

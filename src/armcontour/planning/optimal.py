@@ -51,39 +51,31 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import TOOL_LIMITS
 
 # The grid is refined while the margin for maxima inside intervals exceeds this share of a limit, at
-# most MOST_REFINEMENTS times. The share grows each time, up to LARGEST_MARGIN_EVER, because a finer
+# most MAX_REFINEMENTS times. The share grows each time, up to LARGEST_MARGIN_EVER, because a finer
 # grid is expensive with thousands of corners. With fewer intervals than COARSE, margins up to
 # FIRST_MARGIN are accepted, to save time.
 LARGEST_MARGIN = 3e-3
 FIRST_MARGIN, COARSE = 1e-2, 500
 MORE_EACH_TIME = 2.0
 LARGEST_MARGIN_EVER = 0.2
-MOST_REFINEMENTS = 12
+MAX_REFINEMENTS = 12
 # The grid is also refined while the estimated loss exceeds this share of the duration. The estimate
 # is within a factor of about three; more intervals than DEFAULT_INTERVALS lose less.
 LARGEST_LOSS = 1e-4
-MOST_PARTS_AT_ONCE = 8
+MAX_PARTS_AT_ONCE = 8
 # Largest number of refined intervals, about 1 GB, unless twice the first grid is more. Close to it,
 # a refinement for loss must add at least the factor LEAST_GROWTH.
-MOST_REFINED, LEAST_GROWTH = 300_000, 1.1
+MAX_REFINED, LEAST_GROWTH = 300_000, 1.1
 
 
 def plan_optimal(
     joint_path: JointPath, arm: Arm, limits: Limits, options: Optimal = FASTEST
 ) -> Trajectory:
-    """Plan the fastest motion along a path, without a given duration.
-
-    Args:
-        joint_path: A traced path, or a joint path without a tool path (then without tool limits).
-        arm: The arm.
-        limits: The limits. Joint ranges are ignored; the speed of each path segment applies too.
-        options: Grid, speeds at the ends, and additional constraints. If a joint path needs another
-            parameter than s, grid points keep their relative positions in the pieces.
-
-    Raises:
-        NotRealizable: The limits do not allow the start or end speed, or no motion at some point.
-        InvalidInput: The acceleration is not limited, or tool limits without a tool path.
-    """
+    """Plan the fastest motion along a path, without a given duration."""
+    # `joint_path`: A traced path, or a joint path without a tool path (then without tool limits);
+    # `limits`: the limits. Joint ranges are ignored; the speed of each path segment applies too;
+    # `options`: grid, speeds at the ends, and additional constraints. If a joint path needs another
+    # parameter than s, grid points keep their relative positions in the pieces.
     points, intervals, constraints = options.grid, options.intervals, options.constraints
     if points is not None:
         points = checks.kernel_array(points)
@@ -134,12 +126,7 @@ def plan_optimal(
 
 
 def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Constraint]:
-    """Make the constraints of the planner from the limits of an arm and a path.
-
-    Raises:
-        InvalidInput: Tool limits without a tool path, limits of angular motion for a tool without
-            orientation, or torque limits for an arm without masses.
-    """
+    """Make the constraints of the planner from the limits of an arm and a path."""
     active: list[Constraint] = []
     # Rows with viscous friction must come first.
     if limits.joint_torque is not None:
@@ -169,11 +156,7 @@ def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Cons
 
 
 def assigned_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
-    """Assigned velocity on each piece of a joint path [m/s], infinite if none, (pieces,).
-
-    Raises:
-        InvalidInput: Tool limits without a tool path.
-    """
+    """Assigned velocity on each piece of a joint path [m/s], infinite if none, (pieces,)."""
     path, breaks = joint_path.tool_path, joint_path.breaks
     if path is None:
         tool = [x for x in TOOL_LIMITS if x != "path_jerk" and getattr(limits, x) is not None]
@@ -194,24 +177,11 @@ def time_optimal(
     grid: Grid,
     active: Sequence[Constraint],
     arm: Arm,
-    start_speed: float,
-    end_speed: float,
-    largest_loss: float = math.inf,
+    start_speed: float,  # ds at the start [m/s]
+    end_speed: float,  # ds at the end [m/s]
+    largest_loss: float = math.inf,  # Share of the duration that the grid may lose
 ) -> PathLaw:
-    """Plan on a grid and refine it where margins or the estimated loss of time are too large.
-
-    Args:
-        grid: The grid.
-        active: The constraints.
-        arm: The arm, for messages.
-        start_speed: ds at the start [m/s].
-        end_speed: ds at the end [m/s].
-        largest_loss: Share of the duration that the grid may lose.
-
-    Raises:
-        InvalidInput: The acceleration is not limited.
-        NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
-    """
+    """Plan on a grid and refine it where margins or the estimated loss of time are too large."""
     # Where dq_ds vanishes, the joints rest at any ds.
     stands = rests_at_breaks(grid.joint_path)
     start = np.inf if start_speed == 0 and stands[0] else start_speed**2
@@ -219,8 +189,8 @@ def time_optimal(
     max_margin = FIRST_MARGIN if len(grid) < COARSE else LARGEST_MARGIN
     rules, s = Rules(float(start), float(end), max_margin), 0.0
     best: tuple[Grid, GridPlan] | None = None
-    shortest, max_intervals = math.inf, max(MOST_REFINED, 2 * len(grid))
-    for k in range(MOST_REFINEMENTS):
+    shortest, max_intervals = math.inf, max(MAX_REFINED, 2 * len(grid))
+    for k in range(MAX_REFINEMENTS):
         path = OnGrid(grid)
         limits = _with_stops(limits_on(path, active), grid)
         grid_plan = plan_on_grid(path.intervals, limits, rules)
@@ -234,7 +204,7 @@ def time_optimal(
             if loss.sum() <= largest_loss * duration or gained < largest_loss / 4 * duration:
                 break
             parts = _parts_by_loss(loss, largest_loss * duration)
-            if parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MOST_REFINED / 2:
+            if parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MAX_REFINED / 2:
                 break
             grid = split(grid, parts, points)
             continue
@@ -244,7 +214,7 @@ def time_optimal(
                 break
             _refuse(grid, grid_plan, arm, rules)
         parts = _whole(np.sqrt(grid_plan.lost / LARGEST_MARGIN), max_intervals)
-        crowded = parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MOST_REFINED / 2
+        crowded = parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MAX_REFINED / 2
         if crowded and max_margin == LARGEST_MARGIN_EVER:
             break
         grid = split(grid, parts)
@@ -261,8 +231,8 @@ def time_optimal(
 
 def _parts_by_loss(loss: FloatArray, max_loss: float) -> FloatArray:
     """Number of parts of each interval for a total loss of at most `max_loss`."""
-    parts = np.sqrt(np.minimum(np.nan_to_num(loss) * len(loss) / max_loss, MOST_PARTS_AT_ONCE**2))
-    return _whole(parts, max(MOST_REFINED, len(loss)))
+    parts = np.sqrt(np.minimum(np.nan_to_num(loss) * len(loss) / max_loss, MAX_PARTS_AT_ONCE**2))
+    return _whole(parts, max(MAX_REFINED, len(loss)))
 
 
 def _whole(parts: FloatArray, max_parts: int) -> FloatArray:

@@ -26,24 +26,24 @@ from armcontour.core.quantities import (
 from armcontour.core.render import number
 from armcontour.motion import DEFAULT_CYCLE, JointPath, Method, check_cycle
 from armcontour.planning.constraints import Constraint
-from armcontour.planning.path_grid import FEWEST_PER_PIECE, MOST_INTERVALS
+from armcontour.planning.path_grid import FEWEST_PER_PIECE, MAX_INTERVALS
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
 # Largest duration [s], eleven days: longer ones are mistakes; times are rounded to a nanosecond.
 LONGEST_MOTION = 1e6
 MotionTime = Annotated[float, Quantity("s", "6.5 s", within=(checks.SMALLEST, LONGEST_MOTION))]
-Intervals = Annotated[int, AtLeast(FEWEST_PER_PIECE, MOST_INTERVALS)]
+Intervals = Annotated[int, AtLeast(FEWEST_PER_PIECE, MAX_INTERVALS)]
 # Marks fields that are keys of a job; other options have keys elsewhere or none.
 KEY = About()
 PathSpeed = Annotated[float, Quantity("m/s", "0.15 m/s", "not negative")]
 # Laps per line of the paper's method. With fewer laps a short line from rest to rest has no lap to
 # move in; more laps need several GB for an arm with six joints.
-FEWEST_LAPS, MOST_LAPS = 8, 5_000_000
+FEWEST_LAPS, MAX_LAPS = 8, 5_000_000
 # Largest number of iterations of each pass with limits of jerk.
-MOST_ITERATIONS = 150
+MAX_ITERATIONS = 150
 # Default and largest number of iterations of shaping.
-DEFAULT_ITERATIONS, MOST_SHAPES = 60, 10_000
+DEFAULT_ITERATIONS, MAX_SHAPES = 60, 10_000
 
 
 @checks.explain_calls
@@ -80,6 +80,10 @@ class Optimal(PlanOptions):
 
     The method computes the fastest timing that satisfies every limit.
 
+    >>> slow = ac.plan(path, arm, limits, ac.Optimal(duration=2.0))
+    >>> round(slow.duration, 6)
+    2.0
+
     Args:
         duration: Required duration [s]. All contours are slowed down by one factor; rapids and
             dwells are not. By default the motion is the fastest.
@@ -101,7 +105,7 @@ class Optimal(PlanOptions):
     method = Method.OPTIMAL
     duration: MotionTime | None = None
     intervals: Annotated[Intervals | None, KEY] = None
-    iterations: Annotated[int, AtLeast(1, MOST_ITERATIONS)] = MOST_ITERATIONS
+    iterations: Annotated[int, AtLeast(1, MAX_ITERATIONS)] = MAX_ITERATIONS
     grid: Annotated[FloatArray, Quantity("m", "5 mm"), Axes("points")] | None = None
     start_speed: PathSpeed = 0.0
     end_speed: PathSpeed = 0.0
@@ -122,6 +126,10 @@ class Shaped(PlanOptions):
     """Options of the method "shaped", in addition to those of `PlanOptions`.
 
     The method finds the fastest path within a tolerance of the given path.
+
+    >>> options = ac.Shaped(tolerance=1e-3, iterations=1)
+    >>> ac.plan(objective, arm, limits, options).duration < planned.duration
+    True
 
     Args:
         tolerance: Largest distance of the path from the objective, and of the vertices of the
@@ -146,7 +154,7 @@ class Shaped(PlanOptions):
     line_tolerance: Distance | None = None
     zone: Tolerance | None = None
     angular_tolerance: AngularDistance | None = None
-    iterations: Annotated[int, AtLeast(0, MOST_SHAPES)] = DEFAULT_ITERATIONS
+    iterations: Annotated[int, AtLeast(0, MAX_SHAPES)] = DEFAULT_ITERATIONS
     intervals: Intervals | None = None
 
     def _check_together(self) -> None:
@@ -180,6 +188,10 @@ class Shaped(PlanOptions):
 class Paper(PlanOptions):
     """Options of the paper's method for lines and arcs, in addition to those of `PlanOptions`.
 
+    >>> straight = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20)])
+    >>> ac.plan(straight, arm, limits, ac.Paper(knots=10)).method
+    <Method.PAPER: 'paper'>
+
     Args:
         knots: Laps of equal length per line. By default the distance between knots is at most the
             travel of the tool in one cycle at the assigned velocity. A lap next to a rest is
@@ -191,7 +203,7 @@ class Paper(PlanOptions):
     """
 
     method = Method.PAPER
-    knots: Annotated[Annotated[int, AtLeast(FEWEST_LAPS, MOST_LAPS)] | None, KEY] = None
+    knots: Annotated[Annotated[int, AtLeast(FEWEST_LAPS, MAX_LAPS)] | None, KEY] = None
     cycle: Interval = DEFAULT_CYCLE
 
     def _check_together(self) -> None:
@@ -201,7 +213,12 @@ class Paper(PlanOptions):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Conventional(PlanOptions):
-    """Options of uniform speed along the raw path, as in the paper; those of `PlanOptions`."""
+    """Options of uniform speed along the raw path, as in the paper; those of `PlanOptions`.
+
+    >>> straight = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20)])
+    >>> ac.plan(straight, arm, limits, ac.Conventional()).method
+    <Method.CONVENTIONAL: 'conventional'>
+    """
 
     method = Method.CONVENTIONAL
 
@@ -213,17 +230,11 @@ METHODS: dict[str, type[PlanOptions]] = {x.method.value: x for x in (Optimal, Pa
 
 @dataclass(frozen=True, slots=True)
 class JerkLimits:
-    """Limits of jerk; infinite if not limited.
+    """Limits of jerk; infinite if not limited."""
 
-    Args:
-        joint: Joint jerk [rad/s³], (dof,).
-        path: Third time derivative of the arc length [m/s³].
-        tool: Tool jerk [m/s³].
-    """
-
-    joint: FloatArray
-    path: float
-    tool: float
+    joint: FloatArray  # Joint jerk [rad/s³], (dof,)
+    path: float  # Third time derivative of the arc length [m/s³]
+    tool: float  # Tool jerk [m/s³]
 
     @classmethod
     def from_limits(cls, limits: Limits, dof: int) -> JerkLimits | None:
@@ -239,21 +250,13 @@ class JerkLimits:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Planning problem with limits of jerk.
-
-    Args:
-        arm: The arm.
-        active: The constraints of the planner without jerk.
-        jerk: The limits of jerk.
-        start_speed, end_speed: Path speeds at the start and the end [m/s].
-        cells: Approximate number of cells; None for the default.
-        iterations: Largest number of iterations of each pass. Every iterate satisfies all limits.
-    """
+    """Planning problem with limits of jerk."""
 
     arm: Arm
-    active: tuple[Constraint, ...]
+    active: tuple[Constraint, ...]  # The constraints of the planner without jerk
     jerk: JerkLimits
-    start_speed: float = 0.0
+    start_speed: float = 0.0  # start_speed, end_speed: Path speeds at the start and the end [m/s]
     end_speed: float = 0.0
-    cells: int | None = None
-    iterations: int = MOST_ITERATIONS
+    cells: int | None = None  # Approximate number of cells; None for the default
+    # Largest number of iterations of each pass. Every iterate satisfies all limits.
+    iterations: int = MAX_ITERATIONS

@@ -14,13 +14,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
-from armcontour.motion import (
-    JointPath,
-    LawAlongPath,
-    LawPhase,
-    Method,
-    Trajectory,
-)
+from armcontour.motion import JointPath, LawAlongPath, LawPhase, Method, Trajectory
 from armcontour.planning.law_checks import (
     check_kept,
     law_peaks,
@@ -29,7 +23,7 @@ from armcontour.planning.law_checks import (
     segment_speeds,
     tool_path_of,
 )
-from armcontour.planning.options import FEWEST_LAPS, MOST_LAPS, Paper
+from armcontour.planning.options import FEWEST_LAPS, MAX_LAPS, Paper
 from armcontour.planning.paper_line import PaperLine, RulePart, parts_by_rule
 from armcontour.robot import Arm, Limits
 
@@ -47,32 +41,17 @@ CHECKED = (
 
 @dataclass(slots=True)
 class Junction:
-    """Part of a path before, between or after lines: arcs at one speed, a vertex, or a stop.
+    """Part of a path before, between or after lines: arcs at one speed, a vertex, or a stop."""
 
-    Args:
-        arcs: Segment indices of the arcs; empty where lines meet.
-        speed: Tool speed through the junction [m/s]; reduced to a value that the lines can reach.
-    """
-
-    arcs: range
+    arcs: range  # Segment indices of the arcs; empty where lines meet
+    # Tool speed through the junction [m/s]; reduced to a value that the lines can reach
     speed: float
 
 
 def plan_paper(joint_path: JointPath, arm: Arm, limits: Limits, options: Paper) -> Trajectory:
-    """Plan a path of lines and arcs by the paper's method.
-
-    Args:
-        joint_path: A traced path of lines and arcs.
-        arm: The arm.
-        limits: Limits with joint accelerations and an assigned velocity; the centripetal
-            acceleration sets the corner speed (16).
-        options: Laps per line, and cycle.
-
-    Raises:
-        NotRealizable: A lap, the middle part or a corner would violate a joint limit; or the path
-            starts or ends on an arc, for which the method has no rule.
-        InvalidInput: A limit that the method needs is missing.
-    """
+    """Plan a path of lines and arcs by the paper's method."""
+    # `joint_path`: A traced path of lines and arcs; `limits`: limits with joint accelerations and
+    # an assigned velocity; the centripetal acceleration sets the corner speed (16).
     path = tool_path_of(joint_path, "paper")
     assigned = segment_speeds(path, require_speed(limits, "paper"))
     _refuse_limits(limits)
@@ -134,7 +113,7 @@ def _refuse_limits(limits: Limits) -> None:
 def _usual_knots(length: float, speed: float, cycle: float, number: int) -> int:
     """Number of laps of a line that take one cycle each at the assigned velocity."""
     count = length / (speed * cycle)
-    if not count <= MOST_LAPS:
+    if not count <= MAX_LAPS:
         raise InvalidInput(
             f"Line {number + 1} would have {count:.3g} knots at {speed:g} m/s and a "
             f"cycle of {cycle:g} s: give knots."
@@ -161,23 +140,15 @@ def _join(
             start = stretches[-1].t[1] if stretches else 0.0
             stretches.append(_stretch(part, start, arm, limits))
     return Trajectory(
-        laws=tuple(laws),
-        method=Method.PAPER,
-        path=joint_path.tool_path,
-        stretches=tuple(stretches),
+        laws=tuple(laws), method=Method.PAPER, path=joint_path.tool_path, stretches=tuple(stretches)
     )
 
 
 def _junctions(
-    path: Path,
-    lines: list[int],
-    assigned: FloatArray,
-    limits: Limits,
+    path: Path, lines: list[int], assigned: FloatArray, limits: Limits
 ) -> list[Junction]:
-    """Junctions of a path with their largest speeds: before the first line and after each line.
-
-    `lines` are the indices of straight segments, `assigned` the velocity of each segment [m/s].
-    """
+    """Junctions of a path with their largest speeds: before the first line and after each line."""
+    # `lines` are the indices of straight segments, `assigned` the velocity of each segment [m/s].
     ends = np.concatenate([[-1], lines, [len(path)]])
     stop_vertices = set(np.searchsorted(path.breaks, path.stops).tolist())
     result = []
@@ -205,10 +176,8 @@ def _junctions(
 
 
 def _knots(start: float, end: float, count: int, at_rest: tuple[bool, bool]) -> FloatArray:
-    """Knots of a line from `start` to `end` [m] with `count` laps of equal length.
-
-    A lap next to a rest is divided into parts that take equal times from rest.
-    """
+    """Knots of a line from `start` to `end` [m] with `count` laps of equal length."""
+    # A lap next to a rest is divided into parts that take equal times from rest.
     shares = np.arange(count + 1) / count
     parts = (np.arange(1, LAPS_AT_REST) / LAPS_AT_REST) ** 2 / count
     if at_rest[0]:
@@ -242,11 +211,9 @@ def _corner(name: str, joint_path: JointPath, arc: int, speed: float) -> RulePar
 
 
 def _stretch(part: RulePart, start: float, arm: Arm, limits: Limits) -> LawPhase:
-    """Check a part that starts at the time `start` [s], and find its peaks.
-
-    MAC does not check the middle part, the corners, joint velocities, torques or the angular motion
-    of the tool.
-    """
+    """Check a part that starts at the time `start` [s], and find its peaks."""
+    # MAC does not check the middle part, the corners, joint velocities, torques or the angular
+    # motion of the tool.
     check_kept(
         part.laws,
         arm,
@@ -268,15 +235,10 @@ def _stretch(part: RulePart, start: float, arm: Arm, limits: Limits) -> LawPhase
 
 
 def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
-    """Plan uniform tool speed from start to end, without regard to the joint limits.
-
-    Velocities jump at corners and at both ends. Joint velocity and acceleration are not checked, as
-    in Sec. IV of the paper. Limits of torque and of angular motion are checked between the jumps.
-
-    Raises:
-        InvalidInput: The limits have no assigned velocity.
-        NotRealizable: A torque or the angular motion of the tool would exceed its limit.
-    """
+    """Plan uniform tool speed from start to end, without regard to the joint limits."""
+    # Velocities jump at corners and at both ends. Joint velocity and acceleration are not checked,
+    # as in Sec. IV of the paper. Limits of torque and of angular motion are checked between the
+    # jumps.
     path = tool_path_of(joint_path, "conventional")
     speeds = segment_speeds(path, require_speed(limits, "conventional"))
     law = path_law(joint_path, path.breaks, speeds, speeds)

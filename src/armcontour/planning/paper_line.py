@@ -28,26 +28,19 @@ HARDLY_MOVING = 0.01
 def run_laps(
     q: FloatArray, dq_ds: FloatArray, speed: float, limit: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, int, float]:
-    """Run from the first knot towards the last, as fast as (18)-(20) allow.
-
-    The paper does not state the velocity at the start of a lap. Plain `dq + ddq h` is not damped: a
-    velocity error of a joint that does not determine the lap time alternates from lap to lap, and
-    the acceleration it causes grows as 1 / h. Therefore the joint that determines the lap time
-    keeps its velocity, and the other joints take theirs from the path, (28); the step in their
-    velocity is of second order in h.
-
-    Args:
-        q: Joint positions at the knots [rad], (n + 1, dof).
-        dq_ds: Derivatives of q along the path, of the same shape.
-        speed: Tool speed at the first knot [m/s].
-        limit: Largest joint accelerations [rad/s²], (dof,).
-
-    Returns:
-        Lap times (n,); tool speed at the knots (n + 1,), NaN beyond the last valid lap; joint
-        velocities at the start of the laps and joint accelerations in them, (n, dof); the number of
-        valid laps; and for the first invalid lap the joint (from 0; -1 if none) and the
-        acceleration that it would need.
-    """
+    """Run from the first knot towards the last, as fast as (18)-(20) allow."""
+    # The paper does not state the velocity at the start of a lap. Plain `dq + ddq h` is not damped:
+    # a velocity error of a joint that does not determine the lap time alternates from lap to lap,
+    # and the acceleration it causes grows as 1 / h. Therefore the joint that determines the lap
+    # time keeps its velocity, and the other joints take theirs from the path, (28); the step in
+    # their velocity is of second order in h.
+    # `q`: joint positions at the knots [rad], (n + 1, dof); `dq_ds`: derivatives of q along the
+    # path, of the same shape; `speed`: tool speed at the first knot [m/s]; `limit`: largest joint
+    # accelerations [rad/s²], (dof,).
+    # Returns lap times (n,); tool speed at the knots (n + 1,), NaN beyond the last valid lap; joint
+    # velocities at the start of the laps and joint accelerations in them, (n, dof); the number of
+    # valid laps; and for the first invalid lap the joint (from 0; -1 if none) and the acceleration
+    # that it would need.
     n = len(q) - 1
     dof = q.shape[1]
     h = np.empty(n)
@@ -97,25 +90,15 @@ def run_laps(
 
 @dataclass(frozen=True, slots=True)
 class Pass:
-    """Motion along a line from one end with maximum joint acceleration; knots in order of time.
+    """Motion along a line from one end with maximum joint acceleration; knots in order of time."""
 
-    Args:
-        h: Lap times [s], (n,).
-        speed: Tool speed at the knots [m/s], (n + 1,); NaN after the last valid lap.
-        dq: Joint velocities at the start of the laps [rad/s], (n, dof).
-        ddq: Joint accelerations in the laps [rad/s²], (n, dof).
-        done: Number of laps that satisfy the limit.
-        joint: Joint that would exceed the limit in the next lap, from 0; -1 for no joint.
-        needed: Acceleration that this joint would need [rad/s²].
-    """
-
-    h: FloatArray
-    speed: FloatArray
-    dq: FloatArray
-    ddq: FloatArray
-    done: int
-    joint: int
-    needed: float
+    h: FloatArray  # Lap times [s], (n,)
+    speed: FloatArray  # Tool speed at the knots [m/s], (n + 1,); NaN after the last valid lap
+    dq: FloatArray  # Joint velocities at the start of the laps [rad/s], (n, dof)
+    ddq: FloatArray  # Joint accelerations in the laps [rad/s²], (n, dof)
+    done: int  # Number of laps that satisfy the limit
+    joint: int  # Joint that would exceed the limit in the next lap, from 0; -1 for no joint
+    needed: float  # Acceleration that this joint would need [rad/s²]
 
     def last_within(self, speed: float) -> int:
         """Last knot before the tool speed first exceeds `speed` [m/s]."""
@@ -125,39 +108,25 @@ class Pass:
 
 @dataclass(frozen=True, slots=True)
 class LinePhase:
-    """A time law and the rule that made it.
-
-    Args:
-        law: The law.
-        kind: "MAC", "AVC" or "MDC"; "meeting" for the lap between MAC and MDC.
-        s: Arc lengths of start and end on the path [m].
-        switch: For a meeting lap, time [s] and arc length [m] from its start to the point where
-            both passes have the same speed.
-    """
+    """A time law and the rule that made it."""
 
     law: LawAlongPath
-    kind: str
-    s: tuple[float, float]
+    kind: str  # "MAC", "AVC" or "MDC"; "meeting" for the lap between MAC and MDC
+    s: tuple[float, float]  # Arc lengths of start and end on the path [m]
+    # For a meeting lap, time [s] and arc length [m] from its start to the point where both passes
+    # have the same speed
     switch: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class RulePart:
-    """Part of a line or a corner that one rule made.
+    """Part of a line or a corner that one rule made."""
 
-    Args:
-        name: Name of the line or corner, such as "line 1".
-        kind: "MAC", "AVC", "MDC" or "corner".
-        duration: Duration [s].
-        s: Arc lengths of start and end on the path [m].
-        laws: The complete laws that contain the part.
-    """
-
-    name: str
+    name: str  # Name of the line or corner, such as "line 1"
     kind: str
-    duration: float
-    s: tuple[float, float]
-    laws: list[LawAlongPath]
+    duration: float  # Duration [s]
+    s: tuple[float, float]  # Arc lengths of start and end on the path [m]
+    laws: list[LawAlongPath]  # The complete laws that contain the part
 
 
 def parts_by_rule(name: str, pieces: list[LinePhase]) -> list[RulePart]:
@@ -188,26 +157,17 @@ def parts_by_rule(name: str, pieces: list[LinePhase]) -> list[RulePart]:
 
 
 class PaperLine:
-    """A straight segment of a traced path, with its knots.
-
-    Args:
-        name: Name for messages, such as "line 1".
-        joint_path: The joint path that contains the line.
-        arm: The arm.
-        limit: Joint acceleration limits [rad/s²], (dof,).
-        s: Arc lengths of the knots [m], (n + 1,).
-        assigned: Assigned velocity on the line [m/s].
-    """
+    """A straight segment of a traced path, with its knots."""
 
     def __init__(
         self,
         *,
-        name: str,
-        joint_path: JointPath,
+        name: str,  # Name for messages, such as "line 1"
+        joint_path: JointPath,  # The joint path that contains the line
         arm: Arm,
-        limit: FloatArray,
-        s: FloatArray,
-        assigned: float,
+        limit: FloatArray,  # Joint acceleration limits [rad/s²], (dof,)
+        s: FloatArray,  # Arc lengths of the knots [m], (n + 1,)
+        assigned: float,  # Assigned velocity on the line [m/s]
     ) -> None:
         self.name, self.joint_path, self.arm, self.limit = name, joint_path, arm, limit
         self.s, self.assigned = s, assigned
@@ -227,12 +187,7 @@ class PaperLine:
         return Pass(*run_laps(self.q[::-1].copy(), -self.dq_ds[::-1], speed, self.limit))
 
     def plan(self, start: float, end: float) -> list[LinePhase]:
-        """Plan the line from the tool speed `start` to the tool speed `end` [m/s].
-
-        Raises:
-            NotRealizable: The passes reach neither the assigned velocity nor each other before a
-                joint would exceed its limit.
-        """
+        """Plan the line from the tool speed `start` to the tool speed `end` [m/s]."""
         forward, reverse = self.forward(start), self.reverse(end)
         n = len(self.s) - 1
         backward = reverse.speed[::-1]  # the reverse pass in the order of the path
@@ -252,16 +207,16 @@ class PaperLine:
         else:
             self._refuse_broken(forward, last, reverse, n - first)
             meeting = False
-        pieces = [self._mac(forward, last)] if last > 0 else []
+        pieces = []
+        if last > 0:
+            run = forward.h[:last], forward.dq[:last], forward.ddq[:last]
+            pieces.append(self._piece("MAC", 0, last, *run))
         low, high = max(last, 0), first
         if low < high <= n:
             pieces.append(self._middle(low, high, forward.speed, backward, meeting))
         if first < n:
             pieces.append(self._mdc(reverse, first))
         return pieces
-
-    def _mac(self, run: Pass, last: int) -> LinePhase:
-        return self._piece("MAC", 0, last, run.h[:last], run.dq[:last], run.ddq[:last])
 
     def _mdc(self, run: Pass, first: int) -> LinePhase:
         """Reverse pass from the knot `first` on, in the order of time."""
@@ -289,11 +244,9 @@ class PaperLine:
     def _meeting(
         self, low: int, high: int, forward: FloatArray, backward: FloatArray
     ) -> tuple[int, int]:
-        """Knots around the meeting point of the passes, between which the limit is satisfied.
-
-        One lap is usual. If the passes meet close to an end of the lap, uniform acceleration of the
-        tool would need slightly more joint acceleration than the limit, so two laps are used.
-        """
+        """Knots around the meeting point of the passes, between which the limit is satisfied."""
+        # One lap is usual. If the passes meet close to an end of the lap, uniform acceleration of
+        # the tool would need slightly more joint acceleration than the limit, so two laps are used.
         for start, end in ((low, high), (low - 1, high), (low, high + 1)):
             if start < 0 or end >= len(self.s) or np.isnan([forward[start], backward[end]]).any():
                 continue

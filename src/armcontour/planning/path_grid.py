@@ -19,7 +19,7 @@ from armcontour.motion.kernels import value_and_slopes
 DEFAULT_INTERVALS = 4000
 FEWEST_PER_PIECE = 2
 # Several GB for an arm with six joints.
-MOST_INTERVALS = 5_000_000
+MAX_INTERVALS = 5_000_000
 # Share of the intervals that is distributed evenly over the length; the others follow the turning
 # of the joint path.
 EVEN_SHARE = 0.5
@@ -29,17 +29,11 @@ AT_REST = 1e-9
 
 @dataclass(frozen=True)
 class Grid(Checked):
-    """Intervals of a joint path, each inside one of its polynomial pieces.
-
-    Args:
-        joint_path: The path.
-        s: Interval ends [m], (n + 1,).
-        piece: Piece of the joint path for each interval, (n,).
-    """
+    """Intervals of a joint path, each inside one of its polynomial pieces."""
 
     joint_path: JointPath
-    s: FloatArray
-    piece: IntArray
+    s: FloatArray  # Interval ends [m], (n + 1,)
+    piece: IntArray  # Piece of the joint path for each interval, (n,)
 
     @cached_property
     def width(self) -> FloatArray:
@@ -52,14 +46,9 @@ class Grid(Checked):
 
 
 def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
-    """Make a grid that is finer where the direction in joint space changes faster.
-
-    Every break of the joint path is a grid point. Each interval therefore lies in one polynomial,
-    and both sides of a vertex between segments are sampled.
-
-    Raises:
-        InvalidInput: No joint moves along the joint path.
-    """
+    """Make a grid that is finer where the direction in joint space changes faster."""
+    # Every break of the joint path is a grid point. Each interval therefore lies in one polynomial,
+    # and both sides of a vertex between segments are sampled.
     return cut_pieces(joint_path, distribute_intervals(joint_path, intervals))
 
 
@@ -88,11 +77,7 @@ def distribute_intervals(joint_path: JointPath, intervals: int | None = None) ->
 
 
 def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
-    """Make a grid of given points [m] and of the breaks of the joint path.
-
-    Raises:
-        InvalidInput: A point does not lie on the path.
-    """
+    """Make a grid of given points [m] and of the breaks of the joint path."""
     breaks = joint_path.breaks
     if points.ndim == 1 and not (points[1:] >= points[:-1]).all():
         points = np.sort(points)
@@ -108,14 +93,10 @@ def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
 
 
 def split(grid: Grid, parts: FloatArray | IntArray, points: FloatArray | None = None) -> Grid:
-    """Split the intervals of a grid.
-
-    Args:
-        grid: The grid.
-        parts: Number of equal parts of each interval, (n,).
-        points: Instead of equal parts, the point [m] at which each interval with more than one part
-            is split, if the point lies inside, (n,).
-    """
+    """Split the intervals of a grid."""
+    # `parts`: number of equal parts of each interval, (n,); `points`: instead of equal parts, the
+    # point [m] at which each interval with more than one part is split, if the point lies inside,
+    # (n,).
     parts = np.maximum(1, parts).astype(np.intp)
     if points is None:
         s, interval = divide_intervals(grid.s, parts)
@@ -135,16 +116,11 @@ def _locked(joint_path: JointPath, s: FloatArray, piece: IntArray) -> Grid:
 
 @compiled()
 def turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) -> FloatArray:
-    """Rate at which the direction of a joint path changes on each piece, mean of ends and middle.
-
-    Args:
-        breaks: Breaks of the joint path [m], (pieces + 1,).
-        coefficients: Coefficients of its pieces [rad], (pieces, 6, dof).
-        at_rest: Share of the largest dq_ds below which the path has no direction.
-
-    Returns:
-        |d2q_ds2| over |dq_ds| [1/m], (pieces,); (0,) if no joint moves.
-    """
+    """Change of direction of a joint path on each piece, mean of ends and middle [1/m]."""
+    # `breaks`: breaks of the joint path [m], (pieces + 1,); `coefficients`: coefficients of its
+    # pieces [rad], (pieces, 6, dof); `at_rest`: share of the largest dq_ds below which the path has
+    # no direction.
+    # Returns |d2q_ds2| over |dq_ds| [1/m], (pieces,); (0,) if no joint moves.
     n, dof = len(breaks) - 1, coefficients.shape[2]
     size, curvature = np.empty((n, 3)), np.empty((n, 3))
     fastest = 0.0
@@ -178,15 +154,9 @@ def turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) 
 
 @compiled()
 def divide_intervals(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArray]:
-    """Divide intervals into equal parts.
-
-    Args:
-        s: Ends of the intervals, (n + 1,).
-        count: Number of parts of each interval, (n,).
-
-    Returns:
-        The ends of the parts, and the interval of each part.
-    """
+    """Divide intervals into equal parts."""
+    # `s`: ends of the intervals, (n + 1,); `count`: number of parts of each interval, (n,).
+    # Returns the ends of the parts, and the interval of each part.
     total = 0
     for i in range(len(count)):
         total += count[i]
@@ -205,17 +175,11 @@ def divide_intervals(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArr
 def merge_breaks(
     points: FloatArray, breaks: FloatArray, min_distance: float
 ) -> tuple[FloatArray, IntArray, int]:
-    """Merge breaks and points, without points close to a break or to the previous point.
-
-    Args:
-        points: Increasing numbers from the first to the last break, (m,).
-        breaks: Increasing numbers, (pieces + 1,).
-        min_distance: Points closer than this are dropped.
-
-    Returns:
-        The ends of the intervals, (n + 1,), the piece of each interval, (n,), and the smallest
-        number of intervals of a piece.
-    """
+    """Merge breaks and points, without points close to a break or to the previous point."""
+    # `points`: increasing numbers from the first to the last break, (m,); `breaks`: increasing
+    # numbers, (pieces + 1,); `min_distance`: points closer than this are dropped.
+    # Returns the ends of the intervals, (n + 1,), the piece of each interval, (n,), and the
+    # smallest number of intervals of a piece.
     capacity, last = len(points) + len(breaks), len(breaks) - 1
     s, piece = np.empty(capacity), np.empty(capacity, np.intp)
     n, k, fewest = 0, 0, capacity

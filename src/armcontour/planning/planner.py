@@ -35,7 +35,7 @@ from armcontour.robot import Arm, Limits, compare_limits, resolve_limits
 # Options of a single path; a program has several paths with rests between them.
 OF_ONE_PATH = ("grid", "start_speed", "end_speed")
 # With many contours each contour has fewer grid intervals, because it is shorter.
-MOST_BY_DEFAULT = 40_000
+MAX_BY_DEFAULT = 40_000
 FEWEST_INTERVALS = 500
 
 
@@ -49,6 +49,10 @@ def plan(
     progress: Progress | None = None,
 ) -> Trajectory:
     """Compute the realizable trajectory of a path or a program.
+
+    >>> trajectory = ac.plan(path, arm, limits, ac.Optimal(reserve=0.05))
+    >>> trajectory.duration > planned.duration
+    True
 
     Args:
         path: A tool path or a program, which is traced first; or a joint path or a tracing.
@@ -193,9 +197,9 @@ def _fit_options(program: Program, options: PlanOptions) -> PlanOptions:
 def intervals_of(program: Program) -> int | None:
     """Grid intervals for each contour of a program; None for the default of a single path."""
     count = len(program.contours)
-    if count <= MOST_BY_DEFAULT // DEFAULT_INTERVALS:
+    if count <= MAX_BY_DEFAULT // DEFAULT_INTERVALS:
         return None
-    return max(FEWEST_INTERVALS, MOST_BY_DEFAULT // count)
+    return max(FEWEST_INTERVALS, MAX_BY_DEFAULT // count)
 
 
 def check_duration(program: Program, limits: Limits) -> None:
@@ -216,18 +220,12 @@ def check_duration(program: Program, limits: Limits) -> None:
 
 
 def assigned_time(program: Program, limits: Limits) -> float:
-    """Duration of a program at its assigned velocities, if given, plus its dwells [s].
-
-    Rounded corners shorten the motion; limits lengthen it.
-    """
+    """Duration of a program at its assigned velocities, if given, plus its dwells [s]."""
+    # Rounded corners shorten the motion; limits lengthen it.
     dwells = sum(x.duration for x in program.moves if isinstance(x, Dwell))
-    return dwells + sum(_assigned_time(x.path, limits) for x in program.contours)
-
-
-def _assigned_time(path: Path, limits: Limits) -> float:
-    """Duration of a path at its assigned velocities [s]; segments without one count as zero."""
-    speeds = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
-    return float((path.lengths / speeds).sum())
+    largest = np.inf if limits.speed is None else limits.speed
+    paths = [x.path for x in program.contours]
+    return dwells + sum(float((x.lengths / np.fmin(x.speeds, largest)).sum()) for x in paths)
 
 
 def _refuse_endless_motion(trajectory: Trajectory) -> None:
@@ -243,10 +241,8 @@ def _refuse_endless_motion(trajectory: Trajectory) -> None:
 def _refuse_foreign(
     path: JointPath | Tracing, arm: Arm, limits: Limits, options: PlanOptions
 ) -> JointPath | Tracing:
-    """Check that a joint path or tracing fits the arm.
-
-    A joint path with a tool path is returned as a tracing.
-    """
+    """Check that a joint path or tracing fits the arm."""
+    # A joint path with a tool path is returned as a tracing.
     if isinstance(options, Shaped):
         raise InvalidInput(
             "The method shaped changes the tool path, but this path is traced already: give it "

@@ -46,19 +46,11 @@ class Timing:
 
 
 def time_program(traced: Tracing, timing: Timing, progress: Progress | None = None) -> Trajectory:
-    """Time all moves of a program, with the arm at rest between two moves.
-
-    Contours satisfy the limits of the tool and of the joints; rapids satisfy those of the joints
-    only. Moves are planned independently, in other processes if that saves time.
-
-    Args:
-        traced: The program with its joint paths.
-        timing: Timing of contours and rapids.
-        progress: Called after every contour with the step "timing" and the share done.
-
-    Raises:
-        ArmContourError: A move cannot be planned; the message starts with the name of the contour.
-    """
+    """Time all moves of a program, with the arm at rest between two moves."""
+    # Contours satisfy the limits of the tool and of the joints; rapids satisfy those of the joints
+    # only. Moves are planned independently, in other processes if that saves time.
+    # `traced`: the program with its joint paths; `progress`: called after every contour with the
+    # step "timing" and the share done.
     number, count = 0, len(traced.program.contours)
     rapid_speed = traced.program.rapid_speed
     joined = JoinedMoves(traced, timing.arm)
@@ -114,16 +106,10 @@ def time_contour(joint_path: JointPath, timing: Timing) -> Trajectory:
 def time_rapid(
     joint_path: JointPath, arm: Arm, limits: Limits, speed: float | None = None
 ) -> Trajectory:
-    """Plan the fastest rapid within the limits of the joints, without those of the tool.
-
-    Speeds of the segments of a tool path apply.
-
-    Args:
-        joint_path: The joint path of the rapid.
-        arm: The arm.
-        limits: Limits of the arm, one value per joint.
-        speed: Largest tool speed along a joint path without a tool path [m/s].
-    """
+    """Plan the fastest rapid within the limits of the joints, without those of the tool."""
+    # Speeds of the segments of a tool path apply.
+    # `joint_path`: the joint path of the rapid; `limits`: limits of the arm, one value per joint;
+    # `speed`: largest tool speed along a joint path without a tool path [m/s].
     constraints: tuple[RapidSpeed, ...] = ()
     if speed is not None and joint_path.tool_path is None:
         constraints = (RapidSpeed(speed, arm),)
@@ -156,15 +142,8 @@ class JoinedMoves:
     events: list[TimedEvent] = field(default_factory=list)
 
     def add(self, step: TracedMove, trajectory: Trajectory | None) -> None:
-        """Append the next step of the program.
-
-        Args:
-            step: The step.
-            trajectory: The motion along its joint path; None for dwells and events.
-
-        Raises:
-            InvalidInput: An event of a contour would be switched outside the contour.
-        """
+        """Append the next step of the program."""
+        # `trajectory`: the motion along its joint path; None for dwells and events.
         move = None if step.move is None else self.traced.program.moves[step.move]
         if isinstance(move, Dwell):
             self.stand(move.duration, step.move)
@@ -196,23 +175,16 @@ class JoinedMoves:
         self.t, self.done = t[1], step.joint_path
 
     def stand(self, duration: float, move: int | None = None) -> None:
-        """Append a dwell.
-
-        Args:
-            duration: Duration [s].
-            move: Index of the dwell; None for a pause that is not in the program.
-        """
+        """Append a dwell."""
+        # `duration`: duration [s]; `move`: index of the dwell; None for a pause that is not in the
+        # program.
         t, s = (self.t, self.t + duration), self.length
         self.laws.append(dwell_law(self._q, duration))
         self.spans.append(Span(move=move, kind="dwell", t=t, s=(s, s)))
         self.t = t[1]
 
     def trajectory(self) -> Trajectory:
-        """Join the moves added so far.
-
-        Raises:
-            InvalidInput: An event would come before the motion starts, or out of order.
-        """
+        """Join the moves added so far."""
         first = next((x for x in self.events if x.t < 0), None)
         if first is not None:
             raise InvalidInput(

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -31,12 +30,12 @@ SAME_POSITION = 1e-9
 # Configurations are compared by coarse plans.
 ROUGHLY = Optimal(intervals=400)
 # Planar joint paths of more pieces are compared by lower bounds, because a plan takes seconds.
-MOST_PLANNED = 8_000
+MAX_PLANNED = 8_000
 # Paths of more segments than LONG are compared on parts of about PART_SEGMENTS, one in PART_EVERY
-# segments, and at most MOST_PARTS. Parts resolve durations to some thousandths only, so
+# segments, and at most MAX_PARTS. Parts resolve durations to some thousandths only, so
 # configurations that are slower by at most SLOWER are traced along the whole path.
 LONG = 20_000
-PART_SEGMENTS, PART_EVERY, MOST_PARTS = 200, 2500, 40
+PART_SEGMENTS, PART_EVERY, MAX_PARTS = 200, 2500, 40
 SLOWER = 0.01
 # Configurations that differ on the parts by less than this share differ by a turn of the wrist
 # only, and are equally fast on the whole path.
@@ -52,17 +51,11 @@ AHEAD = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TracedMove:
-    """Joint path of a move of a program, or of the rapid from one move to the next.
+    """Joint path of a move of a program, or of the rapid from one move to the next."""
 
-    Args:
-        move: Index of the move; None for a rapid between two moves that do not meet.
-        joint_path: The joint path; None for dwells and events.
-        called: Name of the move in error messages; empty for a single path.
-    """
-
-    move: int | None
-    joint_path: JointPath | None = None
-    called: str = ""
+    move: int | None  # Index of the move; None for a rapid between two moves that do not meet
+    joint_path: JointPath | None = None  # The joint path; None for dwells and events
+    called: str = ""  # Name of the move in error messages; empty for a single path
 
     def named(self) -> AbstractContextManager[None]:
         """Context that prefixes error messages with the name of the move."""
@@ -262,7 +255,7 @@ class _Tracer:
     def _look_ahead(self, joint_path: JointPath, i: int) -> float:
         """Lower bound of the duration of the moves after move i [s]; infinite if infeasible."""
         done = sum(isinstance(x, Contour) for x in self.moves[: i + 1])
-        trial = dataclasses.replace(self, steps=[], last=joint_path, done=done, looks_ahead=False)
+        trial = replace(self, steps=[], last=joint_path, done=done, looks_ahead=False)
         for k, move in enumerate(self.moves[i + 1 :], i + 1):
             if trial.done == done + AHEAD:
                 break
@@ -324,9 +317,7 @@ def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) 
     turn = shortest(first[:, 2], last[:, 2]) if free else log((last @ first.T)[None])[0]
     rates = np.tile(turn / path.length, (len(path), 1))
     starts = exp(path.breaks[:-1, None] * rates) @ first
-    return dataclasses.replace(
-        path, orientation=Orientation.even(path.lengths, starts, rates, axis_only=free)
-    )
+    return replace(path, orientation=Orientation.even(path.lengths, starts, rates, axis_only=free))
 
 
 def trace_fastest(
@@ -364,13 +355,10 @@ def trace_by_duration(
     configuration: str | None = None,
     seed: npt.ArrayLike | None = None,
 ) -> Iterator[list[JointPath]]:
-    """Trace a path in all configurations, in the order of the durations of their optimal plans.
-
-    Arguments and errors as in `trace_fastest`.
-
-    Yields:
-        Lists of equally fast joint paths, the shortest first. For a long path only the fastest.
-    """
+    """Trace a path in all configurations; yield equally fast joint paths, the fastest first."""
+    # For a long path only the fastest.
+    # Yields lists of equally fast joint paths, the shortest first. For a long path only the
+    # fastest.
     bounds = resolve_limits("fastest_configurations", arm, limits)
     # Limits of jerk take much time and favour no configuration.
     rough = bounds.without_jerk
@@ -393,7 +381,7 @@ def _by_duration(
 ) -> Iterator[list[JointPath]]:
     at_least = [bound_duration(x, rough) for x in joint_paths]
     order = np.argsort(at_least, kind="stable").tolist()
-    if isinstance(arm, PlanarTwoLink) and len(joint_paths[0].breaks) > MOST_PLANNED:
+    if isinstance(arm, PlanarTwoLink) and len(joint_paths[0].breaks) > MAX_PLANNED:
         yield from ([joint_paths[i]] for i in order)
         return
     # Durations of the planned joint paths that are not yet yielded.
@@ -414,19 +402,9 @@ def _by_duration(
 
 
 def find_starts(path: Path, arm: SerialArm, limits: Limits | None = None) -> list[FloatArray]:
-    """Joint positions at the start of a path, one for each configuration [rad], (dof,) each.
-
-    A long path is checked at a few points only, so a configuration may not complete it.
-
-    Args:
-        path: A tool path.
-        arm: The arm.
-        limits: Limits with the joint ranges; by default those of the arm.
-
-    Raises:
-        Unreachable: No configuration completes the path.
-        InvalidInput: The path does not fit the arm.
-    """
+    """Joint positions at the start of a path, one for each configuration [rad], (dof,) each."""
+    # A long path is checked at a few points only, so a configuration may not complete it.
+    # `limits`: limits with the joint ranges; by default those of the arm.
     if len(path) > LONG:
         try:
             return [x[0] for x in sketch_all(path, arm, limits=limits)[1]]
@@ -437,11 +415,9 @@ def find_starts(path: Path, arm: SerialArm, limits: Limits | None = None) -> lis
 
 
 def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
-    """Trace a long path in the fastest configuration; None if none is found.
-
-    Plans of parts of the path select the configurations. Along the whole path these are compared by
-    a lower bound, scaled by the ratio of plan and bound on the parts.
-    """
+    """Trace a long path in the fastest configuration; None if none is found."""
+    # Plans of parts of the path select the configurations. Along the whole path these are compared
+    # by a lower bound, scaled by the ratio of plan and bound on the parts.
     rough = limits.without_jerk
     try:
         s, solutions = sketch_all(path, arm, limits=limits)
@@ -474,14 +450,12 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
 def _compare(
     path: Path, arm: SerialArm, limits: Limits, s: FloatArray, solutions: list[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Bounds and durations of parts of a long path in each configuration, (solutions,) each [s].
-
-    A configuration without a plan has its bound as its duration. A configuration that does not
-    complete the parts has an infinite duration. `solutions` are joint positions at the arc lengths
-    `s` [m], (n, dof) each.
-    """
+    """Bounds and durations of parts of a long path in each configuration, (solutions,) each [s]."""
+    # A configuration without a plan has its bound as its duration. A configuration that does not
+    # complete the parts has an infinite duration. `solutions` are joint positions at the arc
+    # lengths `s` [m], (n, dof) each.
     rough = limits.without_jerk
-    parts = min(max(len(path) // PART_EVERY, 1), MOST_PARTS)
+    parts = min(max(len(path) // PART_EVERY, 1), MAX_PARTS)
     length = path.length * min(PART_SEGMENTS / len(path), 1.0)
     first = np.searchsorted(s, np.linspace(0, path.length - length, parts), side="right") - 1
     last = np.append(s[first[:-1]] + length, path.length)

@@ -35,14 +35,9 @@ BERNSTEIN = np.array([[comb(i, k) / comb(4, k) for k in range(5)] for i in range
 def moves_one_way(
     coefficients: FloatArray, vanished: float, small: float, moving: BoolArray
 ) -> bool:
-    """Test whether some joint moves in one direction on every piece, so that dq_ds cannot vanish.
-
-    Args:
-        coefficients: Coefficients of the joint path, (n, 6, dof).
-        vanished: As in `resting_breaks`, for pieces that are certainly curved.
-        small: A larger share for all other pieces.
-        moving: Output: whether a joint moves in one direction on each piece, (n,).
-    """
+    """True if some joint moves in one direction on every piece, so that dq_ds cannot vanish."""
+    # `coefficients`: coefficients of the joint path, (n, 6, dof); `small`: A larger share for all
+    # other pieces; `moving`: output: whether a joint moves in one direction on each piece, (n,).
     n, dof = coefficients.shape[0], coefficients.shape[2]
     everywhere = True
     for i in range(n):
@@ -81,12 +76,9 @@ def moves_one_way(
 
 @compiled()
 def resting_breaks(coefficients: FloatArray, vanished: float) -> BoolArray:
-    """Breaks of a joint path at which dq_ds of all joints vanishes on both sides, a mask, (n + 1,).
-
-    Args:
-        coefficients: Coefficients of the joint path, (n, 6, dof).
-        vanished: A dq_ds counts as zero below this share of the sum of its terms.
-    """
+    """Mask of breaks at which dq_ds of all joints vanishes on both sides, (n + 1,)."""
+    # `coefficients`: coefficients of the joint path, (n, 6, dof); `vanished`: A dq_ds counts as
+    # zero below this share of the sum of its terms.
     n, dof = coefficients.shape[0], coefficients.shape[2]
     resting = np.empty(n + 1, np.bool_)
     for i in range(n + 1):
@@ -134,14 +126,8 @@ def rests_at_breaks(joint_path: JointPath) -> BoolArray:
 
 
 def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
-    """The same curve with a parameter that can be planned; most paths are returned unchanged.
-
-    Returns:
-        The path, and the old breaks in the new parameter, (pieces + 1,).
-
-    Raises:
-        InvalidInput: No joint moves along the whole path.
-    """
+    """The same curve with a parameter that can be planned; most paths are returned unchanged."""
+    # Returns the path, and the old breaks in the new parameter, (pieces + 1,).
     same = joint_path, joint_path.breaks
     if joint_path.tool_path is not None:
         return same
@@ -201,25 +187,15 @@ def _with(joint_path: JointPath, changed: dict[int, _Piece]) -> tuple[JointPath,
 
 @dataclass(frozen=True, slots=True)
 class _Piece:
-    """One polynomial piece, as a function of x from 0 to 1.
-
-    Args:
-        width: Its length in s.
-        coefficients: Coefficients of q, (6, dof).
-        line: Direction of the largest motion, a unit vector, (dof,).
-        along: Coefficients of the position along this direction, (6,).
-        is_straight: True if the piece moves along this direction only.
-        inner: Points x inside at which the velocity along this direction vanishes.
-        degrees: Lowest power of x in q at both ends: 1 if dq_ds does not vanish.
-    """
+    """One polynomial piece, as a function of x from 0 to 1."""
 
     width: float
-    coefficients: FloatArray
-    line: FloatArray
-    along: FloatArray
-    is_straight: bool
-    inner: FloatArray
-    degrees: tuple[int, int]
+    coefficients: FloatArray  # Coefficients of q, (6, dof)
+    line: FloatArray  # Direction of the largest motion, a unit vector, (dof,)
+    along: FloatArray  # Coefficients of the position along this direction, (6,)
+    is_straight: bool  # True if the piece moves along this direction only
+    inner: FloatArray  # Points x inside at which the velocity along this direction vanishes
+    degrees: tuple[int, int]  # Lowest power of x in q at both ends: 1 if dq_ds does not vanish
 
     @classmethod
     def from_path(cls, joint_path: JointPath, i: int) -> _Piece:
@@ -241,21 +217,17 @@ class _Piece:
         return max(self.degrees) > 2 or self.is_straight and _is_slow(self.along)
 
     def replaced(self, slope: float, free: Sequence[bool]) -> Iterator[Polynomials]:
-        """Polynomials in another parameter, in order.
-
-        `slope` is |dq_dp| at ends that are free, which need not continue as evenly as s.
-        """
+        """Polynomials in another parameter, in order."""
+        # `slope` is |dq_dp| at ends that are free, which need not continue as evenly as s.
         if self.is_straight:
             yield from self._runs(slope, free)
         else:
             yield from self._eased()
 
     def _runs(self, slope: float, free: Sequence[bool]) -> Iterator[Polynomials]:
-        """A straight piece from reversal to reversal, with dq_dp linear in p.
-
-        At ends that are not free, dq_dp is dq_ds, so that p continues as s does, unless it
-        vanishes.
-        """
+        """A straight piece from reversal to reversal, with dq_dp linear in p."""
+        # At ends that are not free, dq_dp is dq_ds, so that p continues as s does, unless it
+        # vanishes.
         x, values = _turns(self.along, self.inner)
         q = x[:, None] ** np.arange(6) @ self.coefficients
         slopes = np.full((len(x), 2), slope)
@@ -287,10 +259,8 @@ class _Piece:
 
 
 def _ease(c: FloatArray, degree: int, width: float) -> Polynomials:
-    """First part of a piece that begins with x³ or x⁴, with x^(degree / 2) as the parameter p.
-
-    At the end of the part, p grows as s does.
-    """
+    """First part of a piece that begins with x³ or x⁴, with x^(degree / 2) as the parameter p."""
+    # At the end of the part, p grows as s does.
     power = 2 / degree
     count = int(np.ceil(np.log(FIRST / LAST) / power / np.log(RATIO))) + 1
     x = np.append(0.0, np.geomspace(FIRST, LAST, count))

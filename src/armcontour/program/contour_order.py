@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -23,19 +22,19 @@ from armcontour.program.process import AUTO, DRAWN, TOOL_SIDES, Process
 # A function that makes the contour of an option, and its first and last point [m], (2, dimension).
 Option = tuple[Callable[[], Contour], FloatArray]
 
-# Number of start points of a closed contour; fewer if all contours have more than MOST_PLACES.
-PLACES, FEWEST_PLACES, MOST_PLACES = 24, 4, 20_000
+# Number of start points of a closed contour; fewer if all contours have more than MAX_PLACES.
+PLACES, FEWEST_PLACES, MAX_PLACES = 24, 4, 20_000
 # Number of neighbours of a contour that the search tries next to it.
 NEIGHBOURS = 10
 # Exchanges of the search: number per contour, smallest number, and largest product with the number
 # of contours, which bounds the time to a few seconds. Without exchanges, tours of 6 to 100 random
 # contours are 0.6 to 15 % longer on average.
-TRIES, LEAST_TRIES, MOST_WORK = 3, 200, 1_000_000
+TRIES, LEAST_TRIES, MAX_WORK = 3, 200, 1_000_000
 # Orientations at both ends of a contour that differ by less than this count as equal: summed turns
 # have rounding errors [rad].
 SAME_HOLD = 1e-6
 # Largest number of segments of a contour with its overlap, which repeats the contour's segments.
-MOST_SEGMENTS = 1_000_000
+MAX_SEGMENTS = 1_000_000
 
 
 def direct_contours(program: Program, process: Process) -> Program:
@@ -49,40 +48,40 @@ def direct_contours(program: Program, process: Process) -> Program:
 
     areas, sides = find_nesting(contours, process.up).areas, waste_sides(contours, process)
     turned: dict[Contour, Contour] = {}
-    for i, (x, direction) in enumerate(zip(contours, directions, strict=True)):
+    for i, (contour, direction) in enumerate(zip(contours, directions, strict=True)):
         if direction in TOOL_SIDES:
             back = sides[i] != TOOL_SIDES[direction]
         else:
             back = direction != DRAWN and (areas[i] > 0) != (direction == "counterclockwise")
         if not back:
             continue
-        inner = [y for y in x.events if REPEATED_POINT < y.s < x.path.length - REPEATED_POINT]
+        inner = [
+            y for y in contour.events if REPEATED_POINT < y.s < contour.path.length - REPEATED_POINT
+        ]
         if inner:
             raise InvalidInput(
-                f"{contour_called(x, i)} cannot run backwards for the direction {direction}, "
+                f"{contour_called(contour, i)} cannot run backwards for the direction {direction}, "
                 f"because it switches {inner[0].name} on its way: give direction drawn, for its "
                 "layer too."
             )
-        turned[x] = _reverse_contour(x)
+        turned[contour] = _reverse_contour(contour)
     moves = tuple(turned.get(x, x) if isinstance(x, Contour) else x for x in program.moves)
-    return dataclasses.replace(program, moves=moves)
+    return replace(program, moves=moves)
 
 
 def order_contours(program: Program, process: Process) -> Program:
-    """The program with its contours in the order of the process.
-
-    Contours that start elsewhere or run backwards for a shorter tour are changed accordingly, and
-    keep this start. A note reports the length of the links between contours, and a contour that is
-    cut before one inside it.
-    """
+    """The program with its contours in the order of the process."""
+    # Contours that start elsewhere or run backwards for a shorter tour are changed accordingly, and
+    # keep this start. A note reports the length of the links between contours, and a contour that
+    # is cut before one inside it.
     order = process.order
     if order == "auto":
         drawing = all(isinstance(x, Contour) for x in program.moves)
         order = "inside_first" if process.cuts and drawing else "drawn"
     if order == "drawn":
         return _with_warning(program, process)
-    for x in program.moves:
-        if not isinstance(x, Contour):
+    for move in program.moves:
+        if not isinstance(move, Contour):
             raise InvalidInput(
                 f"The order {order!r} is for drawings: this program has rapids, dwells or events "
                 "between its contours, whose order has a meaning."
@@ -98,13 +97,13 @@ def order_contours(program: Program, process: Process) -> Program:
     )
     if order == "inside_first":
         moves = [contours[i] for i in _inside_first(parents)]
-        return dataclasses.replace(program, moves=tuple(moves))
+        return replace(program, moves=tuple(moves))
     choices = _Choices.from_contours(contours, process, free=order == "shortest")
     if order == "nearest":
-        return dataclasses.replace(program, moves=choices.taken(*choices.nearest(parents)))
+        return replace(program, moves=choices.taken(*choices.nearest(parents)))
     tour, option = choices.shortest(parents)
     remarks = (*program.remarks, choices.describe(tour, option))
-    return dataclasses.replace(program, moves=choices.taken(tour, option), remarks=remarks)
+    return replace(program, moves=choices.taken(tour, option), remarks=remarks)
 
 
 def _with_warning(program: Program, process: Process) -> Program:
@@ -126,14 +125,14 @@ def _with_warning(program: Program, process: Process) -> Program:
         f"{contour_called(contours[i], i)}, which lies in it and may have dropped out or moved by "
         f"then{suffix}: the order inside_first cuts inner contours first."
     )
-    return dataclasses.replace(program, notes=(*program.notes, note))
+    return replace(program, notes=(*program.notes, note))
 
 
 def _inside_first(parents: IntArray) -> list[int]:
     """The drawn order, but each contour directly after all contours inside it."""
     children: dict[int, list[int]] = {}
-    for i, x in enumerate(parents.tolist()):
-        children.setdefault(x, []).append(i)
+    for i, parent in enumerate(parents.tolist()):
+        children.setdefault(parent, []).append(i)
     order: list[int] = []
     open_ones = list(children.get(-1, ()))[::-1]
     while open_ones:
@@ -148,31 +147,24 @@ def _inside_first(parents: IntArray) -> list[int]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Choices:
-    """Options for start and end of each contour.
+    """Options for start and end of each contour."""
 
-    Args:
-        contours: The contours as they are drawn.
-        made: Functions that make the contour of each option.
-        ends: First and last points of the options [m], (m, 2, 3).
-        first: Index of the first option of every contour, and m, (n + 1,).
-    """
-
-    contours: tuple[Contour, ...]
-    made: list[Callable[[], Contour]]
-    ends: FloatArray
-    first: IntArray
+    contours: tuple[Contour, ...]  # The contours as they are drawn
+    made: list[Callable[[], Contour]]  # Functions that make the contour of each option
+    ends: FloatArray  # First and last points of the options [m], (m, 2, 3)
+    first: IntArray  # Index of the first option of every contour, and m, (n + 1,)
 
     @classmethod
     def from_contours(
         cls, contours: tuple[Contour, ...], process: Process, *, free: bool
     ) -> _Choices:
         """The options of contours; `free` contours may start at several points."""
-        count = int(np.clip(MOST_PLACES // len(contours), FEWEST_PLACES, PLACES))
+        count = int(np.clip(MAX_PLACES // len(contours), FEWEST_PLACES, PLACES))
         made: list[Callable[[], Contour]] = []
         ends: list[FloatArray] = []
         first = [0]
-        for x in contours:
-            options = _options(x, process, count if free else 1)
+        for contour in contours:
+            options = _options(contour, process, count if free else 1)
             made += [option[0] for option in options]
             ends += [option[1] for option in options]
             first.append(len(made))
@@ -211,7 +203,7 @@ class _Choices:
 
         tour, _ = self.nearest(parents)
         n, option = len(tour), self._best_options(tour)
-        tries = min(max(TRIES * n, LEAST_TRIES), MOST_WORK // n)
+        tries = min(max(TRIES * n, LEAST_TRIES), MAX_WORK // n)
         # A fixed sequence of numbers, so the same program has the same order.
         numbers = (np.random.PCG64(0).random_raw((tries, 4)) >> np.uint64(32)).astype(np.intp)
         shorten_tour(
@@ -303,7 +295,7 @@ def _options(contour: Contour, process: Process, count: int) -> list[Option]:
 
 def _start_contour_at(contour: Contour, start: float) -> Contour:
     """A closed contour that starts at an arc length [m], and keeps this start."""
-    return dataclasses.replace(begin_at(contour, start), keep_start=True)
+    return replace(begin_at(contour, start), keep_start=True)
 
 
 def _reverse_contour(contour: Contour) -> Contour:
@@ -311,14 +303,12 @@ def _reverse_contour(contour: Contour) -> Contour:
     work = contour.work
     if work is not None:
         work = contour.path.length - work[1], contour.path.length - work[0]
-    return dataclasses.replace(contour, path=contour.path.reversed(), work=work)
+    return replace(contour, path=contour.path.reversed(), work=work)
 
 
 def begin_places(path: Path, count: int) -> FloatArray:
-    """Arc lengths at which a closed path may start [m], away from its corners.
-
-    Between two corners they lie in the middle half, so both corners can be rounded.
-    """
+    """Arc lengths at which a closed path may start [m], away from its corners."""
+    # Between two corners they lie in the middle half, so both corners can be rounded.
     length = path.length
     closing = np.linalg.norm(path(0.0, 1) - path(length, 1, side="left")) > TANGENT_TOLERANCE
     corners = path.breaks[1:-1][path.turns > TANGENT_TOLERANCE]
@@ -336,16 +326,11 @@ def begin_places(path: Path, count: int) -> FloatArray:
 
 
 def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
-    """A closed contour with the start point, the laps and the overlap of the process.
-
-    An automatic start keeps the drawn start point if the contour's `keep_start` is true, a rapid,
-    dwell or event leads to the contour, the contour has events, or its end orientations differ.
-
-    Args:
-        contour: The contour, which ends at its start point.
-        process: Start point, passes and overlap.
-        led: Whether a rapid, dwell or event of the program leads to the start of the contour.
-    """
+    """A closed contour with the start point, the laps and the overlap of the process."""
+    # An automatic start keeps the drawn start point if the contour's `keep_start` is true, a rapid,
+    # dwell or event leads to the contour, the contour has events, or its end orientations differ.
+    # `contour`: the contour, which ends at its start point; `led`: true if a rapid, dwell or event
+    # of the program leads to the start of the contour.
     start = find_start(contour, process, led=led)
     lap = contour.path.length
     extra_length = (process.passes - 1) * lap + process.overlap
@@ -353,15 +338,17 @@ def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
         _check_end_orientations(contour)
     contour = begin_at(contour, start)
     longer = _add_overlap(contour.path, extra_length)
-    events = (
-        *_move_last_events(contour.events, lap, longer.length),
-        *_repeat_events(contour.events, lap, process.passes),
-    )
-    return dataclasses.replace(contour, path=longer, events=events, ring=True)
+    # Events at the drawn end move to the end of the overlap; others come in every lap.
+    slack, last = REPEATED_POINT, longer.length
+    moved = [replace(x, s=last) if x.s >= lap - slack else x for x in contour.events]
+    along = [x for x in contour.events if slack < x.s < lap - slack]
+    repeated = [replace(x, s=x.s + k * lap) for k in range(1, process.passes) for x in along]
+    events = (*moved, *repeated)
+    return replace(contour, path=longer, events=events, ring=True)
 
 
 def keeps_drawn_start(contour: Contour, *, led: bool) -> bool:
-    """Whether an automatic start of a closed contour is the drawn one, as in `close_contour`."""
+    """True if an automatic start of a closed contour is the drawn one, as in `close_contour`."""
     return (
         contour.keep_start
         or led
@@ -383,7 +370,7 @@ def begin_at(contour: Contour, start: float) -> Contour:
         return contour
     _check_end_orientations(contour)
     _check_switching(contour, start)
-    return dataclasses.replace(
+    return replace(
         contour,
         path=join_paths([cut_path(path, start, path.length), cut_path(path, 0.0, start)]),
         events=tuple(_move_event(x, start, path.length) for x in contour.events),
@@ -400,21 +387,8 @@ def _check_end_orientations(contour: Contour) -> None:
         )
 
 
-def _move_last_events(events: tuple[Event, ...], drawn: float, end: float) -> tuple[Event, ...]:
-    """Move events at the drawn end of a contour [m] to the end of its overlap [m]."""
-    return tuple(
-        dataclasses.replace(x, s=end) if x.s >= drawn - REPEATED_POINT else x for x in events
-    )
-
-
-def _repeat_events(events: tuple[Event, ...], lap: float, passes: int) -> list[Event]:
-    """Events along the first lap of a contour [m], on the laps after it."""
-    along = [x for x in events if REPEATED_POINT < x.s < lap - REPEATED_POINT]
-    return [dataclasses.replace(x, s=x.s + k * lap) for k in range(1, passes) for x in along]
-
-
 def _has_equal_end_orientations(path: Path) -> bool:
-    """Whether the tool orientations at both ends of a closed path are equal."""
+    """True if the tool orientations at both ends of a closed path are equal."""
     orientation = path.orientation
     if orientation is None:
         return True
@@ -433,10 +407,10 @@ def _has_equal_end_orientations(path: Path) -> bool:
 def _add_overlap(path: Path, overlap: float) -> Path:
     """A closed path continued past its end by the overlap [m], with several laps if needed."""
     rounds = overlap / path.length
-    if rounds * len(path) > MOST_SEGMENTS:
+    if rounds * len(path) > MAX_SEGMENTS:
         raise InvalidInput(
             f"Overlap and further passes of {overlap:g} m are {rounds:.3g} laps of a contour of "
-            f"{path.length:.4g} m and need more than {MOST_SEGMENTS} segments: take a shorter "
+            f"{path.length:.4g} m and need more than {MAX_SEGMENTS} segments: take a shorter "
             "overlap or fewer passes."
         )
     parts, remaining = [path], overlap
@@ -468,8 +442,8 @@ def _check_switching(contour: Contour, start: float) -> None:
 def _move_event(event: Event, start: float, length: float) -> Event:
     """An event after the contour got a new start point; events at the ends stay at the ends."""
     if event.s <= REPEATED_POINT or event.s >= length - REPEATED_POINT:
-        return dataclasses.replace(event, s=0.0 if event.s <= REPEATED_POINT else length)
-    return dataclasses.replace(event, s=(event.s - start) % length)
+        return replace(event, s=0.0 if event.s <= REPEATED_POINT else length)
+    return replace(event, s=(event.s - start) % length)
 
 
 def _find_start(path: Path, begin: str | float | Sequence[float]) -> float:

@@ -35,10 +35,8 @@ def points_at(pieces: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
 
 
 def offset_pieces(pieces: FloatArray, d: float) -> FloatArray:
-    """Pieces at a distance d to the left [m], (n, 6); arcs with negative radius get lengths <= 0.
-
-    Arcs keep their centres.
-    """
+    """Pieces offset by d to the left [m], (n, 6); arcs of negative radius get lengths <= 0."""
+    # Arcs keep their centres.
     moved, grown = pieces.copy(), 1 - pieces[:, CURVATURE] * d
     moved[:, :2] += d * left_of(pieces[:, TX : TY + 1])
     moved[:, CURVATURE] /= np.where(grown > 0, grown, 1.0)
@@ -53,16 +51,11 @@ def turns_between(arriving: FloatArray, leaving: FloatArray) -> FloatArray:
 
 @np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
 def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Lengths by which an inside corner shortens two pieces, up to their crossing [m], (n,) each.
-
-    Args:
-        before: The pieces that lead to the corners, (n, 6).
-        after: The pieces that lead away, (n, 6).
-
-    Returns:
-        The lengths to the crossing nearest to the end of the first piece; NaN without a crossing
-        after the start of the second piece. They may be longer than the pieces.
-    """
+    """Lengths by which inside corners shorten two pieces to their crossing [m], (n,) each."""
+    # `before`: the pieces that lead to the corners, (n, 6); `after`: the pieces that lead away, (n,
+    # 6).
+    # Returns the lengths to the crossing nearest to the end of the first piece; NaN without a
+    # crossing after the start of the second piece. They may be longer than the pieces.
     points = _common_points(before, after)
     ahead = _places(after, points)
     back = before[:, LENGTH, None] - _places(before, points)
@@ -77,11 +70,8 @@ def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, Floa
 
 @np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
 def find_crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
-    """All points at which pieces meet each other, including their ends.
-
-    Returns:
-        The two pieces of each meeting, (m, 2), and its distances along them [m], (m, 2).
-    """
+    """All points at which pieces meet each other, including their ends."""
+    # Returns the two pieces of each meeting, (m, 2), and its distances along them [m], (m, 2).
     low, high = _boxes(pieces)
     order = np.argsort(low[:, 0])
     # Boxes of later pieces in this order overlap up to the first one that begins too far right.
@@ -116,15 +106,11 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-def _circles(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Centres and radii of arcs [m], (n, 2) and (n,); not finite for lines."""
-    radius = 1 / pieces[:, CURVATURE]
-    return pieces[:, :2] + radius[:, None] * left_of(pieces[:, TX : TY + 1]), np.abs(radius)
-
-
 def _boxes(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Lower and upper corners of boxes around pieces, (n, 2) each."""
-    centers, radii = _circles(pieces)
+    radius = 1 / pieces[:, CURVATURE]
+    centers = pieces[:, :2] + radius[:, None] * left_of(pieces[:, TX : TY + 1])
+    radii = np.abs(radius)
     sides = centers[:, None] + radii[:, None, None] * [[1, 0], [-1, 0], [0, 1], [0, -1]]
     on_arc = _places(pieces, sides) <= pieces[:, LENGTH, None]
     on_arc &= pieces[:, CURVATURE, None] != 0
@@ -148,13 +134,11 @@ def _places(pieces: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Common points of pairs of extended pieces, (n, 4, 2), NaN for missing ones.
-
-    A line or circle with curvature k and left normal n at its point 0 has k x.x / 2 = n.x at its
-    points x. The difference of two such equations is the straight line w.x = r. This needs neither
-    centres nor radii, so nearly straight arcs lose no digits. Where pieces coincide, their ends are
-    the points.
-    """
+    """Common points of pairs of extended pieces, (n, 4, 2), NaN for missing ones."""
+    # A line or circle with curvature k and left normal n at its point 0 has k x.x / 2 = n.x at its
+    # points x. The difference of two such equations is the straight line w.x = r. This needs
+    # neither centres nor radii, so nearly straight arcs lose no digits. Where pieces coincide,
+    # their ends are the points.
     # The piece with more curvature comes first.
     turned = (np.abs(b[:, CURVATURE]) > np.abs(a[:, CURVATURE]))[:, None]
     a, b = np.where(turned, b, a), np.where(turned, a, b)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -61,24 +61,22 @@ def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, flo
         process: The process that it was prepared for.
     """
     parts = []
-    for x in program.contours:
-        layer, (begin, end) = process.of_layer(x.layer), x.at_work
+    for contour in program.contours:
+        layer, (begin, end) = process.of_layer(contour.layer), contour.at_work
         if not layer.kerf:
             continue
         if layer.begins_on:
             # The path down from the height of the pierce comes first.
             begin = 0.0 if layer.pierce is None else layer.pierce.height
-        parts.append((x.path, begin, x.path.length if layer.ends_on else end, layer.kerf))
+        parts.append(
+            (contour.path, begin, contour.path.length if layer.ends_on else end, layer.kerf)
+        )
     return parts
 
 
 def apply_kerf(program: Program, process: Process) -> Program:
-    """The program with its contours offset by half the kerf.
-
-    Args:
-        program: The program as it is drawn.
-        process: Kerf, its side, and the upward direction.
-    """
+    """The program with its contours offset by half the kerf."""
+    # `program`: the program as it is drawn; `process`: kerf, its side, and the upward direction.
     contours = program.contours
     kerfs = [process.of_layer(x.layer).kerf or 0.0 for x in contours]
     if not any(kerfs):
@@ -98,9 +96,7 @@ def apply_kerf(program: Program, process: Process) -> Program:
     ]
     moves = _replaced(program.moves, made)
     skipped = [contour_called(x, i) for i, x in enumerate(contours) if kerfs[i] and not sides[i]]
-    return dataclasses.replace(
-        program, moves=tuple(moves), notes=(*program.notes, *_notes_on_open(skipped))
-    )
+    return replace(program, moves=tuple(moves), notes=(*program.notes, *_notes_on_open(skipped)))
 
 
 def _kerf_sides(contours: Sequence[Contour], kerfs: Sequence[float], process: Process) -> list[str]:
@@ -227,10 +223,8 @@ def _called_on_layer(contours: Sequence[Contour], number: int) -> str:
 def _contours_of(
     contour: Contour, number: int, parts: Sequence[OffsetPart], up: FloatArray
 ) -> list[Contour]:
-    """The contours from the parts of an offset, the part nearest to the start first.
-
-    Without parts it is the original contour.
-    """
+    """The contours from the parts of an offset, the part nearest to the start first."""
+    # Without parts it is the original contour.
     if not parts:
         return [contour]
     source = contour.path
@@ -240,18 +234,16 @@ def _contours_of(
         event_s = [float(path.project(source(x.s)[None]).s[0]) for x in contour.events]
         events = tuple(
             # On a closed path, the end is projected to the start.
-            dataclasses.replace(x, s=path.length if x.s >= source.length - REPEATED_POINT else s)
+            replace(x, s=path.length if x.s >= source.length - REPEATED_POINT else s)
             for x, s in zip(contour.events, event_s, strict=True)
         )
-        return [dataclasses.replace(contour, path=path, events=events, ring=parts[0].closed)]
+        return [replace(contour, path=path, events=events, ring=parts[0].closed)]
     apart = [float(x.project(source(0.0)[None]).distance[0]) for x in paths]
     order = np.argsort(apart, kind="stable").tolist()
     name = contour.name or f"contour {number + 1}"
     called = [f"/{k + 1}" for k in range(len(paths))]
     return [
-        dataclasses.replace(
-            contour, path=paths[i], ring=True, name=name[: LONGEST_NAME - len(x)] + x
-        )
+        replace(contour, path=paths[i], ring=True, name=name[: LONGEST_NAME - len(x)] + x)
         for i, x in zip(order, called, strict=True)
     ]
 
@@ -268,18 +260,14 @@ def _path_of_part(part: OffsetPart, source: Path, up: FloatArray) -> Path:
         columns |= {x: getattr(rows, x) @ axes.T for x in ("tangents", "normals")}
     rows = rows.replace(**columns)
     if part.closed:
-        rows = _from_start(rows, source(0.0))
+        # The first segment is that whose start is nearest to the start of the source.
+        distances = np.linalg.norm(rows.starts - source(0.0), axis=1)
+        order: IntArray = np.roll(np.arange(len(rows)), -int(np.argmin(np.round(distances, 9))))
+        rows = rows[order]
     path = Path(segments=rows)
     if source.orientation is None:
         return path
-    return dataclasses.replace(path, orientation=_orient(path, source, source.orientation, up))
-
-
-def _from_start(rows: Segments, start: FloatArray) -> Segments:
-    """A closed table of segments that begins with the one whose start is nearest to a point."""
-    first = int(np.argmin(np.round(np.linalg.norm(rows.starts - start, axis=1), 9)))
-    order: IntArray = np.roll(np.arange(len(rows)), -first)
-    return rows[order]
+    return replace(path, orientation=_orient(path, source, source.orientation, up))
 
 
 def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) -> Orientation:
@@ -311,13 +299,15 @@ def _replaced(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) -> list[
     """The moves with other contours; rapids away from a contour start at its new end."""
     away, number = rapids_leading_away(moves), 0
     result: list[Move] = []
-    for x in moves:
-        if isinstance(x, Contour):
+    for move in moves:
+        if isinstance(move, Contour):
             result += made[number]
             number += 1
         else:
             result.append(
-                reroute(x, start=last_end(result)) if isinstance(x, Rapid) and x in away else x
+                reroute(move, start=last_end(result))
+                if isinstance(move, Rapid) and move in away
+                else move
             )
     return result
 
@@ -329,15 +319,11 @@ def cut_contours(contours: Sequence[Contour], process: Process) -> BoolArray:
 
 
 def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
-    """The scrap side of every contour in its direction of travel, "left" or "right".
-
-    Closed contours inside an odd number of other contours that are cut are holes, on any layer. The
-    scrap side of open contours is "left".
-
-    Args:
-        contours: The contours in their direction of travel.
-        process: Kerfs of the layers, and the direction from which the contours are viewed.
-    """
+    """The scrap side of every contour in its direction of travel, "left" or "right"."""
+    # Closed contours inside an odd number of other contours that are cut are holes, on any layer.
+    # The scrap side of open contours is "left".
+    # `contours`: the contours in their direction of travel; `process`: kerfs of the layers, and the
+    # direction from which the contours are viewed.
     nesting = find_nesting(contours, process.up)
     depths = nesting.holds[cut_contours(contours, process)].sum(axis=0)
     on_left = ((depths % 2 == 1) == (nesting.areas > 0)) | (nesting.areas == 0)
@@ -345,14 +331,10 @@ def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
 
 
 class LeadPlacement:
-    """Leads of the contours of a program, in the scrap and clear of all cut contours.
-
-    Args:
-        contours: The contours before they get overlaps and leads.
-        process: The process.
-    """
+    """Leads of the contours of a program, in the scrap and clear of all cut contours."""
 
     def __init__(self, contours: Sequence[Contour], process: Process) -> None:
+        # `contours`: the contours before they get overlaps and leads.
         self._contours, self._process = contours, process
         needed = any(x.side == WASTE for x in process.leads)
         self._sides = waste_sides(contours, process) if needed else ["left"] * len(contours)
@@ -362,15 +344,9 @@ class LeadPlacement:
         self._shortened: list[tuple[float, str]] = []
 
     def lay(self, number: int, path: Path, lead: Lead, length: float, *, after: bool) -> Path:
-        """The lead-in or the lead-out of contour `number`.
-
-        Args:
-            number: The contour.
-            path: Its path, with overlap.
-            lead: Shape and side.
-            length: Length of the lead [m]; one of automatic length is shortened to what fits.
-            after: True for the lead-out.
-        """
+        """The lead-in or the lead-out of contour `number`."""
+        # `length`: length of the lead [m]; one of automatic length is shortened to what fits;
+        # `after`: true for the lead-out.
         contour = self._contours[number]
         side = self._sides[number] if lead.side == WASTE else lead.side
         beyond = self._beyond(contour, path, after)
@@ -439,7 +415,7 @@ class LeadPlacement:
         return outline(s or outline.length, 1, side="left")
 
     def _fits(self, lead: Path, after: bool) -> bool:
-        """Whether a lead crosses no contour that is cut, and its free end lies in the scrap."""
+        """True if a lead crosses no contour that is cut, and its free end lies in the scrap."""
         lead, up = lead.reversed() if after else lead, self._process.up
         cut = [x for x, kept in zip(self._contours, self._cut, strict=True) if kept]
         if self._around is None:

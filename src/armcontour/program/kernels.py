@@ -26,37 +26,23 @@ NO_GAIN = 1e-12
 
 
 class TourOptions(NamedTuple):
-    """The options of n contours.
+    """The options of n contours."""
 
-    Attributes:
-        exits: Exits of all options, (m, 3).
-        entries: Their entries, (m, 3).
-        first: Index of the first option of every contour, and m, (n + 1,).
-    """
-
-    exits: FloatArray
-    entries: FloatArray
-    first: IntArray
+    exits: FloatArray  # Exits of all options, (m, 3)
+    entries: FloatArray  # Their entries, (m, 3)
+    first: IntArray  # Index of the first option of every contour, and m, (n + 1,)
 
 
 class _Tour(NamedTuple):
-    """A tour, whose positions count from 1.
+    """A tour, whose positions count from 1."""
 
-    Attributes:
-        order: The contour at each position, (n + 1,).
-        option: The option of every contour, (n,).
-        position: Position of every contour, (n,).
-        chosen: The option at each position; -1 before the first one and after the last, (n + 2,).
-        ahead: Length of the links up to each position, (n + 2,).
-        back: The same in the opposite direction, (n + 2,).
-    """
-
-    order: IntArray
-    option: IntArray
-    position: IntArray
+    order: IntArray  # The contour at each position, (n + 1,)
+    option: IntArray  # The option of every contour, (n,)
+    position: IntArray  # Position of every contour, (n,)
+    # The option at each position; -1 before the first one and after the last, (n + 2,)
     chosen: IntArray
-    ahead: FloatArray
-    back: FloatArray
+    ahead: FloatArray  # Length of the links up to each position, (n + 2,)
+    back: FloatArray  # The same in the opposite direction, (n + 2,)
 
 
 @compiled(inner=True)
@@ -92,10 +78,8 @@ def _relocate_part(
     to: int,
     threshold: float,
 ) -> bool:
-    """Move a part of the tour behind a position if the gain exceeds `threshold` and it is allowed.
-
-    A position inside the part reverses it.
-    """
+    """Move a part of the tour behind a position if allowed and the gain exceeds `threshold`."""
+    # A position inside the part reverses it.
     order, option, position, chosen, ahead, back = tour
     if start < 1 or end >= len(order):
         return False
@@ -176,22 +160,14 @@ def _improve_contour(
 @compiled()
 def shorten_tour(
     options: TourOptions,
-    parent: IntArray,
-    near: IntArray,
-    tour: IntArray,
-    option: IntArray,
+    parent: IntArray,  # Contour that each contour must precede, or -1, (n,)
+    near: IntArray,  # The nearest contours of every contour, (n, k)
+    tour: IntArray,  # The contours in order, (n,)
+    option: IntArray,  # The option of every contour, (n,)
     numbers: IntArray,
 ) -> None:
-    """Shorten a tour in place.
-
-    Args:
-        options: The options.
-        parent: Contour that each contour must precede, or -1, (n,).
-        near: The nearest contours of every contour, (n, k).
-        tour: The contours in order, (n,).
-        option: The option of every contour, (n,).
-        numbers: Random numbers for exchanges of parts from which the search continues, (tries, 4).
-    """
+    """Shorten a tour in place."""
+    # `numbers`: random numbers for exchanges of parts from which the search continues, (tries, 4).
     n = len(tour)
     order, position = np.append(-1, tour), np.zeros(n, dtype=np.intp)
     now = _Tour(

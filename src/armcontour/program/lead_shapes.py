@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,27 +24,18 @@ SHARP = 0.005
 
 def lead_path(
     path: Path,
-    length: float,
+    length: float,  # Length of the lead [m]
     shape: str,
-    side: str,
-    up: FloatArray,
+    side: str,  # Side of the path on which an arc lies, seen in the direction of travel
+    up: FloatArray,  # In space, the upward direction, which defines left and right, (3,)
     *,
-    after: bool,
+    after: bool,  # True for the lead-out
     beyond: FloatArray | None = None,
 ) -> Path:
-    """The lead-in before a path, or the lead-out after it.
-
-    Args:
-        path: The path.
-        length: Length of the lead [m].
-        shape: "line" or "arc".
-        side: Side of the path on which an arc lies, seen in the direction of travel.
-        up: In space, the upward direction, which defines left and right, (3,).
-        after: True for the lead-out.
-        beyond: Unit tangent of a closed contour on the other side of the vertex that the lead
-            touches. If the contour turns towards the side of an arc there, the lead is a line along
-            the bisector, because a tangent arc would cross the contour.
-    """
+    """The lead-in before a path, or the lead-out after it."""
+    # `beyond`: unit tangent of a closed contour on the other side of the vertex that the lead
+    # touches. If the contour turns towards the side of an arc there, the lead is a line along the
+    # bisector, because a tangent arc would cross the contour.
     s = path.length if after else 0.0
     direction = "left" if after else "right"
     point, tangent = path(s), path(s, 1, side=direction)
@@ -80,9 +71,7 @@ def lead_path(
     if path.orientation is None:
         return lead
     rotation = path.orientation(s, side=direction)
-    return dataclasses.replace(
-        lead, orientation=_lead_orientation(path.orientation, rotation, lead, after)
-    )
+    return replace(lead, orientation=_lead_orientation(path.orientation, rotation, lead, after))
 
 
 def _side_vector(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -51,14 +50,18 @@ Value = bool | PlainNumber | Name
 # Output whose numbers and texts are tools, as T words in G-code; True and False are on and off.
 TOOL = "tool"
 # Largest numbers of moves and of segments of a repeated program: more take minutes to plan.
-MOST_MOVES = 100_000
-MOST_SEGMENTS = 1_000_000
+MAX_MOVES = 100_000
+MAX_SEGMENTS = 1_000_000
 
 
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event(Checked):
     """An output that is switched at a position of a contour, or while the tool is at rest.
+
+    >>> laser = ac.Event("laser", True, s=0.01, lead_time=0.02)
+    >>> ac.Contour(path=path, events=(laser,)).events[0].name
+    'laser'
 
     Args:
         name: Name of the output, such as "tool", "spindle", "laser" or "coolant".
@@ -82,7 +85,7 @@ class Event(Checked):
 
     @property
     def changes_tool(self) -> bool:
-        """Whether the event is a tool change, by a number or a name of the tool."""
+        """True if the event is a tool change, by a number or a name of the tool."""
         return self.name == TOOL and not isinstance(self.value, bool | np.bool_)
 
 
@@ -90,6 +93,10 @@ class Event(Checked):
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Contour(Checked):
     """A path along which the process is on.
+
+    >>> contour = ac.Contour(path=path, layer="CUT")
+    >>> round(contour.path.length, 4)
+    0.059
 
     Args:
         path: The path.
@@ -125,12 +132,12 @@ class Contour(Checked):
                     f"The work on the contour {self.name} goes from {start:g} to {end:g} m, which "
                     f"is not within its length of {self.path.length:g} m."
                 )
-        for x in self.events:
-            if x.s > self.path.length + REPEATED_POINT:
+        for event in self.events:
+            if event.s > self.path.length + REPEATED_POINT:
                 raise InvalidInput(
-                    f"The event {x.name} is at {x.s:g} m of the contour {self.name}, which is only "
-                    f"{self.path.length:g} m long.",
-                    s=x.s,
+                    f"The event {event.name} is at {event.s:g} m of the contour {self.name}, which "
+                    f"is only {self.path.length:g} m long.",
+                    s=event.s,
                     allowed=self.path.length,
                 )
         ordered = tuple(sorted(self.events, key=lambda x: x.s))
@@ -138,7 +145,7 @@ class Contour(Checked):
 
     @property
     def closed(self) -> bool:
-        """Whether the contour ends at its start point, without leads and overlap."""
+        """True if the contour ends at its start point, without leads and overlap."""
         if self.ring is not None:
             return self.ring
         return bool(np.linalg.norm(self.path.end - self.path.starts[0]) <= REPEATED_POINT)
@@ -152,23 +159,20 @@ class Contour(Checked):
         """The contour without z; if no length remains, its events as moves of their own."""
         path, work = self.path, self.work
         if not has_length_without_z(path):
-            return tuple(dataclasses.replace(x, s=0.0, lead_distance=0.0) for x in self.events)
+            return tuple(replace(x, s=0.0, lead_distance=0.0) for x in self.events)
         flat_s = partial(arc_length_without_z, path)
-        flat = dataclasses.replace(
+        flat = replace(
             self,
             path=drop_z(path),
-            events=tuple(dataclasses.replace(x, s=flat_s(x.s)) for x in self.events),
+            events=tuple(replace(x, s=flat_s(x.s)) for x in self.events),
             work=None if work is None else (flat_s(work[0]), flat_s(work[1])),
         )
         return (flat,)
 
 
 def describe_not_run(layers: Counter[str]) -> tuple[str, ...]:
-    """A sentence with the layers that are not run and their counts; empty without such layers.
-
-    Args:
-        layers: Numbers of contours, or of entities of a drawing, by layer.
-    """
+    """A sentence with the layers that are not run and their counts; empty without such layers."""
+    # `layers`: numbers of contours, or of entities of a drawing, by layer.
     listed = list_some(
         [f"{name or 'no layer'} ({n})" for name, n in sorted(layers.items()) if n], 12
     )
@@ -204,6 +208,10 @@ def _checked_spacing(name: str, spacing: float | None, copies: int) -> float:
 class Rapid(Checked):
     """A positioning motion with the tool off, at the arm's limits.
 
+    >>> moves = ac.Contour(path=path), ac.Rapid(), ac.Contour(path=path)
+    >>> ac.plan(ac.Program(moves=moves), arm, limits).duration > 2 * planned.duration
+    True
+
     Args:
         path: Path of the tool; None moves every joint directly to its target.
 
@@ -219,6 +227,9 @@ class Rapid(Checked):
 class Dwell(Checked):
     """A time during which the tool is at rest.
 
+    >>> ac.Dwell(0.5).duration
+    0.5
+
     Args:
         duration: The duration [s].
     """
@@ -233,6 +244,10 @@ Move = Contour | Rapid | Dwell | Event
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Program(Checked):
     """Moves in order; rapids between contours that do not meet are added by the planner.
+
+    >>> program = ac.Program(moves=(ac.Contour(path=path), ac.Dwell(0.5)))
+    >>> len(program.contours), round(program.length, 4)
+    (1, 0.059)
 
     Args:
         moves: The moves.
@@ -261,8 +276,12 @@ class Program(Checked):
         for name in ("notes", "remarks"):
             texts = tuple(make_printable(shorten(x)) for x in getattr(self, name))
             object.__setattr__(self, name, texts)
-        for x in self.moves:
-            _check_move(x)
+        for move in self.moves:
+            if isinstance(move, Event) and (move.s or move.lead_distance):
+                raise InvalidInput(
+                    f"The event {move.name} is a separate move, at which the tool is at rest, and "
+                    "can have no s and no lead distance: put it into a contour, or use a lead time."
+                )
         if not self.contours:
             raise InvalidInput(f"{self.source or 'A program'} has no contour to follow.")
         paths = (x.path for x in self.moves if isinstance(x, Contour | Rapid))
@@ -344,24 +363,20 @@ class Program(Checked):
             change: Function from an old path to a new path.
         """
         moves: list[Move] = []
-        for x in self.moves:
-            if isinstance(x, Contour):
-                path = change(x.path)
+        for move in self.moves:
+            if isinstance(move, Contour):
+                path = change(move.path)
                 checks.check_type("Program.mapped", path, Path, role="result")
-                factor = path.length / x.path.length
-                events = tuple(
-                    dataclasses.replace(e, s=min(e.s * factor, path.length)) for e in x.events
-                )
-                work = None if x.work is None else (x.work[0] * factor, x.work[1] * factor)
-                woven = x.woven and dataclasses.replace(x.woven, seam=change(x.woven.seam))
-                moves.append(
-                    dataclasses.replace(x, path=path, events=events, work=work, woven=woven)
-                )
-            elif isinstance(x, Rapid) and x.path is not None:
-                moves.append(Rapid(path=change(x.path)))
+                factor = path.length / move.path.length
+                events = tuple(replace(e, s=min(e.s * factor, path.length)) for e in move.events)
+                work = None if move.work is None else (move.work[0] * factor, move.work[1] * factor)
+                woven = move.woven and replace(move.woven, seam=change(move.woven.seam))
+                moves.append(replace(move, path=path, events=events, work=work, woven=woven))
+            elif isinstance(move, Rapid) and move.path is not None:
+                moves.append(Rapid(path=change(move.path)))
             else:
-                moves.append(x)
-        return dataclasses.replace(self, moves=tuple(moves))
+                moves.append(move)
+        return replace(self, moves=tuple(moves))
 
     def oriented(self, rotations: Any, *, axis_only: bool = False) -> Program:
         """The program in space with one tool orientation, as by `Path.oriented`.
@@ -451,7 +466,7 @@ class Program(Checked):
                 segments.
         """
         columns, rows = (
-            checks.check_int(name, value, 1, MOST_MOVES)
+            checks.check_int(name, value, 1, MAX_MOVES)
             for name, value in (("columns", columns), ("rows", rows))
         )
         dx = _checked_spacing("column_spacing", column_spacing, columns)
@@ -463,20 +478,18 @@ class Program(Checked):
             for column in reversed(range(columns)) if back else range(columns):
                 copy = self.placed(Frame(position=np.array([column * dx, row * dy, 0.0])))
                 moves += [
-                    dataclasses.replace(x, name=name_copy(x.name, row, column))
-                    if isinstance(x, Contour)
-                    else x
+                    replace(x, name=name_copy(x.name, row, column)) if isinstance(x, Contour) else x
                     for x in copy.moves
                 ]
-        return dataclasses.replace(self, moves=tuple(moves))
+        return replace(self, moves=tuple(moves))
 
     def _check_size(self, copies: int) -> None:
         """Raise InvalidInput for copies with too many moves or segments together."""
         paths = [x.path for x in self.moves if isinstance(x, Contour | Rapid)]
         segments = sum(len(x) for x in paths if x is not None)
         for noun, count, maximum in (
-            ("moves", len(self.moves), MOST_MOVES),
-            ("segments", segments, MOST_SEGMENTS),
+            ("moves", len(self.moves), MAX_MOVES),
+            ("segments", segments, MAX_SEGMENTS),
         ):
             if copies * count > maximum:
                 raise InvalidInput(
@@ -494,22 +507,22 @@ class Program(Checked):
         """
         moves: list[Move] = []
         number = 0
-        for x in self.moves:
-            if isinstance(x, Contour):
-                called, number = contour_called(x, number), number + 1
+        for move in self.moves:
+            if isinstance(move, Contour):
+                called, number = contour_called(move, number), number + 1
                 try:
-                    moves += x.without_z()
+                    moves += move.without_z()
                 except InvalidInput as error:
                     location = f"{self.source}: {called}" if self.source else called
                     raise InvalidInput(f"{location}: {error}") from None
-            elif not isinstance(x, Rapid) or x.path is None:
-                moves.append(x)
-            elif has_length_without_z(x.path):
-                moves.append(Rapid(path=drop_z(x.path)))
+            elif not isinstance(move, Rapid) or move.path is None:
+                moves.append(move)
+            elif has_length_without_z(move.path):
+                moves.append(Rapid(path=drop_z(move.path)))
         notes = self.notes
         if any(x.path.orientation is not None for x in self.contours):
             notes = (*notes, "the tool orientation is removed together with z.")
-        return dataclasses.replace(self, moves=tuple(moves), notes=notes)
+        return replace(self, moves=tuple(moves), notes=notes)
 
     def selected(
         self, *, layers: Collection[str] | None = None, names: Collection[str] | None = None
@@ -546,9 +559,7 @@ class Program(Checked):
         )
         remarks = (*self.remarks, *describe_not_run(others))
         other = (*self.other_layers, *others)
-        return dataclasses.replace(
-            self, moves=contours, notes=notes, remarks=remarks, other_layers=other
-        )
+        return replace(self, moves=contours, notes=notes, remarks=remarks, other_layers=other)
 
     def _chosen(
         self, kind: str, requested: Collection[str] | None, available: Sequence[str]
@@ -567,20 +578,9 @@ class Program(Checked):
         return [x in requested for x in available]
 
 
-def _check_move(move: Move) -> None:
-    """Raise InvalidInput for an event between contours with an arc length or a lead distance."""
-    if isinstance(move, Event) and (move.s or move.lead_distance):
-        raise InvalidInput(
-            f"The event {move.name} is a separate move, at which the tool is at rest, and can "
-            "have no s and no lead distance: put it into a contour, or use a lead time."
-        )
-
-
 def has_intended_start(moves: Sequence[Move], i: int) -> bool:
-    """Whether the start of contour i is deliberate, because a rapid, dwell or event leads to it.
-
-    Without a rapid, a dwell or event must come between the contour and the previous contour.
-    """
+    """True if the start of contour i is deliberate, because a rapid, dwell or event leads to it."""
+    # Without a rapid, a dwell or event must come between the contour and the previous contour.
     for k in range(i - 1, -1, -1):
         if isinstance(moves[k], Rapid):
             return True
@@ -590,17 +590,13 @@ def has_intended_start(moves: Sequence[Move], i: int) -> bool:
 
 
 def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
-    """Index of the first rapid in an order, if it has a path and no contour comes first.
-
-    Args:
-        moves: The moves of a program.
-        order: Indices of moves to search, in order.
-    """
+    """Index of the first rapid in an order, if it has a path and no contour comes first."""
+    # `order`: indices of moves to search, in order.
     for k in order:
-        x = moves[k]
-        if isinstance(x, Rapid):
-            return k if x.path is not None else None
-        if isinstance(x, Contour):
+        move = moves[k]
+        if isinstance(move, Rapid):
+            return k if move.path is not None else None
+        if isinstance(move, Contour):
             return None
     return None
 
@@ -608,13 +604,13 @@ def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
 def rapids_leading_away(moves: Sequence[Move]) -> set[Rapid]:
     """Rapids whose path starts at the end of the previous contour."""
     rapids = set()
-    for i, x in enumerate(moves):
-        k = next_rapid(moves, range(i + 1, len(moves))) if isinstance(x, Contour) else None
-        if k is None or not isinstance(x, Contour):
+    for i, move in enumerate(moves):
+        k = next_rapid(moves, range(i + 1, len(moves))) if isinstance(move, Contour) else None
+        if k is None or not isinstance(move, Contour):
             continue
         rapid = moves[k]
         assert isinstance(rapid, Rapid) and rapid.path is not None
-        if np.linalg.norm(rapid.path(0.0) - x.path(x.path.length)) <= REPEATED_POINT:
+        if np.linalg.norm(rapid.path(0.0) - move.path(move.path.length)) <= REPEATED_POINT:
             rapids.add(rapid)
     return rapids
 
@@ -628,15 +624,10 @@ def last_end(moves: Sequence[Move]) -> FloatArray | None:
 def reroute(
     rapid: Move, *, start: FloatArray | None = None, end: FloatArray | None = None
 ) -> Rapid:
-    """A rapid with new end points, because leads and overlaps move the ends of contours.
-
-    A rapid whose points all coincide becomes a joint motion without a path.
-
-    Args:
-        rapid: The rapid.
-        start: New start point [m]; by default the old one.
-        end: New end point [m]; by default the old one.
-    """
+    """A rapid with new end points, because leads and overlaps move the ends of contours."""
+    # A rapid whose points all coincide becomes a joint motion without a path.
+    # `start`: new start point [m]; by default the old one; `end`: new end point [m]; by default the
+    # old one.
     assert isinstance(rapid, Rapid)
     if rapid.path is None:
         return rapid
@@ -660,4 +651,4 @@ def _prolong(path: Path, first: FloatArray, last: FloatArray) -> Rapid:
     before, after = (
         [Path.polyline(x)] if np.linalg.norm(x[1] - x[0]) > REPEATED_POINT else [] for x in gaps
     )
-    return Rapid(path=join_paths([*before, dataclasses.replace(path, orientation=None), *after]))
+    return Rapid(path=join_paths([*before, replace(path, orientation=None), *after]))

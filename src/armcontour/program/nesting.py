@@ -29,14 +29,11 @@ PAIRS = 200_000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Nesting:
-    """Contours inside other contours.
+    """Contours inside other contours."""
 
-    Args:
-        holds: True in row i and column k if contour k is inside the closed contour i, (n, n).
-        areas: Area of every contour [m²], positive if it is counter-clockwise; 0 if open, (n,).
-    """
-
+    # True in row i and column k if contour k is inside the closed contour i, (n, n)
     holds: BoolArray
+    # Area of every contour [m²], positive if it is counter-clockwise; 0 if open, (n,)
     areas: FloatArray
 
     @property
@@ -48,12 +45,8 @@ class Nesting:
 
 
 def find_nesting(contours: Sequence[Contour], up: FloatArray) -> Nesting:
-    """Determine which contours are inside which closed contours; contours must not cross.
-
-    Args:
-        contours: The contours.
-        up: In space, the direction from which the contours are viewed, (3,).
-    """
+    """Determine which contours are inside which closed contours; contours must not cross."""
+    # `up`: in space, the direction from which the contours are viewed, (3,).
     chords = [_closed(chords_of(x.path, up)) if x.closed else NONE for x in contours]
     starts = np.array([seen_from_above(x.path(0.0), up) for x in contours])
     holds = np.array([_inside(x, starts) for x in chords])
@@ -77,11 +70,9 @@ def axes_across(up: FloatArray) -> FloatArray:
 
 
 def chords_of(path: Path, up: FloatArray) -> FloatArray:
-    """The segments of a path seen from above as chords, (m, 8).
-
-    Columns: start x, y, end x, y, centre x, y, radius, and turn: 1 for arcs to the left, -1 to the
-    right, 0 for lines. Arcs turn by half a circle at most.
-    """
+    """The segments of a path seen from above as chords, (m, 8)."""
+    # Columns: start x, y, end x, y, centre x, y, radius, and turn: 1 for arcs to the left, -1 to
+    # the right, 0 for lines. Arcs turn by half a circle at most.
     rows = _halved(draw_arcs(path.segments)[0], up)
     a, b = seen_from_above(rows.starts, up), seen_from_above(rows.ends, up)
     bent = rows.curvatures > 0

@@ -41,30 +41,19 @@ THIN = 1e-8
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OffsetPart:
-    """A continuous part of an offset.
-
-    Args:
-        segments: Its segments, in the plane.
-        rows: Source segment of each segment; around a vertex, the source segment before it, (n,).
-        closed: Whether it is closed.
-    """
+    """A continuous part of an offset."""
 
     segments: Segments
+    # Source segment of each segment; around a vertex, the source segment before it, (n,)
     rows: IntArray
-    closed: bool
+    closed: bool  # True if it is closed
 
 
 def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[OffsetPart]:
-    """The parts of the offset of a contour in the plane, in its direction of travel.
-
-    Args:
-        source: The contour, which does not cross itself.
-        distance: The offset, to the left if positive [m].
-        closed: Whether the contour is closed.
-
-    Returns:
-        The parts; none if no point on this side has this distance from the contour.
-    """
+    """The parts of the offset of a contour in the plane, in its direction of travel."""
+    # `source`: the contour, which does not cross itself; `distance`: the offset, to the left if
+    # positive [m]; `closed`: true if the contour is closed.
+    # Returns the parts; none if no point on this side has this distance from the contour.
     if distance == 0:
         return [OffsetPart(segments=source, rows=np.arange(len(source)), closed=closed)]
     mirror = np.array([1.0, np.sign(distance)])
@@ -143,19 +132,12 @@ def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Parts:
-    """Parts of the pieces of an offset, cut where pieces meet.
+    """Parts of the pieces of an offset, cut where pieces meet."""
 
-    Args:
-        pieces: The parts, (n, 6).
-        rows: Rows of the source, (n,).
-        owners: Piece of each part, (n,).
-        nodes: Places at which each part starts and ends, as numbers, (n, 2).
-    """
-
-    pieces: FloatArray
-    rows: IntArray
-    owners: IntArray
-    nodes: IntArray
+    pieces: FloatArray  # The parts, (n, 6)
+    rows: IntArray  # Rows of the source, (n,)
+    owners: IntArray  # Piece of each part, (n,)
+    nodes: IntArray  # Places at which each part starts and ends, as numbers, (n, 2)
 
     def only(self, mask: BoolArray) -> _Parts:
         """Some of the parts."""
@@ -215,7 +197,7 @@ class _Parts:
         )
 
     def _is_thin(self) -> bool:
-        """Whether a closed chain encloses no area."""
+        """True if a closed chain encloses no area."""
         p = self.pieces
         a, b = p[:, :2] - p[0, :2], points_at(p, p[:, LENGTH]) - p[0, :2]
         angle = p[:, CURVATURE] * p[:, LENGTH]
@@ -290,11 +272,9 @@ def _to_offset_part(chain: _Parts, ring: bool, mirror: FloatArray) -> OffsetPart
 
 
 def _close_gaps(starts: FloatArray, ends: FloatArray, ring: bool) -> FloatArray:
-    """Starts of segments, moved where gaps are too wide for a path.
-
-    Gaps of the source and at its vertices add up. Whole segments are moved, because tangents must
-    not change.
-    """
+    """Starts of segments, moved where gaps are too wide for a path."""
+    # Gaps of the source and at its vertices add up. Whole segments are moved, because tangents must
+    # not change.
     starts, ends, n = starts.copy(), ends.copy(), len(starts)
     for i in range(2 * n if ring else n - 1):
         before, after = i % n, (i + 1) % n

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -33,7 +33,7 @@ from armcontour.program.moves import (
     rapids_leading_away,
     reroute,
 )
-from armcontour.program.process import MOST_TABS, Lead, Leads, Process, Switch, Tabs, Weave
+from armcontour.program.process import MAX_TABS, Lead, Leads, Process, Switch, Tabs, Weave
 
 if TYPE_CHECKING:
     from armcontour.program.kerf import LeadPlacement
@@ -51,6 +51,10 @@ def prepare(
     program: Path | Program, process: Process, lengths: Sequence[Leads] | None = None
 ) -> Program:
     """The program with start points, leads, overlaps, approaches and events of the process.
+
+    >>> part = ac.Program(moves=(ac.Contour(path=path),))
+    >>> [type(move).__name__ for move in ac.prepare(part, ac.Process(dwell=0.2)).moves]
+    ['Dwell', 'Contour']
 
     Args:
         program: The program as drawn, or a path.
@@ -72,28 +76,28 @@ def prepare(
     moves: list[Move] = []
     drawn: list[Contour] = []
     changes = 0
-    for i, x in enumerate(program.moves):
-        if isinstance(x, Contour):
-            layer_process, called = process.of_layer(x.layer), contour_called(x, len(drawn))
-            passes = _pass_again(x, layer_process.passes)
+    for i, move in enumerate(program.moves):
+        if isinstance(move, Contour):
+            layer_process, called = process.of_layer(move.layer), contour_called(move, len(drawn))
+            passes = _pass_again(move, layer_process.passes)
             drawn += passes
-            x = _start_contour(
-                x, layer_process, has_intended_start(program.moves, i), called, switching
+            move = _start_contour(
+                move, layer_process, has_intended_start(program.moves, i), called, switching
             )
-            moves += [dataclasses.replace(x, name=y.name) for y in passes]
-        elif isinstance(x, Event) and x.changes_tool:
-            moves.append(x)
+            moves += [replace(move, name=y.name) for y in passes]
+        elif isinstance(move, Event) and move.changes_tool:
+            moves.append(move)
             changes += bool(drawn)
             if drawn and process.tool_change is not None:
                 moves.append(Dwell(duration=process.tool_change))
-        elif not (isinstance(x, Event) and switching.takes(x)):
-            moves.append(x)
+        elif not (isinstance(move, Event) and switching.takes(move)):
+            moves.append(move)
     placement = None
     if process.leads:
         from armcontour.program.kerf import LeadPlacement
 
         placement = LeadPlacement(drawn, process)
-    program = dataclasses.replace(program, moves=tuple(moves))
+    program = replace(program, moves=tuple(moves))
     program, run_in = resume_program(
         program, process.resume_at, keeps_lead=partial(_keeps_lead, process)
     )
@@ -104,42 +108,38 @@ def prepare(
             f"but got {count}: run a job, which determines them, or give the leads a length."
         )
     contours: list[Contour] = []
-    for k, x in enumerate(program.contours, len(drawn) - len(program.contours)):
-        layer_process = process.of_layer(x.layer)
+    for k, move in enumerate(program.contours, len(drawn) - len(program.contours)):
+        layer_process = process.of_layer(move.layer)
         leads = _lead_lengths(layer_process, lengths, len(contours))
         contours.append(
-            _add_leads(x, layer_process, leads, run_in if not contours else None, placement, k)
+            _add_leads(move, layer_process, leads, run_in if not contours else None, placement, k)
         )
     result = _link(program.moves, contours, process, rapids_away)
     notes = (*program.notes, *(() if placement is None else placement.notes))
     if changes and process.tool_change is None:
-        notes = (*notes, _untimed(changes))
+        note = (
+            f"no time is stated for {count_noun(changes, 'tool change')}, so the program "
+            "continues at once: give process.tool_change, such as 5 s."
+        )
+        notes = (*notes, note)
     speed = process.rapid_speed
     if speed is not None:
-        result = [_limit_speed(x, speed) if isinstance(x, Rapid) else x for x in result]
-    return dataclasses.replace(program, moves=tuple(result), notes=notes, rapid_speed=speed)
-
-
-def _untimed(changes: int) -> str:
-    """A note on tool changes without a duration."""
-    return (
-        f"no time is stated for {count_noun(changes, 'tool change')}, so the program continues "
-        "at once: give process.tool_change, such as 5 s."
-    )
-
-
-def _limit_speed(rapid: Rapid, speed: float) -> Rapid:
-    """A rapid with a largest speed on its path [m/s], where it has none."""
-    path = rapid.path
-    return rapid if path is None else Rapid(path=_with_limits(path, SegmentLimits(speed=speed)))
+        limit = SegmentLimits(speed=speed)
+        for i, move in enumerate(result):
+            if isinstance(move, Rapid) and move.path is not None:
+                result[i] = Rapid(path=_with_limits(move.path, limit))
+    return replace(program, moves=tuple(result), notes=notes, rapid_speed=speed)
 
 
 def check_process(program: Program, process: Process) -> None:
     """Refuse a process that the program as it is drawn cannot have."""
     _check_layers(program, (*process.layers, *process.by_layer))
     pierces = any(x.pierce is not None and x.pierce.height for x in process.variants)
-    if process.approach or process.retract or pierces:
-        _check_in_space(program)
+    if program.dimension == 2 and (process.approach or process.retract or pierces):
+        raise InvalidInput(
+            "approach, retract and the height of a pierce are vertical motions, which a program in "
+            "the plane does not support: remove them, or use an arm in space."
+        )
 
 
 def arrange_contours(program: Program, process: Process) -> Program:
@@ -168,11 +168,11 @@ def _pass_again(contour: Contour, passes: int) -> list[Contour]:
         return [contour]
     suffixes = [f" ({k})" for k in range(2, passes + 1)] if contour.name else [""] * (passes - 1)
     names = [f"{shorten(contour.name, LONGEST_NAME - len(x))}{x}" for x in suffixes]
-    return [contour, *(dataclasses.replace(contour, name=x) for x in names)]
+    return [contour, *(replace(contour, name=x) for x in names)]
 
 
 def _keeps_lead(process: Process, contour: Contour, event: Event) -> bool:
-    """Whether an event that is repeated when resuming keeps its time advance."""
+    """True if an event that is repeated when resuming keeps its time advance."""
     layer_process = process.of_layer(contour.layer)
     switched = layer_process.switch is not None and layer_process.switch.name == event.name
     return layer_process.lead_in is not None or (switched and bool(event.value))
@@ -238,15 +238,6 @@ def _check_layers(program: Program, layers: Sequence[str]) -> None:
             )
 
 
-def _check_in_space(program: Program) -> None:
-    """Raise InvalidInput for a program in the plane, which has no heights."""
-    if program.dimension == 2:
-        raise InvalidInput(
-            "approach, retract and the height of a pierce are vertical motions, which a program in "
-            "the plane does not support: remove them, or use an arm in space."
-        )
-
-
 def _with_limits(path: Path, segment_limits: SegmentLimits) -> Path:
     """A path with speed and tolerance on segments that have none."""
     speeds, tolerances = (
@@ -258,7 +249,7 @@ def _with_limits(path: Path, segment_limits: SegmentLimits) -> Path:
     )
     # `SegmentLimits` have checked its values, so the segments stay checked.
     segments = path.segments.replace(speeds=speeds, tolerances=tolerances, checked=True)
-    return dataclasses.replace(path, segments=segments)
+    return replace(path, segments=segments)
 
 
 def _start_contour(
@@ -268,17 +259,17 @@ def _start_contour(
     segment_limits = process.layers.get(contour.layer)
     if segment_limits is not None:
         path = _with_limits(contour.path, segment_limits)
-        contour = dataclasses.replace(contour, path=path)
+        contour = replace(contour, path=path)
     closed, lap = contour.closed, contour.path.length
     if closed:
         contour = close_contour(contour, process, led=led)
     path = contour.path
-    for x in process.events:
-        if x.s > path.length + REPEATED_POINT:
+    for event in process.events:
+        if event.s > path.length + REPEATED_POINT:
             raise InvalidInput(
-                f"The event {x.name} is to come at {x.s:g} m of every contour, but {called} is "
-                f"{path.length:g} m long.",
-                s=x.s,
+                f"The event {event.name} is to come at {event.s:g} m of every contour, but "
+                f"{called} is {path.length:g} m long.",
+                s=event.s,
                 allowed=path.length,
             )
     contour = switching.confine(contour, process.events)
@@ -290,13 +281,13 @@ def _start_contour(
 def _weave(contour: Contour, weave: Weave, up: FloatArray) -> Contour:
     """A contour along which the tool weaves; events keep their fraction of the length."""
     with error_context(f"weave of {contour_called(contour, 0) if contour.name else 'a contour'}"):
-        wishes = dataclasses.asdict(weave)
+        wishes = asdict(weave)
         path, woven = weave_seam(
             contour.path, up=up if wishes.pop("plane") == "frame" else None, **wishes
         )
     factor = path.length / contour.path.length
-    events = tuple(dataclasses.replace(x, s=min(x.s * factor, path.length)) for x in contour.events)
-    return dataclasses.replace(contour, path=path, events=events, ring=contour.closed, woven=woven)
+    events = tuple(replace(x, s=min(x.s * factor, path.length)) for x in contour.events)
+    return replace(contour, path=path, events=events, ring=contour.closed, woven=woven)
 
 
 def _add_leads(
@@ -330,20 +321,20 @@ def _add_leads(
         before += parts[0].length
     whole, work = join_paths(parts), (before, before + path.length)
     events = tuple(_move_to_lead(x, process, work, whole.length) for x in contour.events)
-    return dataclasses.replace(contour, path=whole, events=events, work=work)
+    return replace(contour, path=whole, events=events, work=work)
 
 
 def _move_to_lead(event: Event, process: Process, work: tuple[float, float], end: float) -> Event:
     """An event on a contour with leads; switching at its ends moves to the ends of active leads."""
-    moved = dataclasses.replace(event, s=event.s + work[0])
+    moved = replace(event, s=event.s + work[0])
     if process.switch is None or event.name != process.switch.name:
         return moved
     if event.value and event.s <= REPEATED_POINT:
         wait = 0.0 if process.pierce is None else process.pierce.time
         s = 0.0 if process.begins_on else moved.s
-        return dataclasses.replace(event, s=s, lead_time=event.lead_time + wait)
+        return replace(event, s=s, lead_time=event.lead_time + wait)
     if process.ends_on and not event.value and moved.s >= work[1] - REPEATED_POINT:
-        return dataclasses.replace(moved, s=end)
+        return replace(moved, s=end)
     return moved
 
 
@@ -377,20 +368,13 @@ def _axial_line(
 def resume_program(
     program: Program, resume_at: float, *, keeps_lead: Callable[[Contour, Event], bool]
 ) -> tuple[Program, Contour | None]:
-    """The remaining program, and the part of the resumed contour before the arc length.
-
-    Outputs that are switched before the arc length are switched again: at the arc length if they
-    are switched on the same contour, else before the first move.
-
-    Args:
-        program: The program.
-        resume_at: Arc length at which to resume, over all contours [m].
-        keeps_lead: Whether an event of a contour keeps its time advance when it is switched again.
-
-    Returns:
-        The rest of the program, and the part of its first contour before the arc length; None if
-        the program resumes at the start of a contour.
-    """
+    """The remaining program, and the part of the resumed contour before the arc length."""
+    # Outputs that are switched before the arc length are switched again: at the arc length if they
+    # are switched on the same contour, else before the first move.
+    # `resume_at`: arc length at which to resume, over all contours [m]; `keeps_lead`: true if an
+    # event of a contour keeps its time advance when it is switched again.
+    # Returns the rest of the program, and the part of its first contour before the arc length; None
+    # if the program resumes at the start of a contour.
     if resume_at == 0:
         return program, None
     if resume_at >= program.length - REPEATED_POINT:
@@ -407,17 +391,17 @@ def resume_program(
     switched: dict[str, Event] = {}
     for i, move in enumerate(program.moves):
         if isinstance(move, Event):
-            switched[move.name] = dataclasses.replace(move, s=0.0, lead_time=0, lead_distance=0)
+            switched[move.name] = replace(move, s=0.0, lead_time=0, lead_distance=0)
         if not isinstance(move, Contour):
             continue
         number += 1
         if number < index:
-            for x in move.events:
-                switched[x.name] = dataclasses.replace(x, s=0.0, lead_time=0, lead_distance=0)
+            for event in move.events:
+                switched[event.name] = replace(event, s=0.0, lead_time=0, lead_distance=0)
             continue
         remaining = _cut_after(move, s, keeps_lead)
         moves = (*switched.values(), remaining, *program.moves[i + 1 :])
-        resumed = dataclasses.replace(program, moves=moves)
+        resumed = replace(program, moves=moves)
         if s <= REPEATED_POINT:
             return resumed, None
         before = cut_path(move.path, 0.0, s)
@@ -430,14 +414,14 @@ def _cut_after(contour: Contour, s: float, keeps_lead: Callable[[Contour, Event]
     if s <= REPEATED_POINT:
         return contour
     last: dict[str, Event] = {}
-    for x in contour.events:
-        if x.s <= s + REPEATED_POINT:
+    for event in contour.events:
+        if event.s <= s + REPEATED_POINT:
             # Outputs keep the order of their last events.
-            last.pop(x.name, None)
-            lead = x.lead_time if keeps_lead(contour, x) else 0.0
-            last[x.name] = dataclasses.replace(x, s=0.0, lead_time=lead, lead_distance=0.0)
-    later = [dataclasses.replace(x, s=x.s - s) for x in contour.events if x.s > s + REPEATED_POINT]
-    return dataclasses.replace(
+            last.pop(event.name, None)
+            lead = event.lead_time if keeps_lead(contour, event) else 0.0
+            last[event.name] = replace(event, s=0.0, lead_time=lead, lead_distance=0.0)
+    later = [replace(x, s=x.s - s) for x in contour.events if x.s > s + REPEATED_POINT]
+    return replace(
         contour,
         path=cut_path(contour.path, s, contour.path.length),
         events=(*last.values(), *later),
@@ -445,12 +429,7 @@ def _cut_after(contour: Contour, s: float, keeps_lead: Callable[[Contour, Event]
 
 
 class Switching:
-    """States of the outputs of `switch` and `off_between`, from contour to contour.
-
-    Args:
-        moves: The moves of the program.
-        process: Requirements of the process.
-    """
+    """States of the outputs of `switch` and `off_between`, from contour to contour."""
 
     def __init__(self, moves: Sequence[Move], process: Process) -> None:
         switches = (x.switch.name for x in process.variants if x.switch is not None)
@@ -460,29 +439,26 @@ class Switching:
         self.in_order = any(not isinstance(x, Contour) for x in moves)
         self.states: dict[str, Event] = {}
         names: set[str] = set()
-        for x in moves if self.in_order else ():
-            if isinstance(x, Event) and x.changes_tool:
+        for move in moves if self.in_order else ():
+            if isinstance(move, Event) and move.changes_tool:
                 continue
-            for event in x.events if isinstance(x, Contour) else [x]:
+            for event in move.events if isinstance(move, Contour) else [move]:
                 if isinstance(event, Event) and event.name not in names:
                     names.add(event.name)
                     # An output is off before the first event that switches it on.
                     if event.value:
-                        self.states[event.name] = dataclasses.replace(event, value=False)
+                        self.states[event.name] = replace(event, value=False)
 
     def takes(self, event: Event) -> bool:
-        """Whether an event between contours takes effect at the start of the next contour."""
+        """True if an event between contours takes effect at the start of the next contour."""
         if event.name in self.names:
             self.states[event.name] = event
         return event.name in self.names
 
     def confine(self, contour: Contour, events: Sequence[Event]) -> Contour:
-        """A contour with events of the process, whose outputs are off at both of its ends.
-
-        Args:
-            contour: The contour from its start point, with laps and overlap.
-            events: Events of the process on the contour.
-        """
+        """A contour with events of the process, whose outputs are off at both of its ends."""
+        # `contour`: the contour from its start point, with laps and overlap; `events`: events of
+        # the process on the contour.
         merged = sorted((*contour.events, *events), key=lambda x: x.s)
         layer = self.process.of_layer(contour.layer).switch
         confined: list[Event] = []
@@ -498,7 +474,7 @@ class Switching:
                 self.states[name] = last
             confined += _confine_output(output_events, state, switch, name, contour.path.length)
         others = [x for x in merged if x.name not in self.names]
-        return dataclasses.replace(contour, events=(*others, *confined))
+        return replace(contour, events=(*others, *confined))
 
 
 def _confine_output(
@@ -507,29 +483,25 @@ def _confine_output(
     """Events of one output along a contour that starts and ends with the output off."""
     changes: list[Event] = []
     if state is not None and not (events and events[0].s <= REPEATED_POINT):
-        events = [dataclasses.replace(state, s=0.0), *events]
+        events = [replace(state, s=0.0), *events]
     events = [x for x in events if x.s < end - REPEATED_POINT]
     before: object = False
-    for x in (*events, Event(name=name, value=False, s=end)):
+    for event in (*events, Event(name=name, value=False, s=end)):
         if switch is not None:
-            x = dataclasses.replace(x, value=switch.value) if x.value is True else x
-            if not (x.lead_time or x.lead_distance):
-                lead = switch.on_lead if x.value else switch.off_lead
-                x = dataclasses.replace(x, lead_time=lead)
-        if (type(x.value), x.value) != (type(before), before):
-            changes.append(x)
-            before = x.value
+            event = replace(event, value=switch.value) if event.value is True else event
+            if not (event.lead_time or event.lead_distance):
+                lead = switch.on_lead if event.value else switch.off_lead
+                event = replace(event, lead_time=lead)
+        if (type(event.value), event.value) != (type(before), before):
+            changes.append(event)
+            before = event.value
     return changes
 
 
 def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
-    """A closed contour whose process is switched off at tabs, at the same positions in every lap.
-
-    Args:
-        contour: The contour from its start point, with laps and overlap.
-        process: Tabs and switch; a process without tabs leaves the contour as it is.
-        lap: Length of one lap [m].
-    """
+    """Switch the process off at tabs of a closed contour, at the same positions in every lap."""
+    # `contour`: the contour from its start point, with laps and overlap; `process`: tabs and
+    # switch; a process without tabs leaves the contour as it is; `lap`: length of one lap [m].
     if process.tabs is None:
         return contour
     assert process.switch is not None
@@ -548,19 +520,18 @@ def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
             if value and position < end:
                 value = value if position == on else False
                 events.append(Event(name=switch.name, value=value, s=position, lead_time=lead))
-    return dataclasses.replace(contour, events=tuple(events))
+    return replace(contour, events=tuple(events))
 
 
 def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
-    """Arc lengths of the middles of tabs on the first lap [m], (tabs,).
-
-    Tabs are evenly spaced. Tabs that would lie on a corner or on the start point are moved next to
-    it.
-    """
+    """Arc lengths of the middles of tabs on the first lap [m], (tabs,)."""
+    # Tabs are evenly spaced. Tabs that would lie on a corner or on the start point are moved next
+    # to it.
     width = tabs.width
     count = tabs.count or _count(contour, tabs.spacing or lap, lap)
     even = (np.arange(count) + 0.5) * lap / count
-    corners = _corners(contour.path, lap)
+    inner = contour.path.breaks[1:-1][contour.path.turns > CORNER]
+    corners = np.concatenate([[0.0], inner[inner < lap], [lap]])
     margin = (0.5 + CLEAR) * width
     low, high = corners[:-1] + margin, corners[1:] - margin
     free = low <= high
@@ -584,12 +555,12 @@ def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
 def _count(contour: Contour, spacing: float, lap: float) -> int:
     """The number of tabs of a lap with a spacing [m]."""
     count = max(1, round(lap / spacing))
-    if count > MOST_TABS:
+    if count > MAX_TABS:
         raise InvalidInput(
             f"{_called(contour)} of {lap * 1e3:.4g} mm would have {count:.4g} tabs with a spacing "
-            f"of {spacing * 1e3:.4g} mm, more than {MOST_TABS}: take a larger spacing.",
+            f"of {spacing * 1e3:.4g} mm, more than {MAX_TABS}: take a larger spacing.",
             needed=count,
-            allowed=MOST_TABS,
+            allowed=MAX_TABS,
         )
     return count
 
@@ -597,9 +568,3 @@ def _count(contour: Contour, spacing: float, lap: float) -> int:
 def _called(contour: Contour) -> str:
     """Name of a contour for messages."""
     return contour_called(contour, 0) if contour.name else "A contour"
-
-
-def _corners(path: Path, lap: float) -> FloatArray:
-    """Arc lengths of start, corners and end of the first lap of a path [m]."""
-    inner = path.breaks[1:-1][path.turns > CORNER]
-    return np.concatenate([[0.0], inner[inner < lap], [lap]])

@@ -46,7 +46,7 @@ NONE: Mapping[str, Any] = {"overlap": 0.0, "dwell": 0.0, "events": (), "analog":
 # Start point of a closed contour: "auto" moves it away from a corner, "drawn" keeps it.
 AUTO, DRAWN = "auto", "drawn"
 # Largest number of laps and tabs of a contour: more are a mistake in the unit or in a digit.
-MOST_PASSES, MOST_TABS = 1000, 1000
+MAX_PASSES, MAX_TABS = 1000, 1000
 ORDERS = ("auto", "drawn", "inside_first", "nearest", "shortest")
 # Side of the tool in the direction of travel, for a spindle that turns clockwise (M3).
 TOOL_SIDES = {"climb": "left", "conventional": "right"}
@@ -153,7 +153,7 @@ class Tabs(Checked):
     """
 
     width: Size = field(kw_only=False)
-    count: Annotated[int, AtLeast(1, MOST_TABS)] | None = None
+    count: Annotated[int, AtLeast(1, MAX_TABS)] | None = None
     spacing: Size | None = None
 
     def _check_together(self) -> None:
@@ -217,7 +217,7 @@ class LayerProcess:
     switch: Switch | None = None
     events: tuple[Event, ...] = ()
     analog: tuple[Analog, ...] = ()
-    passes: Annotated[int, AtLeast(1, MOST_PASSES)] = 1
+    passes: Annotated[int, AtLeast(1, MAX_PASSES)] = 1
     tabs: Tabs | None = None
     weave: Weave | None = None
     kerf: Distance | None = None
@@ -228,6 +228,10 @@ class LayerProcess:
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Process(Checked):
     """Requirements of a process that are added to the contours of a program.
+
+    >>> cut = ac.Process(overlap=1e-3, order="inside_first")
+    >>> cut.overlap
+    0.001
 
     Args:
         begin: Start point of closed contours. "drawn" keeps it. "auto" keeps it unless it is a
@@ -297,7 +301,7 @@ class Process(Checked):
     off_between: tuple[Name, ...] = ()
     events: tuple[Event, ...] = ()
     analog: tuple[Analog, ...] = ()
-    passes: Annotated[int, AtLeast(1, MOST_PASSES)] = 1
+    passes: Annotated[int, AtLeast(1, MAX_PASSES)] = 1
     tabs: Tabs | None = None
     weave: Weave | None = None
     by_layer: Mapping[str, Annotated[Mapping[str, Any], PartialFields(LayerProcess)]] = field(
@@ -394,22 +398,22 @@ class Process(Checked):
 
     @property
     def begins_on(self) -> bool:
-        """Whether the process is on from the start of the lead-in."""
+        """True if the process is on from the start of the lead-in."""
         return self.pierce is not None or (self.lead_in is not None and self.lead_in.active)
 
     @property
     def ends_on(self) -> bool:
-        """Whether the process is on to the end of the lead-out."""
+        """True if the process is on to the end of the lead-out."""
         return self.lead_out is not None and self.lead_out.active
 
     @property
     def automatic(self) -> bool:
-        """Whether a lead has no specified length."""
+        """True if a lead has no specified length."""
         return any(x.length is None for x in self.leads)
 
     @property
     def cuts(self) -> bool:
-        """Whether material is cut off: a layer has a kerf, or an arc lead lies in the waste."""
+        """True if material is cut off: a layer has a kerf, or an arc lead lies in the waste."""
         return any(x.kerf is not None for x in self.variants) or any(
             x.shape == "arc" and x.side == WASTE for x in self.leads
         )

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import overload
 
@@ -58,6 +58,10 @@ def round_corners(
     A corner needs `tolerance` (case II), or `speed` and `acceleration` (case I).
     `armcontour.geometry.round_corners` describes both cases.
 
+    >>> rounded = ac.round_corners(objective, tolerance=1e-3)
+    >>> rounded.length < objective.length
+    True
+
     Args:
         path: The objective path, or the program.
         tolerance: Largest corner error [m]. This and the next two arguments are one value for all
@@ -98,7 +102,7 @@ def round_corners(
     moves = [
         put_on_path(x, rounded(x.path)) if isinstance(x, Contour) else x for x in program.moves
     ]
-    return dataclasses.replace(program, moves=tuple(moves))
+    return replace(program, moves=tuple(moves))
 
 
 def describe_large_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> list[str]:
@@ -147,12 +151,12 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
 
     program = Program.from_path(path, "smooth_curvature needs a Path or a Program")
     moves = []
-    for x in program.moves:
-        if isinstance(x, Contour):
-            smoothed, pairs = smooth_path(x.path, tolerance)
-            x = _move_to_path(x, smoothed, partial(_interpolate, pairs))
-        moves.append(x)
-    smooth = dataclasses.replace(program, moves=tuple(moves))
+    for move in program.moves:
+        if isinstance(move, Contour):
+            smoothed, pairs = smooth_path(move.path, tolerance)
+            move = _move_to_path(move, smoothed, partial(_interpolate, pairs))
+        moves.append(move)
+    smooth = replace(program, moves=tuple(moves))
     return smooth if program is path else smooth.path
 
 
@@ -186,15 +190,13 @@ def _move_to_path(
 ) -> Contour:
     """The contour on a path; `map_s` maps arc lengths of events and work."""
     if not contour.events and contour.work is None:
-        return dataclasses.replace(contour, path=path)
+        return replace(contour, path=path)
     events = contour.events
     if events:
         event_s = map_s([x.s for x in events])
-        events = tuple(
-            dataclasses.replace(x, s=float(s)) for x, s in zip(events, event_s, strict=True)
-        )
+        events = tuple(replace(x, s=float(s)) for x, s in zip(events, event_s, strict=True))
     work = None
     if contour.work is not None:
         start, end = map_s(contour.work)
         work = (float(start), float(end))
-    return dataclasses.replace(contour, path=path, events=events, work=work)
+    return replace(contour, path=path, events=events, work=work)

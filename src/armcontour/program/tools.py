@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 
 from armcontour.core.errors import InvalidInput
 from armcontour.program.moves import Contour, Event, Move, Program, Value
@@ -16,23 +16,18 @@ def tool_name(value: Value) -> str:
 def tools_of_contours(program: Program) -> list[str]:
     """Name of the tool of each contour, in order; "" before the first tool change."""
     tool, names = "", []
-    for x in program.moves:
-        if isinstance(x, Event) and x.changes_tool:
-            tool = tool_name(x.value)
-        elif isinstance(x, Contour):
+    for move in program.moves:
+        if isinstance(move, Event) and move.changes_tool:
+            tool = tool_name(move.value)
+        elif isinstance(move, Contour):
             names.append(tool)
     return names
 
 
 def part_of_tool(program: Program, name: str) -> Program:
-    """The moves of a program from the changes to a tool until the next tool change.
-
-    Outputs keep the values from the moves before.
-
-    Args:
-        program: The program.
-        name: Name of the tool, such as T2.
-    """
+    """The moves of a program from the changes to a tool until the next tool change."""
+    # Outputs keep the values from the moves before.
+    # `name`: name of the tool, such as T2.
     names = tools_of_contours(program)
     if name not in names:
         available = ", ".join(dict.fromkeys(x for x in names if x)) or "no tool"
@@ -42,19 +37,18 @@ def part_of_tool(program: Program, name: str) -> Program:
         )
     tool, moves = "", list[Move]()
     states: dict[str, Event] = {}
-    for x in program.moves:
-        if isinstance(x, Event) and x.changes_tool:
-            tool = tool_name(x.value)
+    for move in program.moves:
+        if isinstance(move, Event) and move.changes_tool:
+            tool = tool_name(move.value)
             if tool == name:
-                moves += [*states.values(), x]
+                moves += [*states.values(), move]
                 states = {}
         elif tool == name:
-            moves.append(x)
+            moves.append(move)
         else:
-            events = x.events if isinstance(x, Contour) else (x,)
+            events = move.events if isinstance(move, Contour) else (move,)
             output_events = (y for y in events if isinstance(y, Event))
             states |= {
-                y.name: dataclasses.replace(y, s=0.0, lead_time=0.0, lead_distance=0.0)
-                for y in output_events
+                y.name: replace(y, s=0.0, lead_time=0.0, lead_distance=0.0) for y in output_events
             }
-    return dataclasses.replace(program, moves=tuple(moves))
+    return replace(program, moves=tuple(moves))

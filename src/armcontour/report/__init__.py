@@ -1,4 +1,4 @@
-"""The report of a study: the only package that plots."""
+"""HTML reports of results; the only package that plots."""
 
 from armcontour.report.report import render_batch as render_batch
 from armcontour.report.report import render_demo as render_demo

@@ -1,7 +1,4 @@
-"""Figures in the words of plotly.js, as plain data that is written as JSON once.
-
-The classes of plotly.py check and copy every value, which takes longer than all else in a report.
-"""
+"""Figures for plotly.js as plain data, without the slow checks of plotly.py."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ from armcontour._version import __version__
 from armcontour.core.palette import VERDICTS
 from armcontour.core.render import number
 
-# Types of arrays that plotly.js reads from base64, by their names there.
+# Array types that plotly.js reads from base64, by numpy type.
 TYPES = {
     "int8": "i1",
     "int16": "i2",
@@ -29,11 +26,11 @@ TYPES = {
 }
 # Characters that could end a script, as they are written in JSON.
 UNSAFE = {"<": "\\u003c", ">": "\\u003e", "/": "\\u002f"}
-# Nothing is done with points that are selected.
+# Without tools for selection, which has no effect.
 CONFIG = {"displaylogo": False, "modeBarButtonsToRemove": ["select2d", "lasso2d"]}
-# Least width of a plot of several in a row [pixels].
+# Smallest width of a plot in a row of several [px].
 LEAST_WIDTH = 260
-# A sentence that is seen where a figure is wider than the page.
+# Shown if a figure is wider than the page.
 HINT = (
     '<p class="hint" aria-hidden="true">The figure goes on at the right: scroll it, or use the '
     "arrow keys.</p>"
@@ -41,7 +38,7 @@ HINT = (
 
 
 class Node(dict[str, Any]):
-    """A part of a figure; its keys are attributes, and a key that it lacks is None."""
+    """A part of a figure with keys as attributes; a missing key is None."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         super().__init__()
@@ -54,7 +51,7 @@ class Node(dict[str, Any]):
         self.merge({name: value})
 
     def merge(self, values: Mapping[str, Any]) -> None:
-        """Set values that are not None, and merge mappings into what there is."""
+        """Set values that are not None, and merge mappings."""
         for name, value in values.items():
             if value is None:
                 continue
@@ -76,13 +73,10 @@ def make_trace(kind: str, **values: Any) -> Node:
 
 
 class Figure:
-    """A figure: its traces, its layout, and the frames of its animation.
+    """Traces, layout and animation frames of a figure.
 
-    Args:
-        data: The first traces.
-        axes: Pairs of axes, as "xaxis2" and "yaxis2", by rows and columns from 1; with none the
-            figure has one plot.
-        least: Least width [pixels]; on a page that is narrower the figure is scrolled.
+    `axes` are names by row and column from 1, one plot by default; a page narrower than `least`
+    [px] scrolls the figure.
     """
 
     def __init__(
@@ -100,22 +94,22 @@ class Figure:
         self._axes = {(1, 1): ("xaxis", "yaxis")} if axes is None else axes
 
     def add_trace(self, added: Node, row: int | None = None, col: int | None = None) -> None:
-        """Add a trace, to the plot in a row and column if there are several."""
+        """Add a trace, by default to the first plot."""
         if row is not None and col is not None:
             x, y = self._axes[row, col]
             added.merge({"xaxis": _short(x), "yaxis": _short(y)})
         self.data.append(added)
 
     def add_hline(self, y: float, line: Mapping[str, Any], row: int = 1, col: int = 1) -> None:
-        """Add a horizontal line across the plot in a row and column."""
+        """Add a horizontal line across a plot."""
         x_name, y_name = map(_short, self._axes[row, col])
         place = {"x0": 0, "x1": 1, "xref": f"{x_name} domain", "y0": y, "y1": y, "yref": y_name}
         self.add_shapes([{"type": "line", "line": line, **place}])
 
-    def add_vspan(self, x: tuple[float, float], colour: str, row: int, col: int) -> None:
-        """Shade an interval of the plot in a row and column."""
+    def add_vspan(self, interval: tuple[float, float], colour: str, row: int, col: int) -> None:
+        """Shade an interval of a plot."""
         x_name, y_name = map(_short, self._axes[row, col])
-        place = {"x0": x[0], "x1": x[1], "xref": x_name, "yref": f"{y_name} domain"}
+        place = {"x0": interval[0], "x1": interval[1], "xref": x_name, "yref": f"{y_name} domain"}
         look = {"fillcolor": colour, "line": {"width": 0}, "layer": "below"}
         self.add_shapes([{"type": "rect", "y0": 0.0, "y1": 1.0, **place, **look}])
 
@@ -132,30 +126,26 @@ class Figure:
         self.layout.merge(values)
 
     def update_xaxes(self, row: int | None = None, col: int | None = None, **values: Any) -> None:
-        """Merge values into the x axes of all plots, or of the plot in a row and column."""
+        """Merge values into the x axes of all plots, or of one."""
         self._update_axes(0, row, col, values)
 
     def update_yaxes(self, row: int | None = None, col: int | None = None, **values: Any) -> None:
-        """Merge values into the y axes of all plots, or of the plot in a row and column."""
+        """Merge values into the y axes of all plots, or of one."""
         self._update_axes(1, row, col, values)
 
     def _update_axes(
-        self, which: int, row: int | None, col: int | None, values: Mapping[str, Any]
+        self, index: int, row: int | None, col: int | None, values: Mapping[str, Any]
     ) -> None:
         for place, names in self._axes.items():
             if row in (None, place[0]) and col in (None, place[1]):
-                self.layout.merge({names[which]: values})
+                self.layout.merge({names[index]: values})
 
     def to_html(self, key: str) -> str:
-        """The figure with its title as a part of a page of `render_page`.
-
-        Args:
-            key: Identifier of the figure on the page.
-        """
+        """The figure with its title for a page of `render_page`; `key` is its identifier."""
         layout = {name: x for name, x in self.layout.items() if name != "title" and x != []}
         title = self.layout.title.text
         saved = {**CONFIG, "toImageButtonOptions": {"filename": title}}
-        given = ",".join(map(to_json, (key, self.data, layout, saved, self.frames)))
+        arguments = ",".join(map(to_json, (key, self.data, layout, saved, self.frames)))
         size = f"height:{layout['height']}px;min-width:{self._least}px"
         label = f'aria-labelledby="{key}-title"'
         return (
@@ -163,7 +153,7 @@ class Figure:
             f'<figcaption class="plotly-title" id="{key}-title">{escape(title)}</figcaption>'
             f'<div class="scroll" role="group" {label}>'
             f'<div id="{key}" class="plotly-graph-div" style="{size}"></div></div>'
-            f"{HINT}<script>draw({given});</script></figure>"
+            f"{HINT}<script>draw({arguments});</script></figure>"
         )
 
 
@@ -177,19 +167,9 @@ def make_subplots(
     subplot_titles: Sequence[str] = (),
     column_titles: Sequence[str] = (),
 ) -> Figure:
-    """A figure of several plots.
-
-    Args:
-        rows: Number of rows, counted from the top.
-        cols: Number of columns.
-        shared_xaxes: Whether the plots of a column have the same x axis, with labels at the last.
-        vertical_spacing: Space between rows, as a share of the height.
-        row_heights: Relative heights of the rows.
-        subplot_titles: Titles of the plots, row by row.
-        column_titles: Titles of the columns.
-    """
-    left, right = _spans([1.0] * cols, 0.2 / cols)
-    # Rows are placed from below.
+    """A figure of several plots; `vertical_spacing` is a share of the height."""
+    start, end = _spans([1.0] * cols, 0.2 / cols)
+    # Rows are placed from the bottom.
     heights = list(row_heights or [1.0] * rows)[::-1]
     bottom, top = (x[::-1] for x in _spans(heights, vertical_spacing))
     places = [(r, c) for r in range(rows) for c in range(cols)]
@@ -205,7 +185,7 @@ def make_subplots(
     for k, ((r, c), name) in enumerate(zip(places, names, strict=True)):
         figure.update_layout(
             **{
-                f"xaxis{name}": {"anchor": f"y{name}", "domain": [left[c], right[c]]},
+                f"xaxis{name}": {"anchor": f"y{name}", "domain": [start[c], end[c]]},
                 f"yaxis{name}": {"anchor": f"x{name}", "domain": [bottom[r], top[r]]},
             }
         )
@@ -213,9 +193,9 @@ def make_subplots(
             last = f"x{names[(rows - 1) * cols + c]}"
             figure.update_xaxes(r + 1, c + 1, matches=last, showticklabels=False)
         if k < len(subplot_titles):
-            titles.append(_title(subplot_titles[k], (left[c] + right[c]) / 2, top[r]))
+            titles.append(_title(subplot_titles[k], (start[c] + end[c]) / 2, top[r]))
     titles += [
-        _title(text, (left[c] + right[c]) / 2, max(top)) for c, text in enumerate(column_titles)
+        _title(text, (start[c] + end[c]) / 2, max(top)) for c, text in enumerate(column_titles)
     ]
     figure.add_annotations(titles)
     return figure
@@ -245,16 +225,12 @@ def _title(text: str, x: float, y: float) -> dict[str, Any]:
 
 
 def _short(axis: str) -> str:
-    """What traces call an axis: "x2" for "xaxis2"."""
+    """Name of an axis in traces: "x2" for "xaxis2"."""
     return axis.replace("axis", "")
 
 
 def render_page(**values: Any) -> str:
-    """Render a page with figures, without other files.
-
-    Args:
-        values: What the template shows.
-    """
+    """Render a self-contained page with figures from values of the template."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
@@ -274,7 +250,7 @@ def render_page(**values: Any) -> str:
 
 @cache
 def _packed_plotly() -> str:
-    """The script that draws figures, compressed by gzip, in base64."""
+    """The script plotly.js, compressed by gzip, in base64."""
     return base64.b64encode(_vendored("plotly.js.gz")).decode()
 
 
@@ -286,7 +262,7 @@ def _vendored(name: str) -> bytes:
 
 
 def to_json(value: Any) -> str:
-    """JSON for a script of a page; what is not a number is null."""
+    """JSON for a script of a page; NaN and infinity are null."""
     text = json.dumps(value, default=_plain, separators=(",", ":"))
     if "NaN" in text or "Infinity" in text:
         text = json.dumps(json.loads(text, parse_constant=lambda x: None), separators=(",", ":"))
@@ -296,10 +272,10 @@ def to_json(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """An array or a number of numpy, for JSON."""
+    """A numpy array or number for JSON."""
     if isinstance(value, np.ndarray) and value.size:
         if value.dtype == np.int64:
-            # plotly.js has no whole numbers of 64 bits.
+            # plotly.js has no 64-bit integers.
             value = value.astype(np.min_scalar_type(-1 - int(np.abs(value).max())))
         kind = TYPES.get(str(value.dtype))
         if kind is not None:

@@ -1,4 +1,4 @@
-"""Reduce long curves to few points, so that the error of the drawing is not visible."""
+"""Reduction of long curves to few points without a visible error."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from armcontour.program import Program
 # Largest error of a drawn curve, as a share of the drawing's size, that is not visible.
 VISIBLE = 1 / 5000
 # Largest number of points in one drawing; more points are loaded, but not visible.
-MOST_DRAWN = 20_000
+MAX_DRAWN = 20_000
 # Largest number of points to choose from, so that any curve is simplified in about a second.
-MOST_SAMPLED = 200_000
+MAX_SAMPLED = 200_000
 # Number of evenly spaced points that are always drawn, so that enlarged details show.
 EVEN = 4000
 # Chords of a full circle.
@@ -26,18 +26,12 @@ def outline_points(program: Program) -> FloatArray:
     """Points that draw the contours of a program, with a gap (NaN) after each contour."""
     curves = [x.path(fine_places(x.path)) for x in program.contours]
     gap = np.full((1, program.dimension), np.nan)
-    kept = simplify(curves)
-    return np.concatenate([y for x, few in zip(curves, kept, strict=True) for y in (x[few], gap)])
+    chosen = simplify(curves)
+    return np.concatenate([y for x, few in zip(curves, chosen, strict=True) for y in (x[few], gap)])
 
 
 def fine_places(path: Path, start: float = 0.0, end: float | None = None) -> FloatArray:
-    """Arc lengths along a path [m]: ends of segments, and chords of arcs.
-
-    Args:
-        path: The path.
-        start: The first arc length [m].
-        end: The last arc length [m]; by default the end of the path.
-    """
+    """Arc lengths along a path, by default all of it [m]: ends of segments, and chords of arcs."""
     last = path.length if end is None else end
     chords = np.ceil(path.curvatures * path.lengths / (2 * np.pi) * CHORDS).astype(int)
     inner = [
@@ -45,84 +39,69 @@ def fine_places(path: Path, start: float = 0.0, end: float | None = None) -> Flo
         for i in np.flatnonzero(chords > 1)
     ]
     places = np.union1d(path.breaks, np.concatenate(inner)) if inner else path.breaks
-    kept = places[(places > start) & (places < last)]
-    return np.concatenate([[start], kept, [last]])
+    inside = places[(places > start) & (places < last)]
+    return np.concatenate([[start], inside, [last]])
 
 
 def simplify(
     curves: Sequence[FloatArray],
-    most: int = MOST_DRAWN,
+    count: int = MAX_DRAWN,
     *,
     even: int = EVEN,
     visible: float | None = None,
 ) -> list[IntArray]:
-    """Choose points of curves, so that lines between these points show the curves.
+    """Indices of at most about `count` points of each curve whose chords represent the curves.
 
-    Every part between two chosen points is split at its largest distance from the line between
-    them, all parts at once, until no distance is visible or the number of points is reached
-    (Ramer, Douglas and Peucker).
-
-    Args:
-        curves: Points, (n, dimension) each.
-        most: Largest number of points; the ends of every curve are always chosen.
-        even: Approximate number of evenly spaced points that are always chosen.
-        visible: Largest distance that is not visible; by default a share of the size of all curves.
-
-    Returns:
-        Indices of the chosen points of every curve.
+    All parts are split at once at their largest distance from the chord, until no distance is
+    visible (Ramer, Douglas and Peucker). About `even` points are evenly spaced. The distance
+    `visible` is by default a share of the size of all curves.
     """
-    step = max(1, sum(map(len, curves)) // MOST_SAMPLED)
+    step = max(1, sum(map(len, curves)) // MAX_SAMPLED)
     sampled = [np.append(np.arange(0, len(x) - 1, step), len(x) - 1) for x in curves]
     points = np.concatenate([x[at] for x, at in zip(curves, sampled, strict=True)])
     lasts = np.cumsum([len(x) for x in sampled])
-    kept = np.zeros(len(points), dtype=bool)
-    kept[np.append(0, lasts[:-1])] = kept[lasts - 1] = True
-    # Evenly spaced points from the start: a spiral would be split one turn at a time.
-    kept[:: max(1, len(points) // even)] = True
-    ends = np.flatnonzero(kept)
+    chosen = np.zeros(len(points), dtype=bool)
+    chosen[np.append(0, lasts[:-1])] = chosen[lasts - 1] = True
+    # Without evenly spaced points, a spiral would be split turn by turn.
+    chosen[:: max(1, len(points) // even)] = True
+    ends = np.flatnonzero(chosen)
     within = ~np.isin(ends[:-1], lasts - 1)
     start, end = ends[:-1][within], ends[1:][within]
     size = float(np.ptp(points, axis=0).max())
     invisible = (VISIBLE * size if visible is None else visible) ** 2
-    room = most - int(kept.sum())
+    room = count - int(chosen.sum())
     while room > 0:
         long = end - start > 1
         start, end = start[long], end[long]
         if not len(start):
             break
-        off, middle = _farthest(points, start, end)
-        split = np.flatnonzero(off > invisible)
+        distance, middle = _farthest(points, start, end)
+        split = np.flatnonzero(distance > invisible)
         if len(split) > room:
-            split = split[np.argsort(-off[split], kind="stable")[:room]]
+            split = split[np.argsort(-distance[split], kind="stable")[:room]]
         start, middle, end = start[split], middle[split], end[split]
-        kept[middle] = True
+        chosen[middle] = True
         room -= len(split)
         start, end = np.concatenate([start, middle]), np.concatenate([middle, end])
-    parts = np.split(kept, lasts[:-1])
+    parts = np.split(chosen, lasts[:-1])
     return [at[which] for at, which in zip(sampled, parts, strict=True)]
 
 
 def _farthest(points: FloatArray, start: IntArray, end: IntArray) -> tuple[FloatArray, IntArray]:
-    """Largest squared distance of curves from the lines between two of their points, and where.
-
-    Args:
-        points: Points of all curves, (n, dimension).
-        start: Indices of the first points of the lines.
-        end: Indices of the last points of the lines.
-    """
+    """Largest squared distance of curves from chords between point indices, and its indices."""
     counts = end - start - 1
     first = np.cumsum(counts) - counts
-    of = np.repeat(np.arange(len(start)), counts)
-    inner = np.arange(len(of)) - first[of] + start[of] + 1
-    away = points[inner] - points[start][of]
+    line = np.repeat(np.arange(len(start)), counts)
+    inner = np.arange(len(line)) - first[line] + start[line] + 1
+    away = points[inner] - points[start][line]
     along = points[end] - points[start]
     square = np.einsum("ij,ij->i", along, along)
     # A line of length 0, of a closed curve, is a point.
     along = along / np.where(square > 0, square, np.inf)[:, None]
-    share = np.clip(np.einsum("ij,ij->i", away, along[of]), 0.0, 1.0)
-    away -= share[:, None] * (points[end] - points[start])[of]
-    off = np.einsum("ij,ij->i", away, away)
-    largest = np.maximum.reduceat(off, first)
-    at = np.flatnonzero(off == largest[of])
-    _, which = np.unique(of[at], return_index=True)
-    return largest, inner[at[which]]
+    share = np.clip(np.einsum("ij,ij->i", away, along[line]), 0.0, 1.0)
+    away -= share[:, None] * (points[end] - points[start])[line]
+    squares = np.einsum("ij,ij->i", away, away)
+    largest = np.maximum.reduceat(squares, first)
+    candidates = np.flatnonzero(squares == largest[line])
+    _, first_of_line = np.unique(line[candidates], return_index=True)
+    return largest, inner[candidates[first_of_line]]

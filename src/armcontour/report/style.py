@@ -1,4 +1,4 @@
-"""Colours, fonts and layout of all figures."""
+"""Colours, fonts and layout of figures."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ PLANNED_COLOUR, EXECUTED_COLOUR = LINES["planned"], LINES["executed"]
 EXPERIMENT_COLOUR, SATURATION_COLOUR = LINES["experiment"], LINES["saturated"]
 # An experiment has its run's colour.
 EXPERIMENT_DASH = "dot"
-# A logarithmic axis that is longer than this has numbers at powers of ten only.
+# Ratio above which a logarithmic axis has labels at powers of ten only.
 DECADES = 1e3
 # Width of a page, in sixths.
 WHOLE = 6
 # Largest number of points in one curve; more points are not visible.
-MOST_POINTS = 2400
+MAX_POINTS = 2400
 # Largest number of sentences of one kind.
-MOST_SENTENCES = 6
+MAX_SENTENCES = 6
 # Largest number of switching points with labels; more labels would overlap.
-MOST_LABELS = 40
+MAX_LABELS = 40
 
 
 def run_colours(names: Iterable[str]) -> dict[str, str]:
@@ -40,54 +40,42 @@ def run_widths(names: Iterable[str]) -> dict[str, float]:
     return {name: min(1.5 + 1.3 * (len(listed) - 1 - i), 7.0) for i, name in enumerate(listed)}
 
 
-def thin(t: FloatArray, *curves: FloatArray, most: int = MOST_POINTS) -> list[FloatArray]:
-    """Times and curves reduced to about `most` points; peaks, gaps (NaN) and ends are kept.
+def thin(t: FloatArray, *curves: FloatArray, most: int = MAX_POINTS) -> list[FloatArray]:
+    """Times and curves (n,) reduced to about `most` points.
 
-    Ends beside gaps are kept, too, so that every part of a curve begins and ends where it does.
-
-    Args:
-        t: Times, (n,).
-        curves: Values, (n,) each; every interval of time keeps the extremes of every curve.
-        most: Approximate number of points.
+    Each interval keeps the extremes of every curve; gaps (NaN) and the ends next to them remain.
     """
     n = len(t)
     bins = most // (2 * max(1, len(curves)))
     if n <= most:
         return [t, *curves]
     size = int(np.ceil(n / bins))
-    kept = {0, n - 1}
+    chosen = {0, n - 1}
     for curve in curves:
         gaps = np.isnan(curve)
-        at = np.flatnonzero(gaps)
-        beside = np.concatenate([at - 1, at, at + 1])
-        kept |= set(beside[(beside >= 0) & (beside < n)].tolist())
+        indices = np.flatnonzero(gaps)
+        beside = np.concatenate([indices - 1, indices, indices + 1])
+        chosen |= set(beside[(beside >= 0) & (beside < n)].tolist())
         for sign in (1, -1):
-            # Gaps must not be chosen as peaks.
+            # Gaps are not peaks.
             peaks = np.where(gaps, -np.inf, sign * curve)
             padded = np.append(peaks, np.full(-n % size, -np.inf)).reshape(-1, size)
             first = np.arange(len(padded)) * size
-            kept |= set(np.minimum(first + padded.argmax(axis=1), n - 1).tolist())
-    order = np.array(sorted(kept))
+            chosen |= set(np.minimum(first + padded.argmax(axis=1), n - 1).tolist())
+    order = np.array(sorted(chosen))
     return [t[order], *(x[order] for x in curves)]
 
 
-def few(sentences: Iterable[str], what: str = "of these") -> tuple[str, ...]:
-    """The first sentences of a list, and the number of other sentences."""
-    found = tuple(sentences)
-    if len(found) <= MOST_SENTENCES:
-        return found
-    return (*found[:MOST_SENTENCES], f"And {len(found) - MOST_SENTENCES} more {what}.")
+def few(sentences: Iterable[str], noun: str = "of these") -> tuple[str, ...]:
+    """The first sentences of a list, and the number of the others."""
+    listed = tuple(sentences)
+    if len(listed) <= MAX_SENTENCES:
+        return listed
+    return (*listed[:MAX_SENTENCES], f"And {len(listed) - MAX_SENTENCES} more {noun}.")
 
 
 def finish(figure: Any, *, title: str, height: int = 320, span: int = WHOLE) -> Any:
-    """Apply the layout of all figures.
-
-    Args:
-        figure: The figure.
-        title: Its title.
-        height: Its height [px].
-        span: Its width in a section, in sixths.
-    """
+    """Apply the common layout; height in px, width (span) in sixths of the page."""
     if span < WHOLE:
         figure.span = span
     figure.update_layout(
@@ -102,7 +90,7 @@ def finish(figure: Any, *, title: str, height: int = 320, span: int = WHOLE) -> 
         hovermode="closest",
     )
     axes = {"showline": True, "linecolor": "#444444", "ticks": "outside", "zeroline": False}
-    # Ticks such as 100µ on an axis in mm would be read as µm.
+    # Labels such as 100µ on an axis in mm would be read as µm.
     figure.update_xaxes(**axes, exponentformat="power")
     figure.update_yaxes(**axes, exponentformat="power")
     for letter in "xy":
@@ -115,15 +103,15 @@ def finish(figure: Any, *, title: str, height: int = 320, span: int = WHOLE) -> 
 
 def _log_ticks(values: FloatArray) -> dict[str, Any]:
     """Ticks of a logarithmic axis: at 1, 2 and 5, on a long one at powers of ten."""
-    found = values[np.isfinite(values) & (values > 0)]
-    wide = len(found) > 0 and found.max() > DECADES * found.min()
+    positive = values[np.isfinite(values) & (values > 0)]
+    wide = len(positive) > 0 and positive.max() > DECADES * positive.min()
     return {"dtick": 1} if wide else {"tickformat": "~g", "dtick": "D2"}
 
 
-def line(x: Any, y: Any, name: str, colour: str, **more: Any) -> Any:
-    """A curve of a figure, in single precision, which halves the size of the page."""
-    dash = more.pop("dash", "solid")
-    width = more.pop("width", 2)
+def line(x: Any, y: Any, name: str, colour: str, **options: Any) -> Any:
+    """A curve in single precision, which halves the size of the page."""
+    dash = options.pop("dash", "solid")
+    width = options.pop("width", 2)
     return make_trace(
         "scatter",
         x=np.asarray(x, dtype=np.float32),
@@ -131,22 +119,22 @@ def line(x: Any, y: Any, name: str, colour: str, **more: Any) -> Any:
         name=name,
         mode="lines",
         line={"color": colour, "dash": dash, "width": width},
-        **more,
+        **options,
     )
 
 
 def switching_labels(figure: Any, times: FloatArray) -> None:
-    """Draw the switching points P0, P1, ... on the first time axis, unless there are too many."""
-    if len(times) > MOST_LABELS:
+    """Draw the switching points P0, P1, ... on the first time axis, up to a number."""
+    if len(times) > MAX_LABELS:
         return
     line = {"color": "#BBBBBB", "width": 1, "dash": "dot"}
     shapes, labels = [], []
     for k, t in enumerate(times):
-        at = {"xref": "x", "yref": "y domain"}
+        axes = {"xref": "x", "yref": "y domain"}
         shapes.append(
-            {"type": "line", "x0": float(t), "x1": float(t), "y0": 0, "y1": 1, "line": line, **at}
+            {"type": "line", "x0": float(t), "x1": float(t), "y0": 0, "y1": 1, "line": line, **axes}
         )
         label = {"text": f"P{k}", "showarrow": False, "font": {"size": 10}, "yanchor": "bottom"}
-        labels.append({"x": float(t), "y": 1, **label, **at})
+        labels.append({"x": float(t), "y": 1, **label, **axes})
     figure.add_shapes(shapes)
     figure.add_annotations(labels)

@@ -115,11 +115,7 @@ def compare_limits(limits: Limits, arm: Arm) -> str:
 
 
 def _as_ceilings(name: str, values: npt.ArrayLike, dof: int) -> FloatArray:
-    """Values of a limit as upper bounds, (1, 1), (1, dof), or (2, dof) with negative lower bounds.
-
-    Returns:
-        (1, 1), (1, dof) or (2, dof).
-    """
+    """Upper bounds of a limit, (1, 1) or (1, dof); with negative lower bounds (2, dof)."""
     array = np.asarray(values, dtype=np.float64)
     if name in TOOL_LIMITS:
         return array.reshape(1, 1)
@@ -133,9 +129,14 @@ def _as_ceilings(name: str, values: npt.ArrayLike, dof: int) -> FloatArray:
 class Arm(Immutable, ABC):
     """An arm with its kinematics and limits.
 
-    Arrays have one row per state: (n, dof) for the joints, (n, dimension) for the tool.
+    Methods take joint positions q [rad] and their derivatives dq, ddq, dddq by time, (..., dof)
+    each, and return tool vectors, (..., dimension). An arm is immutable; `with_limits` and similar
+    methods return another one.
 
-    Once made, an arm does not change; `with_limits` and the like give another one.
+    >>> arm.name, arm.dof, arm.dimension
+    ('PMK-3s', 2, 2)
+    >>> arm.forward([0.0, 0.0])[:2, 3]
+    array([0.135, 0.465])
 
     Attributes:
         name: Name of the arm, for messages and reports.
@@ -223,7 +224,7 @@ class Arm(Immutable, ABC):
 
     @property
     def knows_shapes(self) -> bool:
-        """Whether shapes are known and their files can be read."""
+        """True if shapes are known and their files can be read."""
         try:
             return self.shapes is not None
         except InvalidInput:
@@ -311,10 +312,8 @@ class Arm(Immutable, ABC):
         return other
 
     def _rows(self, *states: npt.ArrayLike) -> tuple[tuple[int, ...], list[FloatArray]]:
-        """Leading shape and rows of the given states, (rows, dof) each.
-
-        The shapes are checked because compiled code would read past the end of a short row.
-        """
+        """Leading shape and rows of the given states, (rows, dof) each."""
+        # The shapes are checked because compiled code would read past the end of a short row.
         arrays = [checks.floats("states of an arm", x) for x in states]
         shape = arrays[0].shape
         if shape[-1:] != (self.dof,) or any(x.shape != shape for x in arrays):
@@ -341,7 +340,7 @@ class Arm(Immutable, ABC):
 
     @property
     def has_bodies(self) -> bool:
-        """Whether the masses of the links are known."""
+        """True if the masses of the links are known."""
         return self.chain is not None and self.chain.masses is not None
 
     @cached_property

@@ -26,7 +26,7 @@ from armcontour.core.quantities import (
     ViscousFrictions,
 )
 
-# What is changed in a chain again and again, and checks itself.
+# Fields that are changed often and have their own checks.
 FRAMES = frozenset(("base", "tip", "tool", "payload"))
 GRAVITY = checks.frozen_array([0.0, 0.0, -9.81])
 LENGTH, INERTIA = Quantity("m"), Quantity("kg m^2")
@@ -36,6 +36,10 @@ LENGTH, INERTIA = Quantity("m"), Quantity("kg m^2")
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Payload(Checked):
     """A load at the tool, in the frame of the chain's tip.
+
+    >>> payload = ac.Payload(mass=2.0, center=(0.0, 0.0, 0.05))
+    >>> arm.with_dynamics(payload=payload).has_bodies
+    True
 
     Args:
         mass: Mass of the load [kg].
@@ -86,11 +90,11 @@ class Chain(Checked):
             axis.
         gravity: Acceleration of gravity in the frame of the base [m/s²], (3,).
         payload: Load at the tip.
-        assumed: Which data are assumed, and by which rule; empty if none are.
+        assumed: Assumed data, with the rule for them; empty if none are assumed.
 
     Raises:
-        InvalidInput: Shapes of arrays do not fit, a rotation is none, or no body can have the mass
-            or inertia of a link.
+        InvalidInput: Shapes of arrays do not fit, a matrix is not a rotation, or no body can have
+            the mass or inertia of a link.
     """
 
     joints: Annotated[tuple[Name, ...], Axes("joints")]
@@ -121,7 +125,7 @@ class Chain(Checked):
         for name in ("armature", "viscous", "coulomb"):
             if getattr(self, name) is None:
                 object.__setattr__(self, name, checks.frozen_array(np.zeros(n)))
-        # They are kept as given: only what is no rotation is refused.
+        # Rotations are checked but not made orthonormal again.
         rotations("rotations of a chain", self.rotations)
         if (np.abs(np.linalg.norm(self.axes, axis=1) - 1) > 1e-9).any():
             raise InvalidInput("The axes of a chain must be unit vectors.")
@@ -146,71 +150,59 @@ class Chain(Checked):
         """A copy of the chain with some of its data changed."""
         if not FRAMES.issuperset(changes):
             return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
-        # Looking at all links anew would take a millisecond.
-        found = copy(self)
+        # A check of all links would take a millisecond.
+        chain = copy(self)
         for name, value in changes.items():
-            object.__setattr__(found, name, value)
-        return found
+            object.__setattr__(chain, name, value)
+        return chain
 
 
 def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
-    """Frames of the base and of all links in the work frame, (n, dof + 1, 3, 4).
-
-    Args:
-        chain: The chain.
-        q: Joint positions [rad], (n, dof).
-    """
+    """Frames of the base and of all links in the work frame, (n, dof + 1, 3, 4)."""
+    # q (n, dof) [rad].
     from armcontour.robot.kernels import frames_of
 
     joints = frames_of(link_table(chain), checks.kernel_array(np.asarray(q, dtype=np.float64)))
-    found = np.empty_like(joints)
-    found[:, 0] = chain.base.matrix
-    found[:, 1:, :, :3] = joints[:, :-1, :, :3] @ np.swapaxes(joint_frames(chain), 1, 2)
-    found[:, 1:, :, 3] = joints[:, :-1, :, 3]
-    return found
+    poses = np.empty_like(joints)
+    poses[:, 0] = chain.base.matrix
+    poses[:, 1:, :, :3] = joints[:, :-1, :, :3] @ np.swapaxes(joint_frames(chain), 1, 2)
+    poses[:, 1:, :, 3] = joints[:, :-1, :, 3]
+    return poses
 
 
 def link_table(chain: Chain) -> FloatArray:
-    """The chain as compiled kinematics take it, (dof + 1, 12).
-
-    Rows have rotation and position of the frames of all joints and of the tool, each in the one
-    before, with z along the joint axis. The first is in the work frame.
-
-    Args:
-        chain: The chain.
-    """
-    found, end = np.empty((len(chain) + 1, 12)), chain.tip @ chain.tool
+    """The chain as compiled kinematics take it, (dof + 1, 12)."""
+    # Rows have rotation and position of the frames of all joints and of the tool, each in the one
+    # before, with z along the joint axis. The first is in the work frame.
+    table, end = np.empty((len(chain) + 1, 12)), chain.tip @ chain.tool
     turns = [*joint_frames(chain), np.eye(3)]
     rotations = [*chain.rotations, end.rotation]
     positions = [*chain.positions, end.position]
-    before, place = chain.base.rotation, chain.base.position
-    for own, rotation, position, turn in zip(found, rotations, positions, turns, strict=True):
-        own[:9] = (before @ rotation @ turn).ravel()
-        own[9:] = place + before @ position
-        before, place = turn.T, np.zeros(3)
-    return checks.frozen_array(found)
+    before, offset = chain.base.rotation, chain.base.position
+    for row, rotation, position, turn in zip(table, rotations, positions, turns, strict=True):
+        row[:9] = (before @ rotation @ turn).ravel()
+        row[9:] = offset + before @ position
+        before, offset = turn.T, np.zeros(3)
+    return checks.frozen_array(table)
 
 
 def joint_frames(chain: Chain) -> FloatArray:
     """Rotations of frames with z along the joint axes, in the frames of the links, (n, 3, 3)."""
-    found = np.tile(np.eye(3), (len(chain), 1, 1))
-    for frame, axis in zip(found, chain.axes, strict=True):
+    frames = np.tile(np.eye(3), (len(chain), 1, 1))
+    for frame, axis in zip(frames, chain.axes, strict=True):
         if axis[2] != 1.0:
             across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
             frame[:, 0] = across / np.linalg.norm(across)
             frame[:, 1], frame[:, 2] = np.cross(axis, frame[:, 0]), axis
-    return found
+    return frames
 
 
 def join_bodies(
     bodies: Sequence[tuple[float, FloatArray, FloatArray]],
 ) -> tuple[float, FloatArray, FloatArray]:
-    """Mass [kg], centre of mass [m] and inertia about it [kg m²] of bodies fixed to each other.
-
-    Args:
-        bodies: Mass, centre of mass, (3,), and inertia about it, (3, 3), of each body, in the same
-            frame. The sum of the masses must be above zero.
-    """
+    """Mass [kg], centre of mass [m] and inertia about it [kg m²] of bodies fixed to each other."""
+    # bodies: mass, centre, (3,), and inertia, (3, 3), of each, in one frame; the masses have a
+    # positive sum.
     masses, centers, inertias = (np.array(x) for x in zip(*bodies, strict=True))
     mass = float(masses.sum())
     center = masses @ centers / mass
@@ -222,16 +214,8 @@ def join_bodies(
 
 
 def check_inertia(who: str, inertia: npt.ArrayLike) -> None:
-    """Refuse an inertia matrix that no body can have.
-
-    Args:
-        who: Name of the body, for the message.
-        inertia: Inertia about the centre of mass [kg m²], (3, 3).
-
-    Raises:
-        InvalidInput: The matrix is not symmetric, or its principal moments are negative or break
-            the triangle inequality.
-    """
+    """Refuse an inertia matrix that no body can have."""
+    # inertia (3, 3) [kg m²].
     matrix = np.asarray(inertia, dtype=np.float64)
     size = float(np.abs(matrix).max())
     if np.abs(matrix - matrix.T).max() > 1e-9 * size:

@@ -1,9 +1,9 @@
-"""Closed-form inverse kinematics of six joints, of which 2 and 3 are parallel.
+"""Closed-form inverse kinematics of six joints, of which 2 and 3 are parallel."""
 
-Either joint 4 is parallel to them and the axes 5 and 6 meet, as in the arms of Universal Robots, or
-the axes 4, 5 and 6 meet in a wrist. Axes and points are those with all joints at 0, in the frame of
-the base; the formulas are products of rotations about these axes (Murray, Li and Sastry, 1994).
-"""
+# Either joint 4 is parallel to them and the axes 5 and 6 meet, as in the arms of Universal Robots,
+# or the axes 4, 5 and 6 meet in a wrist. Axes and points are those with all joints at 0, in the
+# frame of the base; the formulas are products of rotations about these axes
+# (Murray, Li and Sastry, 1994).
 
 from __future__ import annotations
 
@@ -48,17 +48,10 @@ class Axis(NamedTuple):
     def meet(
         self, v: FloatArray, along: FloatArray, component: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Rotation angles that give vectors a prescribed component along a direction.
-
-        Args:
-            v: The vectors, (..., 3).
-            along: The direction, (3,).
-            component: The component, (...).
-
-        Returns:
-            Missing part of the component, negative if two angles exist, (...), and the angles
-            [rad], (..., 2); equal if the component cannot be reached.
-        """
+        """Rotation angles that give vectors a prescribed component along a direction."""
+        # along (3,).
+        # Returns missing part of the component, negative if two angles exist, (...), and the angles
+        # [rad], (..., 2); equal if the component cannot be reached.
         fixed = (v @ self.along) * float(self.along @ along)
         a, b, needed = v @ along - fixed, (v @ self.cross.T) @ along, component - fixed
         size = np.hypot(a, b)
@@ -68,50 +61,31 @@ class Axis(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """Quantities that upper arm and forearm have to bridge for n poses; m is 2, or 1 for a wrist.
+    """Quantities that upper arm and forearm must bridge for n poses; m is 2, or 1 for a wrist."""
 
-    Args:
-        turned: Rotation of the last link from its position with all joints at 0, (n, 3, 3).
-        lacking: Distance from the plane of both links to the center, negative if they meet [m],
-            (n,).
-        first: Angles of the first joint [rad], (n, 2).
-        wanted: Direction of axis 6 with the first joint at 0, (n, 2, 3).
-        fifth: Angles of joint 5 [rad], (n, 2, m); 0 for a wrist.
-        bend: Sum of the angles of joints 2, 3 and 4 [rad], (n, 2, m); 0 for a wrist.
-        open: Whether joint 5 can give axis 6 the required direction, (n, 2, m).
-        flat: Whether axis 6 is then nearly parallel to axis 2, (n, 2, m).
-        way: Vector in the plane from joint 2 to the end of the forearm, (n, 2, m, 3).
-        gap: Length that the links lack, negative if they are long enough [m], (n, 2, m).
-    """
-
+    # Rotation of the last link from its position with all joints at 0, (n, 3, 3).
     turned: FloatArray
+    # Distance from the plane of both links to the center, negative if they meet [m], (n,).
     lacking: FloatArray
-    first: FloatArray
-    wanted: FloatArray
-    fifth: FloatArray
-    bend: FloatArray
-    open: BoolArray
-    flat: BoolArray
-    way: FloatArray
-    gap: FloatArray
+    first: FloatArray  # Angles of the first joint [rad], (n, 2)
+    wanted: FloatArray  # Direction of axis 6 with the first joint at 0, (n, 2, 3)
+    fifth: FloatArray  # Angles of joint 5 [rad], (n, 2, m); 0 for a wrist
+    bend: FloatArray  # Sum of the angles of joints 2, 3 and 4 [rad], (n, 2, m); 0 for a wrist
+    open: BoolArray  # True if joint 5 can give axis 6 the required direction, (n, 2, m)
+    flat: BoolArray  # True if axis 6 is then nearly parallel to axis 2, (n, 2, m)
+    way: FloatArray  # Vector in the plane from joint 2 to the end of the forearm, (n, 2, m, 3)
+    gap: FloatArray  # Length that the links lack, negative if they are long enough [m], (n, 2, m)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ClosedForm:
-    """Joint axes of an arm with closed-form inverse kinematics.
-
-    Args:
-        axes: The axes.
-        points: Points on them [m], (6, 3).
-        center: The point at which the axes 5 and 6 meet [m], (3,).
-        end: Rotation and position of the tool in the frame of the base, (3, 4).
-        wrist: Whether axis 4 passes through the center; otherwise joint 4 is parallel to 2 and 3.
-    """
+    """Joint axes of an arm with closed-form inverse kinematics."""
 
     axes: tuple[Axis, ...]
-    points: FloatArray
-    center: FloatArray
-    end: FloatArray
+    points: FloatArray  # Points on them [m], (6, 3)
+    center: FloatArray  # The point at which the axes 5 and 6 meet [m], (3,)
+    end: FloatArray  # Rotation and position of the tool in the frame of the base, (3, 4)
+    # True if axis 4 passes through the center; otherwise joint 4 is parallel to 2 and 3.
     wrist: bool
 
     @classmethod
@@ -138,12 +112,8 @@ class ClosedForm:
         )
 
     def solve(self, base: FloatArray, pose: FloatArray) -> FloatArray | None:
-        """All joint positions for a tool pose [rad], (k, 6); None near singularities.
-
-        Args:
-            base: Rotation and position of the base in the work frame, (3, 4).
-            pose: Those of the tool, (3, 4).
-        """
+        """All joint positions for a tool pose [rad], (k, 6); None near singularities."""
+        # base (3, 4), pose (3, 4).
         reach = Reach(*(value[0] for value in self._reach(base[None], pose[None])))
         if reach.lacking > NEAR:
             return np.empty((0, 6))
@@ -180,17 +150,9 @@ class ClosedForm:
         return np.asarray(np.pi - np.mod(np.pi - np.stack(q, axis=-1)[exists], 2 * np.pi))
 
     def beyond(self, bases: FloatArray, poses: FloatArray, enough: float) -> FloatArray:
-        """Distance by which poses are out of reach, for several placements of the arm [m], (n,).
-
-        Args:
-            bases: Rotations and positions of the base in the work frame, (n, 3, 4).
-            poses: Those of the tool, (m, 3, 4).
-            enough: The search of a placement ends at a pose that is farther out of reach than this
-                [m].
-
-        Returns:
-            The largest distance found at a pose; infinite if no wrist orientation reaches a pose.
-        """
+        """Distance by which poses are out of reach, for several placements of the arm [m], (n,)."""
+        # bases (n, 3, 4), poses (m, 3, 4). The search of a placement ends at a pose that is farther
+        # out of reach than `enough` [m]. Infinite if no wrist orientation reaches a pose.
         distances, index, count = np.full(len(bases), -np.inf), 0, FIRST
         while index < len(poses) and (distances <= enough).any():
             remaining = np.flatnonzero(distances <= enough)
@@ -254,7 +216,7 @@ def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _parallel(first: FloatArray, second: FloatArray) -> bool:
-    """Whether two directions are parallel."""
+    """True if two directions are parallel."""
     return float(np.linalg.norm(np.cross(first, second))) < EXACT
 
 

@@ -35,7 +35,7 @@ class Dynamics:
 
     @property
     def numbers(self) -> tuple[FloatArray, FloatArray]:
-        """What compiled dynamics take: numbers of the links, (dof, 24), and gravity, (3,)."""
+        """Input of compiled dynamics: numbers of the links, (dof, 24), and gravity, (3,)."""
         return self._links, self._gravity
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
@@ -59,21 +59,21 @@ class Dynamics:
             dq_ds: First derivatives by arc length [rad/m], same shape.
             d2q_ds2: Second derivatives by arc length [rad/m²], same shape.
         """
-        from armcontour.robot import _dynamics
+        from armcontour.robot import kernels
 
-        a, b, c = _dynamics.path_terms(self._links, self._gravity, *self._rows(q, dq_ds, d2q_ds2))
+        a, b, c = kernels.path_terms(self._links, self._gravity, *self._rows(q, dq_ds, d2q_ds2))
         shape = np.shape(q)
         return a.reshape(shape), b.reshape(shape), c.reshape(shape)
 
     def mass_matrix(self, q: npt.ArrayLike) -> FloatArray:
         """Mass matrix: torque per joint acceleration [kg m²], (n, dof, dof)."""
-        (at,) = self._rows(q)
-        n, dof = at.shape
-        # Its rows are the torques that an acceleration of one joint takes without gravity.
+        (positions,) = self._rows(q)
+        n, dof = positions.shape
+        # Rows are the torques for a unit acceleration of one joint without gravity.
         one = np.tile(np.eye(dof), (n, 1))
-        found, _, _ = self.path_terms(np.repeat(at, dof, axis=0), one, np.zeros_like(one))
-        found = found.reshape(n, dof, dof)
-        return ((found + np.swapaxes(found, 1, 2)) / 2).reshape(*np.shape(q), dof)
+        matrices, _, _ = self.path_terms(np.repeat(positions, dof, axis=0), one, np.zeros_like(one))
+        matrices = matrices.reshape(n, dof, dof)
+        return ((matrices + np.swapaxes(matrices, 1, 2)) / 2).reshape(*np.shape(q), dof)
 
     def gravity(self, q: npt.ArrayLike) -> FloatArray:
         """Joint torques [N m] that hold links and payload against gravity."""
@@ -115,7 +115,7 @@ class Dynamics:
     def last_body_regressor(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, *, gravity: bool = True
     ) -> FloatArray:
-        """Joint torques per parameter of the last body, of which they are linear.
+        """Joint torques per inertial parameter of the last body; torques are linear in them.
 
         Args:
             q: Joint positions [rad], (n, dof).
@@ -127,31 +127,26 @@ class Dynamics:
             Torques per mass, per first moments, and per moments of inertia xx, xy, yy, xz, yz and
             zz about the origin, all in the frame of the last joint, (n, dof, 10).
         """
-        from armcontour.robot import _dynamics
+        from armcontour.robot import kernels
 
         states, weight = self._rows(q, dq, ddq), self._gravity * gravity
         turn = joint_frames(self.chain)[-1]
-        links, found = self._links.copy(), np.empty((*np.shape(q), 10))
+        links, regressor = self._links.copy(), np.empty((*np.shape(q), 10))
         for k, unit in enumerate(np.eye(10)):
-            # All links have no mass but the last one, with one parameter of 1.
+            # Only the last link has mass: one of its parameters is 1.
             links[:, 12:] = 0.0
             links[:, 22] = links[-1, 12] = unit[0]
             links[-1, 13:16] = unit[1:4] @ turn
             xx, xy, yy, xz, yz, zz = unit[4:]
             about = turn.T @ [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]] @ turn
             links[-1, 16:22] = about[np.triu_indices(3)]
-            _, moving, still = _dynamics.path_terms(links, weight, *states)
-            found[..., k] = (moving + still).reshape(np.shape(q))
-        return found
+            _, moving, still = kernels.path_terms(links, weight, *states)
+            regressor[..., k] = (moving + still).reshape(np.shape(q))
+        return regressor
 
     def _rows(self, *states: npt.ArrayLike) -> list[FloatArray]:
-        """The given states as rows, (n, dof) each.
-
-        The shapes are checked because compiled code would read past the end of a short row.
-
-        Raises:
-            InvalidInput: The shapes differ, or the number of columns is not that of the joints.
-        """
+        """The given states as rows, (n, dof) each."""
+        # The shapes are checked because compiled code would read past the end of a short row.
         arrays = [checks.floats("states of an arm", x) for x in states]
         shape, dof = arrays[0].shape, len(self.chain)
         if any(x.shape != shape for x in arrays) or shape[-1:] != (dof,):
@@ -164,11 +159,7 @@ class Dynamics:
 
 
 def pinocchio() -> Any:
-    """The module pinocchio, imported at first use.
-
-    Raises:
-        InvalidInput: pinocchio is not installed.
-    """
+    """The module pinocchio, imported at first use."""
     try:
         import pinocchio as module
     except ImportError as error:
@@ -180,36 +171,36 @@ def pinocchio() -> Any:
 
 
 def _numbers(chain: Chain) -> FloatArray:
-    """The links as the compiled dynamics takes them: 24 numbers each, in frames about the joints.
-
-    The numbers are rotation and position of the frame in the one before, in which z is the joint
-    axis; mass, first moment, and inertia about the joint xx, xy, xz, yy, yz, zz; the mass of all
-    that the joint carries; the armature.
-    """
+    """The links for the compiled dynamics: 24 numbers each, in frames about the joints."""
+    # The numbers are rotation and position of the frame in the one before, in which z is the joint
+    # axis; mass, first moment, and inertia about the joint xx, xy, xz, yy, yz, zz; the mass of all
+    # that the joint carries; the armature.
     assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
-    found, before = np.zeros((len(chain), 24)), np.eye(3)
-    for k, (own, frame) in enumerate(zip(found, joint_frames(chain), strict=True)):
+    numbers, before = np.zeros((len(chain), 24)), np.eye(3)
+    for k, (row, frame) in enumerate(zip(numbers, joint_frames(chain), strict=True)):
         bodies = [(chain.masses[k], chain.centers[k], chain.inertias[k])]
         if chain.payload is not None and k == len(chain) - 1:
             load, tip = chain.payload, chain.tip
             center = tip.position + tip.rotation @ load.center
             bodies.append((load.mass, center, tip.rotation @ load.inertia @ tip.rotation.T))
-        own[:9] = (before.T @ chain.rotations[k] @ frame).ravel()
-        own[9:12] = before.T @ chain.positions[k]
+        row[:9] = (before.T @ chain.rotations[k] @ frame).ravel()
+        row[9:12] = before.T @ chain.positions[k]
         for mass, center, inertia in bodies:
-            at = center @ frame
-            about = frame.T @ inertia @ frame + mass * (at @ at * np.eye(3) - np.outer(at, at))
-            own[12] += mass
-            own[13:16] += mass * at
-            own[16:22] += about[np.triu_indices(3)]
+            centre = center @ frame
+            about = frame.T @ inertia @ frame + mass * (
+                centre @ centre * np.eye(3) - np.outer(centre, centre)
+            )
+            row[12] += mass
+            row[13:16] += mass * centre
+            row[16:22] += about[np.triu_indices(3)]
         before = frame
-    found[:, 22] = np.cumsum(found[::-1, 12])[::-1]
-    found[:, 23] = chain.armature
-    return found
+    numbers[:, 22] = np.cumsum(numbers[::-1, 12])[::-1]
+    numbers[:, 23] = chain.armature
+    return numbers
 
 
 def pinocchio_model(chain: Chain, limits: Limits) -> Any:
-    """As `ChainArm.pinocchio`."""
+    """See `ChainArm.pinocchio`."""
     pin, dof = pinocchio(), len(chain)
     model = pin.Model()
     model.gravity.linear = np.array(chain.gravity)
@@ -231,9 +222,9 @@ def pinocchio_model(chain: Chain, limits: Limits) -> Any:
         body = pin.Inertia(load.mass, np.array(load.center), np.array(load.inertia))
         tip = pin.SE3(np.array(chain.tip.rotation), np.array(chain.tip.position))
         model.appendBodyToJoint(joint, body, tip)
-    for name, place in (("tip", chain.tip), ("tool", chain.tip @ chain.tool)):
-        at = pin.SE3(np.array(place.rotation), np.array(place.position))
-        model.addFrame(pin.Frame(name, dof, at, pin.FrameType.OP_FRAME))
+    for name, offset in (("tip", chain.tip), ("tool", chain.tip @ chain.tool)):
+        placement = pin.SE3(np.array(offset.rotation), np.array(offset.position))
+        model.addFrame(pin.Frame(name, dof, placement, pin.FrameType.OP_FRAME))
     model.lowerPositionLimit, model.upperPositionLimit = limits.joint_range(dof)
     model.velocityLimit = limits.velocity_bounds(dof)[1]
     model.effortLimit = or_unlimited(limits.joint_torque, dof)

@@ -24,7 +24,7 @@ SEEDS = 400
 # the reachable point that is nearest to a pose.
 SEARCH_WEIGHT = 0.5
 REACH_WEIGHT = 10.0
-MOST_STEPS = 200
+MAX_STEPS = 200
 # Number of them that are tried to determine the distance of an unreachable pose.
 REACH_SEEDS = 60
 # Number of parts of the search, which run in threads.
@@ -38,7 +38,7 @@ APART_REDUNDANT = 0.5
 
 
 def solve(arm: ChainArm, pose: Pose, near: npt.ArrayLike | None, *, every: bool) -> FloatArray:
-    """As `ChainArm.inverse`; `every` is its `all`."""
+    """See `ChainArm.inverse`; `every` is its argument `all`."""
     points, axes = read_poses("pose", pose)
     if every and points.ndim > 1:
         raise InvalidInput(f"All configurations are those of one pose, not of {points.shape[:-1]}.")
@@ -117,11 +117,9 @@ def _range_middle(arm: ChainArm) -> FloatArray:
 def shift_by_turns(
     arm: ChainArm, q: FloatArray, start: FloatArray | None = None
 ) -> tuple[FloatArray, bool]:
-    """Joint positions shifted by whole turns into their ranges, and whether that is possible.
-
-    The shifted positions are as near as possible to the start, or to the middle of the ranges. A
-    joint whose range has one end only is shifted into its range.
-    """
+    """Joint positions shifted by whole turns into their ranges, and whether that is possible."""
+    # The shifted positions are as near as possible to the start, or to the middle of the ranges. A
+    # joint whose range has one end only is shifted into its range.
     lower, upper = arm.limits.joint_range(arm.dof)
     low, high, turn = q.min(axis=0), q.max(axis=0), 2 * np.pi
     both = np.isfinite(lower) & np.isfinite(upper)
@@ -139,21 +137,10 @@ def shift_by_turns(
 def configurations(
     arm: SerialArm, pose: FloatArray, task: int, near: FloatArray | None = None
 ) -> FloatArray:
-    """All joint positions for a tool pose, up to whole turns of a joint.
-
-    A redundant arm has infinitely many; the function returns a sample of them.
-
-    Args:
-        arm: The arm.
-        pose: Rotation and position of the tool, (3, 4).
-        task: Task dimension: 6 for the whole pose, 5 if rotation about the tool axis is free, 3
-            for the tool point alone.
-        near: Initial joint positions of the search [rad], (dof,); by default all solutions are
-            searched.
-
-    Returns:
-        Joint positions [rad], (k, dof); k is 0 if there is no solution.
-    """
+    """All joint positions for a tool pose (3, 4), up to whole turns of a joint [rad], (k, dof)."""
+    # A redundant arm has infinitely many; the function returns a sample of them. With `near` (dof,)
+    # the search starts there; otherwise all solutions are searched. The task dimension is 6 for the
+    # whole pose, 5 if rotation about the tool axis is free, 3 for the tool point alone.
     if near is None and task == WHOLE and arm.closed_form is not None:
         solutions = arm.closed_form.solve(arm.chain.base.matrix, pose)
         if solutions is not None:
@@ -164,19 +151,12 @@ def configurations(
 def search(
     arm: SerialArm, pose: FloatArray, task: int, near: FloatArray | None = None
 ) -> FloatArray:
-    """As `configurations`, by damped Newton steps from joint positions spread over the ranges.
-
-    Args:
-        arm: The arm.
-        pose: As in `configurations`.
-        task: As in `configurations`.
-        near: Initial joint positions [rad] instead of these, (dof,).
-    """
+    """Like `configurations`: damped Newton steps from `near` or positions in the ranges."""
     q = seeds(arm) if near is None else np.array(near, dtype=np.float64).reshape(1, -1)
     target = np.ascontiguousarray(pose)
 
     def approach(part: slice) -> FloatArray:
-        parameters = q[part], SEARCH_WEIGHT, MOST_STEPS
+        parameters = q[part], SEARCH_WEIGHT, MAX_STEPS
         return np.asarray(newton.approach(arm.link_table, task, target, *parameters))
 
     if near is None:
@@ -196,10 +176,8 @@ def search(
 
 
 def seeds(arm: SerialArm) -> FloatArray:
-    """Random joint positions [rad] within the ranges, the same in every call, (SEEDS, dof).
-
-    A joint range of a whole turn or more is replaced by -pi to pi.
-    """
+    """Random joint positions [rad] within the ranges, the same in every call, (SEEDS, dof)."""
+    # A joint range of a whole turn or more is replaced by -pi to pi.
     lower, upper = arm.limits.joint_range(arm.dof)
     narrow = upper - lower < 2 * np.pi
     lower, upper = np.where(narrow, lower, -np.pi), np.where(narrow, upper, np.pi)
@@ -208,28 +186,15 @@ def seeds(arm: SerialArm) -> FloatArray:
 
 
 def out_of_reach(arm: SerialArm, poses: FloatArray, task: int, q: FloatArray) -> FloatArray:
-    """Distance from each pose to the nearest reachable tool point [m], (n,).
-
-    The search gives the tool orientation priority over the position.
-
-    Args:
-        arm: The arm.
-        poses: Rotations and positions of the tool, (n, 3, 4).
-        task: Task dimension, as in `configurations`.
-        q: Initial joint positions of the search [rad], (k, dof).
-    """
+    """Distance from each pose to the nearest reachable tool point [m], (n,)."""
+    # The search gives the tool orientation priority over the position.
+    # poses (n, 3, 4), q (k, dof) [rad].
     return np.array([_approach(arm, x, task, q)[1].min() for x in poses])
 
 
 def nearest_reached(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) -> FloatArray:
-    """Joint positions that bring the tool nearest to a pose, by the same search [rad], (dof,).
-
-    Args:
-        arm: The arm.
-        pose: Rotation and position of the tool, (3, 4).
-        task: As in `out_of_reach`.
-        q: As in `out_of_reach`.
-    """
+    """Joint positions that bring the tool nearest to a pose, by the same search [rad], (dof,)."""
+    # pose (3, 4).
     tried, distances = _approach(arm, pose, task, q)
     return np.asarray(tried[np.argmin(distances)])
 
@@ -239,6 +204,6 @@ def _approach(
 ) -> tuple[FloatArray, FloatArray]:
     """Final joint positions of the searches [rad], (k, dof), and their distances to the pose."""
     tried = q.copy()
-    parameters = tried, REACH_WEIGHT, MOST_STEPS
+    parameters = tried, REACH_WEIGHT, MAX_STEPS
     residuals = newton.approach(arm.link_table, task, np.ascontiguousarray(pose), *parameters)
     return tried, np.asarray(residuals[:, 0])

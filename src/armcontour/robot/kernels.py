@@ -1,10 +1,9 @@
-"""Compiled forward kinematics of a serial chain: frames, Jacobians, and the motion of the tool.
+"""Compiled kinematics and inverse dynamics of a serial chain, for many states in one call."""
 
-A chain is a table of links, (dof + 1, 12): rotation, row by row, and position of the frames of all
-joints and of the tool, each in the frame before, with z along the joint axis. The first frame is in
-the work frame. Many states are computed in blocks, so that the processor uses vector instructions:
-a row holds one number of all states of a block.
-"""
+# A chain is a table of links, (dof + 1, 12): rotation, row by row, and position of the frames of
+# all joints and of the tool, each in the frame before, with z along the joint axis. The first frame
+# is in the work frame. Many states are computed in blocks, so that the processor uses vector
+# instructions: a row holds one number of all states of a block.
 
 from __future__ import annotations
 
@@ -39,6 +38,14 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
 # Within this angle [rad] of the anchor, sine and cosine are computed by a series, which is exact to
 # rounding.
 NEAR_ANGLE = 0.125
+# Rows of a link: cosine and sine of its joint, first and second derivative of the joint; three each
+# of force and moment about the joint of the motion whose accelerations are the first derivatives,
+# of force and moment of the motion with both, and of the first moment of all that the joint
+# carries; gravity along x and y.
+LINK_ROWS = 21
+# Rows of the motion that goes from link to link, three each: angular velocity, velocity, angular
+# acceleration, acceleration, gravity.
+MOTION_ROWS = 15
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -115,13 +122,8 @@ def out_of_link(r: Rotation, c: float, s: float, v: Vector) -> Vector:
 
 @compiled(inner=True)
 def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
-    """Write the frames of all joints and of the tool in the work frame for one state.
-
-    Args:
-        links: Links of the chain, (dof + 1, 12).
-        q: Joint positions [rad], (dof,).
-        frames: Output: rotations and positions, (dof + 1, 3, 4).
-    """
+    """Write the frames of all joints and of the tool in the work frame for one state."""
+    # links (dof + 1, 12), q (dof,) [rad], frames (dof + 1, 3, 4).
     for j in range(len(links)):
         c, s = (math.cos(q[j]), math.sin(q[j])) if j < len(q) else (1.0, 0.0)
         r = rotation_of(links, j)
@@ -138,12 +140,8 @@ def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
 
 @compiled()
 def frames_of(links: FloatArray, q: FloatArray) -> FloatArray:
-    """Frames of all joints and of the tool for many states, (n, dof + 1, 3, 4).
-
-    Args:
-        links: As in `write_frames`.
-        q: Joint positions [rad], (n, dof).
-    """
+    """Frames of all joints and of the tool for many states, (n, dof + 1, 3, 4)."""
+    # q (n, dof) [rad].
     frames = np.empty((len(q), len(links), 3, 4))
     for i in range(len(q)):
         write_frames(links, q[i], frames[i])
@@ -168,11 +166,9 @@ def jacobians(links: FloatArray, q: FloatArray) -> FloatArray:
 
 @compiled(inner=True, fastmath=FUSED)
 def add_motion(order: int, joint: FloatArray, state: FloatArray) -> None:
-    """Propagate velocities, angular velocities and their derivatives to the next frame, per block.
-
-    A vector l of a link has the derivatives `l1 = w x l`, `l2 = e x l + w x l1` and
-    `l3 = f x l + 2 e x l1 + w x l2`. So has the axis of the next joint.
-    """
+    """Propagate velocities, angular velocities and their derivatives to the next frame."""
+    # A vector l of a link has the derivatives `l1 = w x l`, `l2 = e x l + w x l1` and
+    # `l3 = f x l + 2 e x l1 + w x l2`. So has the axis of the next joint.
     # The highest derivative comes first because it depends on the lower ones of the frame before.
     for i in range(B if order > 2 else 0):
         lever, axis, rate = get(state, WAY, i), get(state, AXIS, i), joint[2 * B + i]
@@ -206,20 +202,10 @@ def tool_motion(
     second: FloatArray,
     third: FloatArray,
 ) -> FloatArray:
-    """Poses of the tool, or the derivatives of its motion up to an order, for many states.
-
-    Args:
-        links: Links of the chain, (dof + 1, 12).
-        order: Order of the highest derivative, 0 to 3; order 0 gives poses.
-        q: Joint positions [rad], (n, dof).
-        first: First derivatives, (n, dof); ignored if above the order, as are the next two.
-        second: Second derivatives, (n, dof).
-        third: Third derivatives, (n, dof).
-
-    Returns:
-        For order 0 rotation and position, (3, 4) row by row, (n, 12); else velocity and angular
-        velocity, their derivatives, and their second derivatives, (n, 6 order).
-    """
+    """Poses of the tool, or the derivatives of its motion up to an order, for many states."""
+    # links (dof + 1, 12), q (n, dof) [rad], first (n, dof), second (n, dof), third (n, dof).
+    # Returns for order 0 rotation and position, (3, 4) row by row, (n, 12); else velocity and
+    # angular velocity, their derivatives, and their second derivatives, (n, 6 order).
     n, dof = q.shape
     result = np.empty((n, 6 * order if order else 12))
     joint, state = np.empty(JOINT_ROWS * B), np.empty(ROWS * B)
@@ -264,14 +250,8 @@ def tool_motion(
 
 @compiled(inner=True, fastmath=FUSED)
 def tool_point(links: FloatArray, q: FloatArray, anchors: FloatArray) -> Vector:
-    """Tool point [m] of one state, with few evaluations of sines and cosines.
-
-    Args:
-        links: Links of the chain, (dof + 1, 12).
-        q: Joint positions [rad], (dof,).
-        anchors: For each joint an angle with its sine and cosine, (dof, 3), updated when the joint
-            is far from the angle; 0, 0, 1 before the first call.
-    """
+    """Tool point [m] of one state, with few evaluations of sines and cosines."""
+    # links (dof + 1, 12), q (dof,) [rad], anchors (dof, 3).
     dof = len(q)
     point = links[dof, 9], links[dof, 10], links[dof, 11]
     for j in range(dof - 1, -1, -1):
@@ -286,3 +266,103 @@ def tool_point(links: FloatArray, q: FloatArray, anchors: FloatArray) -> Vector:
         turned = out_of_link(rotation_of(links, j), c, s, point)
         point = add((links[j, 9], links[j, 10], links[j, 11]), 1.0, turned)
     return point
+
+
+# Inverse dynamics: the recursive Newton-Euler algorithm (Featherstone, Rigid Body Dynamics
+# Algorithms, 2008, 5.3) in the frames of the links, whose z axes are the joint axes.
+@compiled(inner=True, fastmath=FUSED)
+def propagate_outward(links: FloatArray, j: int, motion: FloatArray, rows: FloatArray) -> None:
+    """Take the motion of a block from one link to the next, and write the wrenches of that link."""
+    link, r, mass = links[j], rotation_of(links, j), links[j, 12]
+    p, h = (link[9], link[10], link[11]), (link[13], link[14], link[15])
+    # Columns of the inertia.
+    i0, i1, i2 = (
+        (link[16], link[17], link[18]),
+        (link[17], link[19], link[20]),
+        (link[18], link[20], link[21]),
+    )
+    for i in range(B):
+        c, s, rate, second = rows[i], rows[B + i], rows[2 * B + i], rows[3 * B + i]
+        # The origin of the joint, still in the frame of the link before.
+        w, e = get(motion, 0, i), get(motion, 6, i)
+        turned = cross(w, p)
+        v = add(get(motion, 3, i), 1.0, turned)
+        a = add(add(get(motion, 9, i), 1.0, cross(e, p)), 1.0, cross(w, turned))
+        w = into_link(r, c, s, w)
+        w = w[0], w[1], w[2] + rate
+        e = into_link(r, c, s, e)
+        e = e[0] + w[1] * rate, e[1] - w[0] * rate, e[2] + second
+        v, a = into_link(r, c, s, v), into_link(r, c, s, a)
+        g = into_link(r, c, s, get(motion, 12, i))
+        put(motion, 0, i, w)
+        put(motion, 3, i, v)
+        put(motion, 6, i, e)
+        put(motion, 9, i, a)
+        put(motion, 12, i, g)
+        rows[19 * B + i], rows[20 * B + i] = g[0], g[1]
+        put(rows, 16, i, h)
+        # Wrenches: mass times acceleration, and inertia about the joint times angular acceleration.
+        u = cross(w, h)
+        spin = add(add(add((0.0, 0.0, 0.0), w[0], i0), w[1], i1), w[2], i2)
+        put(rows, 4, i, add(u, mass, v))
+        put(rows, 7, i, add(spin, 1.0, cross(h, v)))
+        put(rows, 10, i, add(add(cross(e, h), 1.0, cross(w, u)), mass, a))
+        turned = add(add(add(cross(w, spin), e[0], i0), e[1], i1), e[2], i2)
+        put(rows, 13, i, add(turned, 1.0, cross(h, a)))
+
+
+@compiled(inner=True, fastmath=FUSED)
+def accumulate_inward(links: FloatArray, j: int, rows: FloatArray, before: FloatArray) -> None:
+    """Add the wrenches and the first moment of a link to those of the link before."""
+    r, carried = rotation_of(links, j), links[j, 22]
+    p = links[j, 9], links[j, 10], links[j, 11]
+    for i in range(B):
+        c, s = rows[i], rows[B + i]
+        for k in range(4, 16, 6):
+            force = out_of_link(r, c, s, get(rows, k, i))
+            put(before, k, i, add(get(before, k, i), 1.0, force))
+            turned = add(out_of_link(r, c, s, get(rows, k + 3, i)), 1.0, cross(p, force))
+            put(before, k + 3, i, add(get(before, k + 3, i), 1.0, turned))
+        moved = add(out_of_link(r, c, s, get(rows, 16, i)), carried, p)
+        put(before, 16, i, add(get(before, 16, i), 1.0, moved))
+
+
+@compiled(fastmath=FUSED)
+def path_terms(
+    links: FloatArray, gravity: FloatArray, q: FloatArray, first: FloatArray, second: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Coefficients a, b, c of the torque `a dds + b ds² + c` of all states, (n, dof) each."""
+    # links (dof, 24), gravity (3,) [m/s²], q (n, dof) [rad], first (n, dof), second (n, dof).
+    n, dof = q.shape
+    a, b, c = np.empty((n, dof)), np.empty((n, dof)), np.empty((n, dof))
+    rows, motion = np.empty((dof, LINK_ROWS * B)), np.empty(MOTION_ROWS * B)
+    for begin in range(0, n, B):
+        for j in range(dof):
+            link_rows = rows[j]
+            for i in range(B):
+                # The last block is filled up with the last state.
+                state = min(begin + i, n - 1)
+                link_rows[i], link_rows[2 * B + i], link_rows[3 * B + i] = (
+                    q[state, j],
+                    first[state, j],
+                    second[state, j],
+                )
+        for m in range(MOTION_ROWS * B):
+            motion[m] = gravity[m // B - 12] if m >= 12 * B else 0.0
+        for j in range(dof):
+            write_sines(rows[j])
+            propagate_outward(links, j, motion, rows[j])
+        for j in range(dof - 1, 0, -1):
+            accumulate_inward(links, j, rows[j], rows[j - 1])
+        for j in range(dof):
+            link_rows, armature = rows[j], links[j, 23]
+            for i in range(min(B, n - begin)):
+                state = begin + i
+                # Moments about the joint axis.
+                a[state, j] = link_rows[9 * B + i] + armature * first[state, j]
+                b[state, j] = link_rows[15 * B + i] + armature * second[state, j]
+                c[state, j] = (
+                    link_rows[17 * B + i] * link_rows[19 * B + i]
+                    - link_rows[16 * B + i] * link_rows[20 * B + i]
+                )
+    return a, b, c

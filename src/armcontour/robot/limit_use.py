@@ -1,7 +1,6 @@
-"""Use of limits: the value that a limit applies to, the limit, and their ratio.
+"""Use of limits: the value that a limit applies to, the limit, and their ratio."""
 
-This is the only definition; planner, check, evaluation and reports apply it.
-"""
+# This is the only definition; planner, check, evaluation and reports apply it.
 
 from __future__ import annotations
 
@@ -36,22 +35,15 @@ Bounded = tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Use:
-    """The use of one limit at some times.
+    """The use of one limit at some times."""
 
-    Args:
-        name: Name of the limit, such as a field of `Limits`.
-        value: Values in the unit of the limit, (..., dof) of joints or (n,) of the tool; absolute
-            values except for joint positions.
-        limit: Their limits, in a shape that broadcasts to that of the values.
-        error: Bound on the error of the values, in such a shape.
-        zero: Origin of values and limits, above a lower limit; None for 0.
-    """
-
-    name: str
+    name: str  # Name of the limit, such as a field of `Limits`
+    # Values in the unit of the limit, (..., dof) of joints or (n,) of the tool; absolute values
+    # except for joint positions.
     value: FloatArray
-    limit: FloatArray | float
-    error: npt.ArrayLike = 0.0
-    zero: FloatArray | None = None
+    limit: FloatArray | float  # Their limits, in a shape that broadcasts to that of the values
+    error: npt.ArrayLike = 0.0  # Bound on the error of the values, in such a shape
+    zero: FloatArray | None = None  # Origin of values and limits, above a lower limit; None for 0
 
     @property
     def ratio(self) -> FloatArray:
@@ -64,11 +56,9 @@ class Use:
         return np.asarray(self.ratio.max(axis=0))
 
     def ratios(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Ratios of values to limits, lower bounds of the ratios, and the effect of the errors.
-
-        NaN is replaced by an infinite ratio with an infinite error. For exact values the effect is
-        one zero.
-        """
+        """Ratios of values to limits, lower bounds of the ratios, and the effect of the errors."""
+        # NaN is replaced by an infinite ratio with an infinite error. For exact values the effect
+        # is one zero.
         error, used, room = np.asarray(self.error), self.value, np.asarray(self.limit)
         if self.zero is not None:
             used = np.where(room < self.zero, self.zero - used, used - self.zero)
@@ -87,15 +77,9 @@ class Use:
 
 
 def use_of(name: str, limits: Limits, values: FloatArray, error: npt.ArrayLike = 0.0) -> Use:
-    """Compute the use of a limit from values of its quantity.
-
-    Args:
-        name: A field of `Limits`.
-        limits: The limits; the use of a missing limit is 0.
-        values: Values of joints, signed or absolute, (..., dof), or of the tool: absolute values,
-            (n,), or vectors, (n, dimension).
-        error: Bound on the error of the values or of the vectors' lengths.
-    """
+    """Use of a limit (a field of `Limits`) by values of its quantity; 0 without a limit."""
+    # values: of joints (..., dof), of the tool (n,), or vectors of the tool (n, dimension). error:
+    # bound on the error of the values or of the vectors' lengths.
     if name in JOINT_RANGE:
         lower, upper = limits.joint_range(values.shape[-1])
         both = np.isfinite(lower) & np.isfinite(upper)
@@ -118,17 +102,12 @@ def use_of(name: str, limits: Limits, values: FloatArray, error: npt.ArrayLike =
 
 @dataclass(frozen=True)
 class States:
-    """Joint states of an arm, and the tool motion that follows from them.
-
-    Args:
-        arm: The arm.
-        columns: Joint positions [rad] and their known derivatives [rad/s, rad/s², rad/s³], (n, dof)
-            each.
-        errors: Bounds on the errors of the columns, (dof,) each; empty for exact numbers.
-    """
+    """Joint states of an arm, and the tool motion that follows from them."""
 
     arm: Arm
+    # Joint positions [rad] and their known derivatives [rad/s, rad/s², rad/s³], (n, dof) each.
     columns: Sequence[FloatArray]
+    # Bounds on the errors of the columns, (dof,) each; empty for exact numbers.
     errors: Sequence[FloatArray] = ()
 
     @property
@@ -151,16 +130,9 @@ class States:
         return {}
 
     def bound(self, name: str) -> Bounded:
-        """Quantity that a limit applies to, in the unit of the limit, and a bound on its error.
-
-        Returns:
-            Values of joints, (n, dof), or of the tool, (n,), and bounds on their errors. Joint
-            values are signed, except for torques.
-
-        Raises:
-            InvalidInput: The limit is unknown, the arm has no masses (torques) or the tool no
-                orientation (angular motion), or the states lack a derivative.
-        """
+        """Quantity that a limit applies to, in the unit of the limit, and a bound on its error."""
+        # Returns values of joints, (n, dof), or of the tool, (n,), and bounds on their errors.
+        # Joint values are signed, except for torques.
         if name not in QUANTITIES:
             raise InvalidInput(
                 f"The use of a limit {name!r} is not known: known are {', '.join(QUANTITIES)}."
@@ -208,12 +180,7 @@ class States:
         return self._tool_motion[1]
 
     def bounded(self, function: Quantity, order: int) -> tuple[FloatArray, FloatArray]:
-        """A vector of the tool, (n, columns), and a bound on the norm of its error, (n,).
-
-        Args:
-            function: Function of q and its first derivatives that returns the vector.
-            order: Number of these derivatives.
-        """
+        """A vector of the tool, (n, columns), and a bound on the norm of its error, (n,)."""
         value = function(*self.columns[: order + 1])
         return value, self.spread(function, value, order)
 
@@ -237,11 +204,7 @@ class States:
 
 
 def require_orientation(arm: Arm) -> SerialArm:
-    """Return the arm if its tool has an orientation.
-
-    Raises:
-        InvalidInput: The tool is a point without an orientation.
-    """
+    """Return the arm if its tool has an orientation."""
     if not isinstance(arm, SerialArm):
         raise InvalidInput(
             f"The tool of the arm {arm.name} is a point without an orientation: lift its limits "

@@ -47,6 +47,11 @@ class Limits(Checked):
     Limits replace those of an arm value by value: None keeps the arm's limit, infinity lifts it. A
     lifted limit has the value None, too, and its name is in `lifted`.
 
+    >>> limits.replace(speed=0.05).speed
+    0.05
+    >>> ac.Limits.only(joint_velocity=1.5).joint_velocity
+    array(1.5)
+
     Args:
         joint_acceleration: Largest absolute acceleration of each joint [rad/s²], (dof,); or
             negative lower bounds and upper bounds, (dof, 2).
@@ -229,7 +234,7 @@ class Limits(Checked):
         Raises:
             InvalidInput: A wrong number of values.
         """
-        dof = checks.check_int("dof", dof, 1, checks.MOST_JOINTS)
+        dof = checks.check_int("dof", dof, 1, checks.MAX_JOINTS)
         changes: dict[str, FloatArray | None] = {}
         for name, unit in JOINT_VALUES.items():
             values = getattr(self, name)
@@ -316,7 +321,7 @@ class Limits(Checked):
         return np.asarray(np.where(both, middle, np.clip(0.0, low, high)))
 
     def same_both_ways(self) -> bool:
-        """Whether the acceleration limits of all joints are symmetric."""
+        """True if the acceleration limits of all joints are symmetric."""
         values = self.joint_acceleration
         return values is None or values.ndim < 2 or bool((values.sum(axis=1) == 0).all())
 
@@ -330,7 +335,7 @@ JOINT_LIMITS = tuple(x for x in JOINT_VALUES if x not in JOINT_RANGE)
 
 
 def _is_unlimited(name: str, values: Any) -> bool:
-    """Whether a limit is infinite for every joint, in both directions."""
+    """True if a limit is infinite for every joint, in both directions."""
     if values is None or isinstance(values, str):
         return False
     try:

@@ -1,9 +1,9 @@
-"""Compiled inverse kinematics: Newton's method, damped least squares, following of pose sequences.
+"""Compiled inverse kinematics: Newton's method, damped least squares, pose sequences."""
 
-The task dimension is the number of equations per target pose: 6; 5 if rotation about the tool axis
-is free; 3 for the tool point only. If the arm has more joints than that, guide equations `w q = w
-g` fix the redundant degrees of freedom: w are the guide's rows, g the guide's joint positions.
-"""
+# The task dimension is the number of equations per target pose: 6; 5 if rotation about the tool
+# axis is free; 3 for the tool point only. If the arm has more joints than that, guide equations
+# `w q = w g` fix the redundant degrees of freedom: w are the guide's rows, g the guide's joint
+# positions.
 
 from __future__ import annotations
 
@@ -19,30 +19,23 @@ from armcontour.robot.kernels import Vector, add, cross, write_frames
 # Newton's method ends when its step is below this [rad]: the next step would be the square of this
 # one times the condition number of the Jacobian.
 ARRIVED = 1e-10
-MOST_STEPS = 15
+MAX_STEPS = 15
 # Longest step of a joint [rad]; longer steps are scaled down.
 LONGEST_STEP = 0.5
 # `follow`: longest correction of any joint [rad], and largest number of corrections per step.
 FOLLOW_STEP = 0.15
 FOLLOW_CORRECTIONS = 6
 # `follow` gives up after it has halved the step between two poses this many times.
-MOST_HALVINGS = 12
+MAX_HALVINGS = 12
 # A matrix counts as singular if its smallest pivot over its largest one is below this.
 SINGULAR = 1e-11
 
 
 @compiled(inner=True)
 def solve(a: FloatArray, b: FloatArray, n: int) -> float:
-    """Solve a x = b in place by Gaussian elimination with pivoting.
-
-    Args:
-        a: Matrix, (n, n), overwritten.
-        b: Right-hand side, (n,), overwritten with the solution.
-        n: Number of equations.
-
-    Returns:
-        The smallest pivot over the largest pivot; 0 if a is singular.
-    """
+    """Solve a x = b in place by Gaussian elimination with pivoting."""
+    # a (n, n), b (n,).
+    # Returns the smallest pivot over the largest pivot; 0 if a is singular.
     smallest, largest = math.inf, 0.0
     for i in range(n):
         best = i
@@ -101,36 +94,22 @@ def write_task(task: int, target: FloatArray, move: Vector, turn: Vector, out: F
 
 
 class PoseEquations(NamedTuple):
-    """Memory for the equations of one pose.
+    """Memory for the equations of one pose."""
 
-    Attributes:
-        frames: Frames of the joints and of the tool, (dof + 1, 3, 4).
-        rows: Jacobian of the pose error, (task, dof) or more.
-        error: The pose error, (task,) or longer.
-    """
-
-    frames: FloatArray
-    rows: FloatArray
-    error: FloatArray
+    frames: FloatArray  # Frames of the joints and of the tool, (dof + 1, 3, 4)
+    rows: FloatArray  # Jacobian of the pose error, (task, dof) or more
+    error: FloatArray  # The pose error, (task,) or longer
 
 
 @compiled(inner=True)
 def write_equations(
     links: FloatArray, task: int, q: FloatArray, target: FloatArray, out: PoseEquations
 ) -> None:
-    """Write the pose error of the tool and its derivatives by the joint positions.
-
-    The first 3 values are the position error [m]. For task 6 the others are the rotation vector
-    from the pose to the target [rad]. For task 5 they are the components of the rotation vector
-    between the tool axes along the target's x and y axes [rad].
-
-    Args:
-        links: Links of the chain, (dof + 1, 12).
-        task: Task dimension: 6, 5 or 3.
-        q: Joint positions [rad], (dof,).
-        target: Target pose, (3, 4).
-        out: Output: the equations.
-    """
+    """Write the pose error of the tool and its derivatives by the joint positions."""
+    # The first 3 values are the position error [m]. For task 6 the others are the rotation vector
+    # from the pose to the target [rad]. For task 5 they are the components of the rotation vector
+    # between the tool axes along the target's x and y axes [rad].
+    # links (dof + 1, 12), q (dof,) [rad], target (3, 4).
     dof, rows, frames = len(q), out.rows, out.frames
     write_frames(links, q, frames)
     pose = frames[dof]
@@ -163,26 +142,15 @@ def write_equations(
 def newton(
     links: FloatArray, task: int, q: FloatArray, targets: FloatArray, w: FloatArray, g: FloatArray
 ) -> BoolArray:
-    """Solve the inverse kinematics for many poses by Newton's method from initial guesses.
-
-    Args:
-        links: Links of the chain, (dof + 1, 12).
-        task: Task dimension: 6, 5 or 3.
-        q: Initial guesses of the joint positions [rad], overwritten with the results, (n, dof).
-        targets: Target poses, (n, 3, 4).
-        w: Rows of the guide equations in [:, 0], (n, 1 or 3, dof - task, dof); derivatives are
-            not used.
-        g: Joint positions of the guide in [:, 0] [rad], (n, 1 or 3, dof).
-
-    Returns:
-        Whether a solution was found for each pose, (n,).
-    """
+    """Solve the inverse kinematics by Newton's method; mask of the solved poses, (n,)."""
+    # links (dof + 1, 12), q (n, dof) [rad] with initial guesses, overwritten; targets (n, 3, 4).
+    # Guide equations are in w[:, 0] and g[:, 0]; derivatives of them are not used.
     n, dof = q.shape
     converged, a, b = np.empty(n, np.bool_), np.empty((dof, dof)), np.empty(dof)
     equations = PoseEquations(np.empty((dof + 1, 3, 4)), a, b)
     for i in range(n):
         converged[i] = False
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             write_equations(links, task, q[i], targets[i], equations)
             for r in range(task, dof):
                 write_row(w[i, 0, r - task], a[r])
@@ -213,27 +181,13 @@ def path_derivatives(
     w: FloatArray,
     g: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Derivatives of the joint positions by arc length s, at the poses of a path.
-
-    If rotation about the tool axis is free, the equations of the orientation are
-    `x . omega = x . rate` for the target's x and y axes, which rotate with the target. The second
-    derivative follows from differentiating these equations.
-
-    Args:
-        links: Links of the chain, (dof + 1, 12).
-        task: Task dimension: 6, 5 or 3.
-        q: Joint positions that solve the inverse kinematics [rad], (n, dof).
-        targets: Target poses, (n, 3, 4).
-        rates: Derivatives of the targets by s: first and second of the position, angular velocity
-            and its derivative, (n, 4, 3).
-        w: Rows of the guide equations and their first two derivatives by s,
-            (n, 3, dof - task, dof).
-        g: Joint positions of the guide and their first two derivatives by s, (n, 3, dof).
-
-    Returns:
-        dq_ds [rad/m] and d2q_ds2 [rad/m²], (n, dof), and the smallest over the largest pivot of
-        the equations, (n,): 0 if they are singular.
-    """
+    """Derivatives dq_ds [rad/m] and d2q_ds2 [rad/m²], (n, dof), at the poses of a path."""
+    # Also the smallest over the largest pivot of the equations, (n,): 0 if they are singular. If
+    # rotation about the tool axis is free, the equations of the orientation are
+    # `x . omega = x . rate` for the target's x and y axes, which rotate with the target. The second
+    # derivative follows from differentiating these equations.
+    # rates (n, 4, 3): first and second derivative of the position, angular velocity and its
+    # derivative. w (n, 3, dof - task, dof) and g (n, 3, dof): guide and its first two derivatives.
     n, dof = q.shape
     first, second, pivot_ratio = np.empty((n, dof)), np.empty((n, dof)), np.empty(n)
     frames, a, b = np.empty((dof + 1, 3, 4)), np.empty((dof, dof)), np.empty(dof)
@@ -284,19 +238,9 @@ def path_derivatives(
 
 @compiled()
 def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArray) -> FloatArray:
-    """Orthonormal basis of the null-space motion: joint motion at a fixed tool pose.
-
-    For task 5 the tool may rotate about its axis, for task 3 about the tool point.
-
-    Args:
-        links: Links of the chain, (dof + 1, 12).
-        task: Task dimension: 6, 5 or 3.
-        q: Joint positions [rad], (n, dof).
-        targets: Target poses, (n, 3, 4).
-
-    Returns:
-        Unit vectors of joint motion, (n, dof - task, dof).
-    """
+    """Orthonormal basis of the joint motion at a fixed tool pose, (n, dof - task, dof)."""
+    # For task 5 the tool may rotate about its axis, for task 3 about the tool point.
+    # links (dof + 1, 12), q (n, dof) [rad], targets (n, 3, 4).
     n, dof = q.shape
     basis, rows, residual = np.empty((n, dof - task, dof)), np.empty((dof, dof)), np.empty(dof)
     equations = PoseEquations(np.empty((dof + 1, 3, 4)), rows, np.empty(dof))
@@ -341,21 +285,9 @@ def write_shortest_step(
     right: FloatArray,
     out: FloatArray,
 ) -> float:
-    """Write the shortest joint step that removes the pose error into `out`; return its size.
-
-    The step is `J^T (J J^T + damping² I)^-1 e`; it is long or not finite near a singularity.
-
-    Args:
-        task: Task dimension: 6, 5 or 3.
-        equations: The equations.
-        damping: Damping of the least squares.
-        square: Memory, (6, 6).
-        right: Memory, (6,).
-        out: Output: the step [rad], (dof,).
-
-    Returns:
-        The largest step of a joint [rad]; infinite if the equations are singular.
-    """
+    """Write the shortest joint step that removes the pose error; return its size [rad]."""
+    # The step is `J^T (J J^T + damping² I)^-1 e`; it is long or not finite near a singularity.
+    # square (6, 6) and right (6,) are memory.
     rows, dof = equations.rows, len(out)
     for i in range(task):
         for j in range(i + 1):
@@ -380,19 +312,8 @@ def write_shortest_step(
 def approach(
     links: FloatArray, task: int, target: FloatArray, q: FloatArray, weight: float, max_steps: int
 ) -> FloatArray:
-    """Move joint positions as close to a pose as possible, by damped least squares.
-
-    Args:
-        links: Links of the chain, (dof + 1, 12).
-        task: Task dimension: 6, 5 or 3.
-        target: Target pose, (3, 4).
-        q: Joint positions to start from [rad], overwritten with the results, (n, dof).
-        weight: Weight of a radian against a metre [m/rad].
-        max_steps: Largest number of steps.
-
-    Returns:
-        Position and orientation error that remain, (n, 2) [m, rad].
-    """
+    """Move q [rad] to a pose by damped least squares; remaining errors [m, rad], (n, 2)."""
+    # links (dof + 1, 12), target (3, 4), q (n, dof), overwritten; weight of a radian [m/rad].
     n, dof = q.shape
     frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
     best = PoseEquations(frames, np.empty((6, dof)), np.empty(6))
@@ -460,17 +381,10 @@ def follow(
     reached: IntArray,
     enough: float,
 ) -> None:
-    """Follow a sequence of poses from several joint positions by the shortest joint steps.
-
-    Args:
-        links: Links of the chain, (dof + 1, 12).
-        task: Task dimension: 6, 5 or 3.
-        targets: Target poses, each close to the one before, (n, 3, 4).
-        q: Joint positions of every branch [rad], (branches, n, dof): rows 0 are inputs, the others
-            outputs up to the last pose that was reached.
-        reached: Output: number of poses that were reached, including the first one, (branches,).
-        enough: A pose is reached with a correction below this [rad].
-    """
+    """Follow poses from several joint positions by the shortest joint steps."""
+    # targets (n, 3, 4), each close to the one before. q (branches, n, dof) [rad]: rows 0 are
+    # inputs, the others outputs. reached (branches,): output, number of reached poses, including
+    # the first. A pose is reached with a correction below `enough` [rad].
     branches, n, dof = q.shape
     frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
     equations = PoseEquations(frames, np.empty((6, dof)), np.empty(6))
@@ -481,7 +395,7 @@ def follow(
         for i in range(1, n):
             write_row(q[branch, i - 1], current)
             done, fraction = 0.0, 1.0
-            while done < 1.0 and fraction >= 0.5**MOST_HALVINGS:
+            while done < 1.0 and fraction >= 0.5**MAX_HALVINGS:
                 ahead, target = min(done + fraction, 1.0), targets[i]
                 if ahead < 1.0:
                     write_pose_between(targets[i - 1], targets[i], ahead, between)

@@ -29,19 +29,11 @@ SINGULAR_MARGIN = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tube(Checked):
-    """A uniform round tube that replaces a link of unknown mass and inertia.
+    """A uniform round tube that replaces a link of unknown mass and inertia."""
 
-    Args:
-        outer_diameter: Outer diameter [m].
-        wall: Thickness of the wall [m].
-        density: Density of the material [kg/m³].
-
-    Raises:
-        InvalidInput: A value is not above zero, or the wall is thicker than the outer radius.
-    """
-
-    outer_diameter: Size
-    wall: Size
+    outer_diameter: Size  # Outer diameter [m]
+    wall: Size  # Thickness of the wall [m]
+    # Density of the material [kg/m³].
     density: Annotated[float, Quantity("kg/m^3", sign="positive")]
 
     def _check_together(self) -> None:
@@ -75,6 +67,10 @@ class PlanarTwoLink(ChainArm):
     Joint angles are measured clockwise: the first from the y axis, the second from the first link.
     The plane is z = 0 of the attribute `chain`. It is assumed to be horizontal, so gravity causes
     no torque.
+
+    >>> own = ac.PlanarTwoLink(name="own", base=0.1, links=(0.3, 0.2), limits=arm.limits)
+    >>> own.forward([0.0, 0.0])[:2, 3]
+    array([0.1, 0.5])
 
     Args:
         name: Name of the arm, for messages and reports.

@@ -33,13 +33,9 @@ class Shape(Checked, ABC):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sphere(Shape):
-    """A ball about the origin.
+    """A ball about the origin."""
 
-    Args:
-        radius: Its radius [m].
-    """
-
-    radius: Size = field(kw_only=False)
+    radius: Size = field(kw_only=False)  # Its radius [m]
 
     @property
     def ball(self) -> tuple[FloatArray, float]:
@@ -50,15 +46,10 @@ class Sphere(Shape):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Capsule(Shape):
-    """All points near a segment of the z axis that is centred at the origin.
+    """All points near a segment of the z axis that is centred at the origin."""
 
-    Args:
-        radius: Distance of the surface from the segment [m].
-        length: Length of the segment, without the round ends [m].
-    """
-
-    radius: Size = field(kw_only=False)
-    length: Size = field(kw_only=False)
+    radius: Size = field(kw_only=False)  # Distance of the surface from the segment [m]
+    length: Size = field(kw_only=False)  # Length of the segment, without the round ends [m]
 
     @property
     def ball(self) -> tuple[FloatArray, float]:
@@ -69,15 +60,10 @@ class Capsule(Shape):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cylinder(Shape):
-    """A round cylinder along the z axis, centred at the origin.
+    """A round cylinder along the z axis, centred at the origin."""
 
-    Args:
-        radius: Its radius [m].
-        length: Its length [m].
-    """
-
-    radius: Size = field(kw_only=False)
-    length: Size = field(kw_only=False)
+    radius: Size = field(kw_only=False)  # Its radius [m]
+    length: Size = field(kw_only=False)  # Its length [m]
 
     @property
     def ball(self) -> tuple[FloatArray, float]:
@@ -88,12 +74,9 @@ class Cylinder(Shape):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Box(Shape):
-    """A box about the origin.
+    """A box about the origin."""
 
-    Args:
-        size: Its lengths along x, y and z [m], (3,).
-    """
-
+    # Its lengths along x, y and z [m], (3,).
     size: Annotated[FloatArray, Quantity("m", "5 mm", "positive"), Axes(3)] = field(kw_only=False)
 
     @property
@@ -116,22 +99,13 @@ class HalfSpace(Shape):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
 class Mesh(Shape):
-    """A triangle mesh; distances are those of its convex hull or of the triangles.
+    """A triangle mesh; distances are those of its convex hull or of the triangles."""
 
-    Args:
-        points: Corners of the triangles [m], (n, 3).
-        triangles: Indices of the three corners of each triangle, (m, 3); none for the convex hull
-            of the points.
-        source: Where the mesh comes from, for messages.
-
-    Raises:
-        InvalidInput: There are fewer than 4 points, all points lie in a plane, or a triangle has an
-            index out of range.
-    """
-
+    # Corners of the triangles [m], (n, 3).
     points: Annotated[FloatArray, Quantity("m"), Axes("points", 3)] = field(kw_only=False)
+    # Indices of the three corners of each triangle, (m, 3); none for the convex hull of the points.
     triangles: Annotated[IntArray, Axes("triangles", 3)] | None = None
-    source: str = ""
+    source: str = ""  # Where the mesh comes from, for messages
     _hull: Mesh | None = field(init=False, default=None, repr=False)
 
     def _check_together(self) -> None:
@@ -176,26 +150,16 @@ ASSUMED_RADIUS, ASSUMED_GAP = 0.01, 0.02
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinkShape(Checked):
-    """A shape that moves with a link, or with the tool.
+    """A shape that moves with a link, or with the tool."""
 
-    Args:
-        name: Name of the link, for messages and exceptions.
-        link: 0 for the base, i for the link after the i-th joint.
-        shape: The shape.
-        place: The frame of the shape, in the frame of the link.
-        tool: Whether the shape is the tool's, or that of a part that the tool holds.
-        exact: The exact body if `shape` is a larger convex one; it decides if `shape` comes too
-            near.
-        assumed: Whether the shape is an assumption.
-    """
-
-    name: Name
-    link: int
+    name: Name  # Name of the link, for messages and exceptions
+    link: int  # 0 for the base, i for the link after the i-th joint
     shape: Shape
-    place: Frame = field(default_factory=Frame)
-    tool: bool = False
+    place: Frame = field(default_factory=Frame)  # The frame of the shape, in the frame of the link
+    tool: bool = False  # True if the shape is the tool's, or that of a part that the tool holds
+    # The exact body if `shape` is a larger convex one; it decides if `shape` comes too near.
     exact: Shape | None = None
-    assumed: bool = False
+    assumed: bool = False  # True if the shape is an assumption
 
     def _check_together(self) -> None:
         if isinstance(self.shape, HalfSpace):
@@ -212,35 +176,24 @@ class LinkShape(Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftOut:
-    """Two bodies whose distance is not checked.
+    """Two bodies whose distance is not checked."""
 
-    Args:
-        first, second: Names of the links.
-        reason: Reason for the exclusion.
-    """
-
+    # first, second: names of the links.
     first: str
     second: str
-    reason: str
+    reason: str  # Reason for the exclusion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ArmShapes(Checked):
-    """The shapes of an arm's links and tool.
+    """The shapes of an arm's links and tool."""
 
-    Args:
-        shapes: The shapes. A link may have several.
-        left_out: Pairs of links whose distance is not checked, with the reasons. Neighbouring links
-            are never checked.
-        source: Where the shapes come from, and their licence.
-
-    Raises:
-        InvalidInput: An excluded pair names a link without a shape.
-    """
-
+    # The shapes. A link may have several.
     shapes: tuple[LinkShape, ...]
+    # Pairs of links whose distance is not checked, with the reasons. Neighbouring links are never
+    # checked.
     left_out: tuple[LeftOut, ...] = ()
-    source: str = ""
+    source: str = ""  # Where the shapes come from, and their licence
 
     def _check_together(self) -> None:
         names = {x.name for x in self.shapes}
@@ -253,11 +206,7 @@ class ArmShapes(Checked):
                     )
 
     def with_tool(self, shapes: Iterable[LinkShape]) -> ArmShapes:
-        """Return the same links with other shapes of the tool.
-
-        Args:
-            shapes: Shapes of the tool.
-        """
+        """Return the same links with other shapes of the tool."""
         links = tuple(x for x in self.shapes if not x.tool)
         return replace(self, shapes=(*links, *(replace(x, tool=True) for x in shapes)))
 
@@ -276,17 +225,11 @@ NO_FLOOR: Literal["none"] = "none"
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Margins(Checked):
-    """Smallest allowed distances between bodies, by the kind of pair.
+    """Smallest allowed distances between bodies, by the kind of pair."""
 
-    Args:
-        environment: A link and an obstacle [m].
-        own: Two links of the arm [m].
-        tool: The tool and anything else [m].
-    """
-
-    environment: Distance = 0.005
-    own: Distance = 0.002
-    tool: Distance = 0.002
+    environment: Distance = 0.005  # A link and an obstacle [m]
+    own: Distance = 0.002  # Two links of the arm [m]
+    tool: Distance = 0.002  # The tool and anything else [m]
 
 
 MARGINS = Margins()
@@ -296,6 +239,9 @@ MARGINS = Margins()
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Obstacle(Checked):
     """A body in the cell.
+
+    >>> from armcontour.robot.scene import Sphere
+    >>> ball = ac.Obstacle(name="ball", shape=Sphere(radius=0.05), place=ac.Frame((0.5, 0.2, 0.1)))
 
     Args:
         name: Its name, for messages.
@@ -321,6 +267,10 @@ class Obstacle(Checked):
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scene(Checked):
     """The obstacles in an arm's cell.
+
+    >>> from armcontour.robot.scene import Sphere
+    >>> ac.Scene(obstacles=(ac.Obstacle(name="ball", shape=Sphere(radius=0.05)),)).floor
+    'base'
 
     Args:
         obstacles: The obstacles, of different names.
@@ -353,7 +303,7 @@ class Scene(Checked):
 
     @property
     def has_mounting_plane(self) -> bool:
-        """Whether links should stay above the mounting plane of the base."""
+        """True if links should stay above the mounting plane of the base."""
         return self.floor == AT_BASE and not any(
             isinstance(x.shape, HalfSpace) and x.fixed_to == BASE and x.place.rotation[2, 2] > 0.5
             for x in self.obstacles
@@ -361,7 +311,7 @@ class Scene(Checked):
 
 
 def _is_same(first: Obstacle, second: Obstacle) -> bool:
-    """Whether two obstacles are the same half-space."""
+    """True if two obstacles are the same half-space."""
     named = (first.name, first.fixed_to) == (second.name, second.fixed_to)
     same = isinstance(first.shape, HalfSpace) and named
     return same and bool(np.array_equal(first.place.matrix, second.place.matrix))

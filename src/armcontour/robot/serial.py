@@ -37,7 +37,7 @@ class ChainArm(Arm):
     def _describe(
         self, name: str, chain: Chain, limits: Limits, source: str, limits_hint: str
     ) -> None:
-        """Check and keep what every arm of a chain has."""
+        """Check and store the attributes that all arms of a chain have."""
         self.name = checks.check_name("name of an arm", name)
         self.chain = chain
         self.joint_names = chain.joints
@@ -145,9 +145,9 @@ class ChainArm(Arm):
 
     def links(self, q: npt.ArrayLike) -> FloatArray:
         """Points of all joints and of the tool, (n, dof + 1, dimension) [m]."""
-        found = self._frames(q)[..., : self.dimension, 3].copy()
-        found[..., -1, :] = self.tool_position(q)
-        return found
+        points = self._frames(q)[..., : self.dimension, 3].copy()
+        points[..., -1, :] = self.tool_position(q)
+        return points
 
     def tool_jacobian(self, q: npt.ArrayLike) -> FloatArray:
         """Tool velocity per joint velocity [m/rad], (n, dimension, dof)."""
@@ -165,9 +165,9 @@ class ChainArm(Arm):
         # A joint does not move its own axis, so the axis may be taken as fixed in its own link.
         turning = _cross(angular, directions)
         arms, opening = points[:, -1:] - points[:, :-1], moving[:, -1:] - moving[:, :-1]
-        found = _cross(turning, arms) + _cross(directions, opening)
-        found = np.swapaxes(found, -1, -2)[:, : self.dimension]
-        return found.reshape(*leading, self.dimension, self.dof)
+        rate = _cross(turning, arms) + _cross(directions, opening)
+        rate = np.swapaxes(rate, -1, -2)[:, : self.dimension]
+        return rate.reshape(*leading, self.dimension, self.dof)
 
     def tool_velocity(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
         """Tool velocity [m/s], eq. (22)."""
@@ -189,8 +189,8 @@ class ChainArm(Arm):
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> tuple[FloatArray, FloatArray]:
         """Tool velocity [m/s] and acceleration [m/s²] from one evaluation of the kinematics."""
-        found = self._motion(q, dq, ddq)
-        return found[..., : self.dimension], found[..., 6 : 6 + self.dimension]
+        motion = self._motion(q, dq, ddq)
+        return motion[..., : self.dimension], motion[..., 6 : 6 + self.dimension]
 
     def _motion(self, *states: npt.ArrayLike) -> FloatArray:
         """Twist of the tool and its derivatives: as many as there are states after the first."""
@@ -199,8 +199,8 @@ class ChainArm(Arm):
 
         leading, rows = self._rows(*states)
         # Derivatives above the order are not read.
-        found = tool_motion(self.link_table, len(rows) - 1, *(rows * 4)[:4])
-        return np.asarray(found.reshape(*leading, found.shape[1]))
+        motion = tool_motion(self.link_table, len(rows) - 1, *(rows * 4)[:4])
+        return np.asarray(motion.reshape(*leading, motion.shape[1]))
 
     def poses(self, q: npt.ArrayLike) -> FloatArray:
         """Rotations and positions of the tool in the work frame, (..., 3, 4).
@@ -225,13 +225,17 @@ class SerialArm(ChainArm):
     states of any leading shape. A twist is the tool's velocity [m/s] followed by its angular
     velocity [rad/s], (n, 6), along the axes of the work frame.
 
+    >>> ur5e = ac.load_arm("ur5e")
+    >>> ur5e.forward(np.zeros(6))[0].shape
+    (4,)
+
     Args:
         name: Name of the arm, for messages and reports.
         chain: Joints and links of the arm.
         limits: Limits of the arm's joints and tool.
         source: Where the data of the arm come from.
         limits_hint: What the user can do to add the limits that the arm lacks, for messages.
-        notes: Sentences on what was left out or chosen when the arm was read.
+        notes: Sentences on data that were ignored or chosen when the arm was read.
     """
 
     dimension = 3
@@ -260,7 +264,7 @@ class SerialArm(ChainArm):
 
     @cached_property
     def moves_in_a_plane(self) -> bool:
-        """Whether all joints are parallel, so that the tool stays in a plane."""
+        """True if all joints are parallel, so that the tool stays in a plane."""
         # The rows of the angular velocity are the axes of the joints.
         axes = self.jacobian(np.zeros(self.dof))[3:]
         return bool(np.linalg.matrix_rank(axes, tol=PARALLEL) < 2)
@@ -292,25 +296,16 @@ class SerialArm(ChainArm):
         Args:
             q: Joint positions [rad], (..., dof).
         """
-        found = self.poses(q)
-        return found[..., 3].copy(), found[..., :3].copy()
+        poses = self.poses(q)
+        return poses[..., 3].copy(), poses[..., :3].copy()
 
     def links(self, q: npt.ArrayLike) -> FloatArray:
         """Points of the base, all joints, the tip and the tool, (n, dof + 3, 3) [m]."""
-        found = np.insert(super().links(q), [0, self.dof], 0.0, axis=-2)
+        points = np.insert(super().links(q), [0, self.dof], 0.0, axis=-2)
         point, rotation = self.pose(q)
-        found[..., 0, :] = self.chain.base.position
-        found[..., -2, :] = point + rotation @ self.chain.tool.inverse.position
-        return found
-
-    def twist_drift(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Bias acceleration `dJ/dt dq` of the tool: its twist rate at ddq = 0, (n, 6).
-
-        Args:
-            q: Joint positions [rad], (..., dof).
-            dq: Joint velocities [rad/s], same shape.
-        """
-        return self.tool_twist_rate(q, dq, np.zeros_like(checks.floats("q", q, "rad")))
+        points[..., 0, :] = self.chain.base.position
+        points[..., -2, :] = point + rotation @ self.chain.tool.inverse.position
+        return points
 
     def tool_twist(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
         """Twist of the tool: velocity [m/s] and angular velocity [rad/s], (n, 6).
@@ -333,9 +328,9 @@ class SerialArm(ChainArm):
         """
         return self._motion(q, dq, ddq)[..., 6:]
 
-    def _with(self, chain: Chain, *kept: str) -> SerialArm:
-        """A copy of the arm with another chain, which keeps what was computed of some names."""
-        found = SerialArm(
+    def _with(self, chain: Chain, *cached: str) -> SerialArm:
+        """Copy of the arm with another chain and with the cached values of some attributes."""
+        arm = SerialArm(
             name=self.name,
             chain=chain,
             limits=self.limits,
@@ -343,15 +338,15 @@ class SerialArm(ChainArm):
             limits_hint=self.limits_hint,
             notes=self.notes,
         )
-        # Shapes are those of this arm, read or not.
-        kept = ("shapes", "_read_shapes", *kept)
-        vars(found).update({key: x for key, x in vars(self).items() if key in kept})
-        return found
+        # The copy shares the shapes, also those that are not read yet.
+        cached = ("shapes", "_read_shapes", *cached)
+        vars(arm).update({key: x for key, x in vars(self).items() if key in cached})
+        return arm
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """Vector products, (..., 3); NumPy's own takes five times as long for few of them."""
-    found = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    products = np.empty(np.broadcast_shapes(a.shape, b.shape))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        found[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
-    return found
+        products[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return products

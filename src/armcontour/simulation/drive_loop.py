@@ -23,19 +23,14 @@ class Functions(NamedTuple):
 
 
 class Bodies(NamedTuple):
-    """A MuJoCo model and its state, both in MuJoCo's memory.
-
-    Attributes:
-        model, data: Their addresses.
-        q, dq: Positions [rad] and velocities [rad/s] of all degrees of freedom, (n,).
-        torque: Applied torques, or the gravity torques of an arm at rest [N m], (n,).
-    """
+    """A MuJoCo model and its state, both in MuJoCo's memory."""
 
     model: int
     data: int
+    # q, dq: positions [rad] and velocities [rad/s] of all degrees of freedom, (n,).
     q: FloatArray
     dq: FloatArray
-    torque: FloatArray
+    torque: FloatArray  # Applied torques, or the gravity torques of an arm at rest [N m], (n,)
 
     @classmethod
     def from_model(cls, model: Any, data: Any) -> Bodies:
@@ -44,43 +39,30 @@ class Bodies(NamedTuple):
 
 
 class Loops(NamedTuple):
-    """The loops of the drives, as in `RigidBodyPlant`.
+    """The loops of the drives, as in `RigidBodyPlant`."""
 
-    Attributes:
-        kp, kv, ki: Gains [1/s], (dof,).
-        integral: Integrals of the velocity errors [rad], (dof,); updated.
-        step: Time between two computations of the loops [s].
-        inertia: J [kg m²], (dof,).
-        limit: Torque limits [N m], (dof,).
-        holds: Whether gravity is fed forward.
-        on_top: Whether the limits exclude the gravity torque.
-    """
-
+    # kp, kv, ki: gains [1/s], (dof,).
     kp: FloatArray
     kv: FloatArray
     ki: FloatArray
-    integral: FloatArray
-    step: float
-    inertia: FloatArray
-    limit: FloatArray
-    holds: bool
-    on_top: bool
+    integral: FloatArray  # Integrals of the velocity errors [rad], (dof,); updated
+    step: float  # Time between two computations of the loops [s]
+    inertia: FloatArray  # J [kg m²], (dof,)
+    limit: FloatArray  # Torque limits [N m], (dof,)
+    holds: bool  # True if gravity is fed forward
+    on_top: bool  # True if the limits exclude the gravity torque
 
 
 class Rows(NamedTuple):
-    """Output of the loop, one row per step.
+    """Output of the loop, one row per step."""
 
-    Attributes:
-        q, dq: Positions and velocities at the starts of the steps, and after the last one,
-            (steps + 1, n).
-        demand: Demanded accelerations [rad/s²], (steps, dof).
-        wanted, torque: Torques before and after saturation [N m], (steps, dof).
-    """
-
+    # q, dq: positions and velocities at the starts of the steps, and after the last one,
+    # (steps + 1, n).
     q: FloatArray
     dq: FloatArray
-    demand: FloatArray
-    wanted: FloatArray
+    commanded_acceleration: FloatArray  # Before saturation [rad/s²], (steps, dof)
+    # commanded_torque, torque: torques before and after saturation [N m], (steps, dof).
+    commanded_torque: FloatArray
     torque: FloatArray
 
 
@@ -124,7 +106,7 @@ def _call_rne(typing: Any, function: Any, model: Any, data: Any, result: Any) ->
 def advance(
     functions: Functions,
     bodies: Bodies,
-    known: Bodies,
+    controller: Bodies,
     loops: Loops,
     parts: int,
     commands: FloatArray,
@@ -135,52 +117,39 @@ def advance(
     wildest: float,
     rows: Rows,
 ) -> int:
-    """Simulate the steps from `first` to before `end`.
-
-    Args:
-        functions: MuJoCo's functions.
-        bodies: The bodies; encoders and torques are those of the last dof.
-        known: The controller's model of the arm, at rest.
-        loops: The drives.
-        parts: Number of integration steps per step of the drives.
-        commands: Commands in the steps [rad], (steps, dof).
-        integrated: Commands of the integrators, without acceleration feed-forward [rad], (steps,
-            dof).
-        noise: Noise of measured positions in the steps [rad], (steps, dof); (0, dof) without.
-        first: The first step.
-        end: The step before which the loop ends.
-        wildest: Velocity of a joint that runs away [rad/s].
-        rows: Output.
-
-    Returns:
-        `end`, or the step after which a joint runs away.
-    """
+    """Simulate steps `first` to before `end`; return `end`, or the step with a runaway joint."""
+    # `known` is the controller's model of the arm, at rest. Each step of the drives has `parts`
+    # integration steps. commands (steps, dof) [rad]; integrated: those of the integrators, without
+    # acceleration feed-forward; noise of measured positions (steps, dof), or (0, dof). A joint runs
+    # away above the velocity `wildest` [rad/s].
     dof, n = len(loops.kp), len(bodies.q)
     for k in range(first, end):
         for j in range(n):
             rows.q[k, j], rows.dq[k, j] = bodies.q[j], bodies.dq[j]
         for j in range(dof):
-            known.q[j] = bodies.q[n - dof + j]
+            controller.q[j] = bodies.q[n - dof + j]
             if len(noise):
-                known.q[j] += noise[k, j]
+                controller.q[j] += noise[k, j]
         if loops.holds:
-            _call(functions.kinematics, known.model, known.data)
-            _call(functions.com_pos, known.model, known.data)
-            _call_rne(functions.rne, known.model, known.data, known.torque.ctypes.data)
+            _call(functions.kinematics, controller.model, controller.data)
+            _call(functions.com_pos, controller.model, controller.data)
+            _call_rne(
+                functions.rne, controller.model, controller.data, controller.torque.ctypes.data
+            )
         for j in range(dof):
-            error = (integrated[k, j] - known.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
+            error = (integrated[k, j] - controller.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
             loops.integral[j] += loops.step * error
-            demanded = (commands[k, j] - known.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
+            demanded = (commands[k, j] - controller.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
             demanded = (demanded + loops.ki[j] * loops.integral[j]) * loops.kv[j]
-            gravity = 0.0 if loops.on_top else known.torque[j]
-            fed_forward = known.torque[j] if loops.on_top else 0.0
+            gravity = 0.0 if loops.on_top else controller.torque[j]
+            fed_forward = controller.torque[j] if loops.on_top else 0.0
             required = demanded * loops.inertia[j] + gravity
             applied = max(min(required, loops.limit[j]), -loops.limit[j]) + fed_forward
             # Anti-windup as in `ServoModel`.
             excess = (required + fed_forward - applied) / loops.inertia[j]
             loops.integral[j] -= loops.step * excess / loops.kv[j]
             bodies.torque[n - dof + j] = applied
-            rows.demand[k, j], rows.wanted[k, j], rows.torque[k, j] = (
+            rows.commanded_acceleration[k, j], rows.commanded_torque[k, j], rows.torque[k, j] = (
                 demanded,
                 required + fed_forward,
                 applied,

@@ -28,23 +28,14 @@ NOTHING = 1e-13
 
 
 class Springs(NamedTuple):
-    """The springs between drives and links.
+    """The springs between drives and links."""
 
-    Attributes:
-        stiffness: Torque per angle between motor and link [N m/rad], (dof,).
-        damping: Torque per velocity between motor and link [N m s/rad], (dof,).
-    """
-
-    stiffness: FloatArray
-    damping: FloatArray
+    stiffness: FloatArray  # Torque per angle between motor and link [N m/rad], (dof,)
+    damping: FloatArray  # Torque per velocity between motor and link [N m s/rad], (dof,)
 
 
 def load() -> Any:
-    """Import mujoco at first use.
-
-    Raises:
-        InvalidInput: mujoco is not installed.
-    """
+    """Import mujoco at first use."""
     try:
         # Imported by name, because mujoco has no type annotations.
         return importlib.import_module("mujoco")
@@ -68,21 +59,10 @@ def functions() -> Functions:
 
 
 def build(chain: Chain, step: float, *, friction: bool, springs: Springs | None = None) -> Any:
-    """Build the MuJoCo model of a chain.
-
-    The degrees of freedom are those of the links. With springs those of the motors follow: rotors
-    with the armature and the friction of the drives. A fixed tendon, whose length is the angle
-    between both, connects each rotor to its link.
-
-    Args:
-        chain: A chain with masses; its payload becomes part of the last link.
-        step: Integration step [s].
-        friction: Whether the model has the chain's viscous and Coulomb friction.
-        springs: Springs between drives and links; None for rigid joints.
-
-    Raises:
-        InvalidInput: A joint moves no inertia, or mujoco is not installed.
-    """
+    """Build the MuJoCo model of a chain; its payload becomes part of the last link."""
+    # The degrees of freedom are those of the links. With springs those of the motors follow: rotors
+    # with the armature and the friction of the drives. A fixed tendon, whose length is the angle
+    # between both, connects each rotor to its link.
     mujoco = load()
     spec = mujoco.MjSpec()
     spec.option.timestep = step
@@ -135,10 +115,8 @@ def set_step(model: Any, step: float) -> None:
 
 
 def mass_matrix(model: Any, q: FloatArray) -> FloatArray:
-    """Mass matrix at positions of the links, including the armature [kg m²].
-
-    Its rows are the model's degrees of freedom, (dof, dof), or (2 dof, 2 dof) with springs.
-    """
+    """Mass matrix at positions of the links, including the armature [kg m²]."""
+    # Its rows are the model's degrees of freedom, (dof, dof), or (2 dof, 2 dof) with springs.
     return np.asarray(mass_matrices(model, q[None])[0])
 
 
@@ -158,13 +136,7 @@ def mass_matrices(model: Any, q: FloatArray) -> FloatArray:
 
 
 def weight(model: Any, data: Any, q: FloatArray) -> FloatArray:
-    """Gravity torques at positions q of the links [N m], (dof,).
-
-    Args:
-        model: The model.
-        data: A state without velocities; its positions are overwritten.
-        q: The positions [rad], (dof,).
-    """
+    """Gravity torques at positions q of the links [N m], (dof,); overwrites `data`."""
     mujoco, torque = load(), np.zeros(model.nv)
     data.qpos[: len(q)] = q
     mujoco.mj_kinematics(model, data)
@@ -241,7 +213,7 @@ LOOKS = 50
 # Phase [rad] or decay of the fastest mode of springs and viscous friction per integration step; the
 # method is stable up to 2.8. Largest number of integration steps per step of the drives.
 PHASE = 0.5
-MOST_PARTS = 50
+MAX_PARTS = 50
 
 
 def count_parts(
@@ -252,24 +224,10 @@ def count_parts(
     viscous: FloatArray,
     springs: Springs | None,
 ) -> int:
-    """Number of integration steps per step of the drives.
-
-    With a torque that is constant for a step h, a mode of rigid joints is stable if the rate of its
-    velocity loop, K_v J / M, times h is below 2. With springs, the simulation detects unstable
-    drives.
-
-    Args:
-        model: MuJoCo's model of the arm.
-        set_points: The set-points, some of which are checked.
-        step: Step of the drives [s].
-        loop: J K_v [N m s/rad], (dof,).
-        viscous: Viscous friction of the drives [N m s/rad], (dof,).
-        springs: Springs between drives and links; None for rigid joints.
-
-    Raises:
-        ExecutionError: A joint is unstable at a set-point, or too many integration steps are
-            needed.
-    """
+    """Number of integration steps per step of the drives, checked at some of the set-points."""
+    # With a torque that is constant for a step h, a mode of rigid joints is stable if the rate of
+    # its velocity loop, K_v J / M, times h is below 2. With springs, the simulation detects
+    # unstable drives. loop (dof,): J K_v [N m s/rad].
     k, d = (np.zeros_like(loop),) * 2 if springs is None else springs
     pulls = np.ones((1, 1)) if springs is None else np.array([[1.0, -1.0], [-1.0, 1.0]])
     stiffness, damping = np.kron(pulls, np.diag(k)), np.kron(pulls, np.diag(d))
@@ -281,15 +239,15 @@ def count_parts(
         state = np.eye(2 * n, k=n)
         state[n:] = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
         parts = int(np.ceil(np.abs(np.linalg.eigvals(state)).max() * step / PHASE))
-        if parts > MOST_PARTS:
+        if parts > MAX_PARTS:
             raise ExecutionError(
                 f"Springs or viscous friction of the joints take {parts} integration steps in a "
-                f"step of {step:.3g} s at t = {t:.4g} s, and at most {MOST_PARTS} are made: reduce "
+                f"step of {step:.3g} s at t = {t:.4g} s, and at most {MAX_PARTS} are made: reduce "
                 "joint_stiffness, joint_damping or viscous friction, raise the inertias of drives "
                 "(armature), or shorten the step.",
                 t=t,
                 needed=float(parts),
-                allowed=float(MOST_PARTS),
+                allowed=float(MAX_PARTS),
             )
         largest = max(largest, parts)
         if springs is not None:

@@ -72,10 +72,9 @@ class Plant(ABC):
 
 
 class LimitedPlant(Immutable, Plant):
-    """A plant whose drives saturate at limits: explicit ones, otherwise those of the plan.
+    """A plant whose drives saturate at limits: explicit ones, otherwise those of the plan."""
 
-    A plant is immutable; the plant of an `Execution` has the limits of its plan.
-    """
+    # A plant is immutable; the plant of an `Execution` has the limits of its plan.
 
     limits: Limits | None
 
@@ -107,6 +106,10 @@ def simulate(
 ) -> Execution:
     """Execute set-points on a plant.
 
+    >>> motion = ac.simulate(set_points, ac.ServoPlant(arm, servo), resolution=2e-3)
+    >>> motion.dq.shape == motion.q.shape
+    True
+
     Args:
         set_points: The set-points.
         plant: The plant; it must not be the model used for compensation.
@@ -129,11 +132,7 @@ def simulate(
 
 
 def check_joints(set_points: SetPoints, arm: Arm) -> None:
-    """Check that the set-points have as many joints as the arm.
-
-    Raises:
-        InvalidInput: The numbers differ, or `set_points` has another type.
-    """
+    """Check that the set-points have as many joints as the arm."""
     checks.check_type("A plant", set_points, SetPoints)
     if set_points.q.shape[1] != arm.dof:
         raise InvalidInput(
@@ -143,17 +142,7 @@ def check_joints(set_points: SetPoints, arm: Arm) -> None:
 
 
 def check_weight(weight: FloatArray, limit: FloatArray, location: str, t: float) -> None:
-    """Check that the drives can hold the arm against gravity.
-
-    Args:
-        weight: Absolute gravity torques, (dof,) [N m].
-        limit: Torque limits of the drives, (dof,) [N m].
-        location: Name of the position, for the message.
-        t: Time at this position [s].
-
-    Raises:
-        ExecutionError: A torque exceeds its limit.
-    """
+    """Check that the drives can hold the arm against gravity torques (dof,) [N m] at time t [s]."""
     heavy = weight > limit
     if heavy.any():
         j = int(np.argmax(heavy))
@@ -182,21 +171,15 @@ def patience(duration: float) -> float:
 
 
 class Part(NamedTuple):
-    """Motion of all joints over some cycles.
+    """Motion of all joints over some cycles."""
 
-    Attributes:
-        q, dq: Positions [rad] and velocities [rad/s] at the results, (n, dof).
-        demand: Demanded accelerations [rad/s²], (n, dof).
-        ddq: Accelerations after saturation [rad/s²], (n, dof).
-        saturated: Time in saturation [s], (dof,).
-        demand_range: Lowest and highest demand, including between results [rad/s²], (2, dof).
-    """
-
+    # q, dq: positions [rad] and velocities [rad/s] at the results, (n, dof).
     q: FloatArray
     dq: FloatArray
-    demand: FloatArray
-    ddq: FloatArray
-    saturated: FloatArray
+    demand: FloatArray  # Demanded accelerations [rad/s²], (n, dof)
+    ddq: FloatArray  # Accelerations after saturation [rad/s²], (n, dof)
+    saturated: FloatArray  # Time in saturation [s], (dof,)
+    # Lowest and highest demand, including between results [rad/s²], (2, dof).
     demand_range: FloatArray
 
 
@@ -215,16 +198,7 @@ def join_parts(parts: list[Part]) -> Part:
 
 
 class TorqueBounds:
-    """Acceleration bounds of the joints due to torque limits.
-
-    Args:
-        arm: An arm with masses.
-        limit: Torque limits, (dof,) [N m].
-        set_points: The set-points.
-
-    Raises:
-        ExecutionError: The gravity torque exceeds a limit at the first or the last set-point.
-    """
+    """Acceleration bounds of the joints of an arm with masses, due to torque limits [N m]."""
 
     def __init__(self, arm: Arm, limit: FloatArray, set_points: SetPoints) -> None:
         self.arm, self.limit, self.set_points = arm, limit, set_points
@@ -234,18 +208,9 @@ class TorqueBounds:
             check_weight(weight, limit, f"the {label} set-point", float(set_points.t[k]))
 
     def bounds_at(self, k: int, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Acceleration bounds `(-T - b) / M_jj` and `(T - b) / M_jj` in interval k [rad/s²].
-
-        If b alone exceeds T, both bounds have the same sign: the joint brakes or falls.
-
-        Args:
-            k: Index of the cycle.
-            q: Joint positions at the start of the interval [rad], (dof,).
-            dq: Joint velocities at the start of the interval [rad/s], (dof,).
-
-        Raises:
-            ExecutionError: A joint is faster than `RUNAWAY`.
-        """
+        """Acceleration bounds `(-T - b) / M_jj` and `(T - b) / M_jj` in interval k [rad/s²]."""
+        # If b alone exceeds T, both bounds have the same sign: the joint brakes or falls.
+        # q (dof,) [rad], dq (dof,) [rad/s].
         fast = ~(np.abs(dq) < RUNAWAY)
         if fast.any():
             j = int(np.argmax(fast))
@@ -263,18 +228,10 @@ class TorqueBounds:
 
 
 class ServoRun:
-    """Servos of all joints, with acceleration bounds that may change in every cycle.
+    """Servos of all joints, with acceleration bounds that may change in every cycle."""
 
-    Args:
-        set_points: The set-points.
-        steps: Number of results per cycle.
-        servo: A servo with values per joint.
-        accelerations: Lower and upper bounds, (dof,) each [rad/s²].
-        torque: Torque limits that determine the bounds of each cycle instead; None without.
-
-    Raises:
-        ExecutionError: The gains are too large to simulate.
-    """
+    # accelerations: lower and upper bounds, (dof,) each [rad/s²]; or torque limits, which determine
+    # the bounds of each cycle.
 
     def __init__(
         self,
@@ -293,17 +250,8 @@ class ServoRun:
         self.held: FloatArray | None = None
 
     def advance(self, begin: int, count: int, q: FloatArray, dq: FloatArray) -> Part:
-        """Simulate some cycles.
-
-        Args:
-            begin: Index of the first interval.
-            count: Number of intervals.
-            q: Joint positions at the start [rad], (dof,).
-            dq: Joint velocities at the start [rad/s], (dof,).
-
-        Raises:
-            ExecutionError: A joint runs away, or its motion cannot be computed.
-        """
+        """Simulate some cycles."""
+        # q (dof,) [rad], dq (dof,) [rad/s].
         if self.torque is None or count == 0:
             return self._run(begin, count, q, dq, self.bounds)
         parts = []
@@ -331,6 +279,10 @@ class ServoRun:
 
 class ServoPlant(LimitedPlant):
     """Independent joints, each with its own servo.
+
+    >>> slower = ac.ServoPlant(arm, servo.replace(kp=20.0))
+    >>> ac.simulate(set_points, slower).q.shape[1]
+    2
 
     Args:
         arm: The arm.
@@ -418,7 +370,7 @@ class ServoPlant(LimitedPlant):
         return self.for_plan(set_points)._execute(set_points, resolution)
 
     def _execute(self, set_points: SetPoints, resolution: float) -> Execution:
-        """As `run`, with the limits of this plant."""
+        """Execute set-points with the limits of this plant."""
         steps = int(np.ceil(set_points.cycle / resolution * (1 - 1e-12)))
         parts, unsettled = self._until_rest(set_points, steps)
         whole = join_parts(parts)
@@ -479,7 +431,7 @@ class ServoPlant(LimitedPlant):
         return FineMotion(t=t, q=q, before=before, after=after)
 
     def _smooth_between(self, demand: FloatArray, width: float) -> bool:
-        """Whether the motion has no events between results and quintics are exact enough."""
+        """True if the motion has no events between results and quintics are exact enough."""
         servo = self.servo
         jumps = servo.interpolation == "step" or servo.has_feedforward or servo.friction.any()
         if (

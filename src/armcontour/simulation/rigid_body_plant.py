@@ -85,6 +85,11 @@ class RigidBodyPlant(LimitedPlant):
     Encoders are at the motors: the loops and gravity feed-forward use theta. The rotation of rotors
     with the links that carry them is neglected, as in Spong (1987).
 
+    >>> heavy = arm.with_dynamics(payload=ac.Payload(mass=0.5), armature=0.1)
+    >>> plant = ac.RigidBodyPlant(heavy, servo, noise=1e-5, seed=1)
+    >>> ac.simulate(set_points, plant).q.shape[1]
+    2
+
     Args:
         arm: The arm; its chain must have masses.
         servo: The gains of the drives, a servo of second order.
@@ -211,7 +216,7 @@ class RigidBodyPlant(LimitedPlant):
         return self.for_plan(set_points)._execute(set_points, resolution)
 
     def _execute(self, set_points: SetPoints, resolution: float) -> Execution:
-        """As `run`, with the limits of this plant."""
+        """Execute set-points with the limits of this plant."""
         steps = int(np.ceil(set_points.cycle / self.step * (1 - 1e-12)))
         span = set_points.cycle / steps
         every = _steps_per_result(steps, span, resolution)
@@ -286,11 +291,11 @@ class RigidBodyPlant(LimitedPlant):
 
     def _check_strength(self, log: _Log, last: FloatArray, now: float) -> None:
         """Raise an error if a drive at rest is always at its torque limit."""
-        weak = (log.wanted != log.torque).all(axis=0)
+        weak = (log.torque_demand != log.torque).all(axis=0)
         if not weak.any():
             return
         j = int(np.argmax(weak))
-        needed, allowed = (float(abs(x[-1, j])) for x in (log.wanted, log.torque))
+        needed, allowed = (float(abs(x[-1, j])) for x in (log.torque_demand, log.torque))
         offset = log.q[-1, -self.arm.dof :] - last
         raise ExecutionError(
             f"Joint {j + 1} rests {abs(offset[j]):.3g} rad from its last set-point, "
@@ -305,22 +310,13 @@ class RigidBodyPlant(LimitedPlant):
 
     def _execution(self, set_points: SetPoints, logs: list[_Log], span: float) -> Execution:
         """The execution of consecutive logs with the time `span` between results [s]."""
-        q, dq, ddq, demand, torque_demand, torque = (
-            np.concatenate([getattr(x, name) for x in logs])
-            for name in ("q", "dq", "ddq", "demand", "wanted", "torque")
-        )
+        columns = {name: np.concatenate([getattr(x, name) for x in logs]) for name in LOGGED}
         dof = self.arm.dof
         return Execution(
             arm=self.arm,
             set_points=set_points,
-            t=set_points.times(len(q), span),
-            q=q[:, :dof],
-            dq=dq[:, :dof],
-            ddq=ddq[:, :dof],
-            motor_q=None if self._springs is None else q[:, dof:],
-            demand=demand,
-            torque=torque,
-            torque_demand=torque_demand,
+            t=set_points.times(len(columns["q"]), span),
+            motor_q=None if self._springs is None else columns["q"][:, dof:],
             demand_range=np.stack(
                 [
                     np.min([x.demand_range[0] for x in logs], axis=0),
@@ -329,6 +325,7 @@ class RigidBodyPlant(LimitedPlant):
             ),
             saturated_time=np.sum([x.saturated for x in logs], axis=0),
             plant=self,
+            **{name: values[:, :dof] for name, values in columns.items()},
         )
 
     def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion:
@@ -341,29 +338,24 @@ class RigidBodyPlant(LimitedPlant):
         return FineMotion.through(executed.t, executed.q, executed.dq, None, indices)
 
 
+# Fields of a log with one row per step.
+LOGGED = ("q", "dq", "ddq", "demand", "torque", "torque_demand")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Log:
-    """Results of some steps.
+    """Results of some steps."""
 
-    Args:
-        q, dq: Positions [rad] and velocities [rad/s] at the starts of the steps: of the links, and
-            with springs of the motors too, (n, dof) or (n, 2 dof).
-        ddq: Mean accelerations over the steps [rad/s²], of the same shape.
-        demand: Demanded accelerations [rad/s²], (n, dof).
-        wanted: Demanded torques [N m], (n, dof).
-        torque: Torques after saturation [N m], (n, dof).
-        demand_range: Lowest and highest demand [rad/s²], (2, dof).
-        saturated: Time in saturation [s], (dof,).
-    """
-
+    # q, dq: positions [rad] and velocities [rad/s] at the starts of the steps: of the links, and
+    # with springs of the motors too, (n, dof) or (n, 2 dof).
     q: FloatArray
     dq: FloatArray
-    ddq: FloatArray
-    demand: FloatArray
-    wanted: FloatArray
-    torque: FloatArray
-    demand_range: FloatArray
-    saturated: FloatArray
+    ddq: FloatArray  # Mean accelerations over the steps [rad/s²], of the same shape
+    demand: FloatArray  # Demanded accelerations [rad/s²], (n, dof)
+    torque_demand: FloatArray  # Torques before saturation [N m], (n, dof)
+    torque: FloatArray  # Torques after saturation [N m], (n, dof)
+    demand_range: FloatArray  # Lowest and highest demand [rad/s²], (2, dof)
+    saturated: FloatArray  # Time in saturation [s], (dof,)
 
     @classmethod
     def from_steps(
@@ -371,7 +363,7 @@ class _Log:
         q: FloatArray,
         dq: FloatArray,
         demand: FloatArray,
-        wanted: FloatArray,
+        torque_demand: FloatArray,
         torque: FloatArray,
         step: float,
     ) -> _Log:
@@ -381,10 +373,10 @@ class _Log:
             dq=dq[:-1],
             ddq=np.diff(dq, axis=0) / step,
             demand=demand,
-            wanted=wanted,
+            torque_demand=torque_demand,
             torque=torque,
             demand_range=np.stack([demand.min(axis=0), demand.max(axis=0)]),
-            saturated=(wanted != torque).sum(axis=0) * step,
+            saturated=(torque_demand != torque).sum(axis=0) * step,
         )
 
     def moved(self, step: float) -> FloatArray:
@@ -396,10 +388,7 @@ class _Log:
         return _Log(
             demand_range=self.demand_range,
             saturated=self.saturated,
-            **{
-                name: getattr(self, name)[::every].copy()
-                for name in ("q", "dq", "ddq", "demand", "wanted", "torque")
-            },
+            **{name: getattr(self, name)[::every].copy() for name in LOGGED},
         )
 
 
@@ -481,15 +470,11 @@ class _Robot:
         return _Log.from_steps(*rows, self.step)
 
     def _equilibrium(self, first: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Rest positions with the first set-point as command [rad].
-
-        The integrator, or otherwise the position loop, holds the weight that is not fed forward; a
-        spring holds the whole weight.
-
-        Returns:
-            Positions of the motors and of the links, without springs the same [rad], and torques
-            of the loops [N m], (dof,) each.
-        """
+        """Rest positions with the first set-point as command [rad]."""
+        # The integrator, or otherwise the position loop, holds the weight that is not fed forward;
+        # a spring holds the whole weight.
+        # Returns positions of the motors and of the links, without springs the same [rad], and
+        # torques of the loops [N m], (dof,) each.
         plant, springs = self.plant, self.plant._springs
         gain = plant.nominal_inertia * plant.kv * plant.servo.kp
         gain = np.where(plant.servo.ki > 0, np.inf, gain)
@@ -542,16 +527,12 @@ class _Robot:
 
 
 def can_simulate() -> bool:
-    """Whether MuJoCo, which simulates the bodies, is installed."""
+    """True if MuJoCo, which simulates the bodies, is installed."""
     return importlib.util.find_spec("mujoco") is not None
 
 
 def require_mujoco() -> None:
-    """Check that MuJoCo is installed.
-
-    Raises:
-        InvalidInput: MuJoCo is not installed.
-    """
+    """Check that MuJoCo is installed."""
     mujoco_model.load()
 
 
@@ -563,11 +544,7 @@ def rest_window(servo: ServoModel) -> float:
 
 
 def check_damping(stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None) -> None:
-    """Check that joint damping comes with joint stiffness.
-
-    Raises:
-        InvalidInput: There is damping without stiffness.
-    """
+    """Check that joint damping comes with joint stiffness."""
     if stiffness is None and damping is not None:
         raise InvalidInput(
             "joint_damping is that of springs between drives and links: give their "
@@ -629,11 +606,9 @@ def _nominal_inertia(chain: Chain, reference: FloatArray) -> FloatArray:
 
 
 def _torque_limits(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArray:
-    """Torque limits of the drives [N m], (dof,).
-
-    Without torque limits the drives are rated for the acceleration limits of all joints at once,
-    without payload, in each of `RATED_POSES` random poses.
-    """
+    """Torque limits of the drives [N m], (dof,)."""
+    # Without torque limits the drives are rated for the acceleration limits of all joints at once,
+    # without payload, in each of `RATED_POSES` random poses.
     if limits.joint_torque is not None:
         return limits.joint_torque
     dof = len(chain)

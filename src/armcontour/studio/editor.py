@@ -1,11 +1,8 @@
-"""The document that is edited: its job, the run that is chosen, and what edits make of them.
-
-It knows no page. What cannot be made is refused before anything is changed.
-"""
+"""Editor of a document: its job, the shown run, and the results of edits. It knows no page."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path as FilePath
@@ -13,54 +10,59 @@ from typing import Any
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import load
+from armcontour.files.cell import YAML
 from armcontour.files.job_edits import Change, change_data, change_text
 from armcontour.jobs import Job
-from armcontour.studio.described import Seen, runs_of
-from armcontour.studio.disk import Draft, all_drafts, drop_draft
+from armcontour.studio.description import JobState, runs_of
 from armcontour.studio.document import Document
-from armcontour.studio.edits import EditState, changes_of
-from armcontour.studio.handles import blank_handles, handles_of, is_blank
+from armcontour.studio.drafts import Draft, all_drafts, drop_draft
+from armcontour.studio.edits import changes_of
+from armcontour.studio.handles import EditState, blank_handles, handles_of, is_blank
 from armcontour.studio.preview import CoarsePlanner
-from armcontour.studio.trust import check_trusted_xacro
 from armcontour.studio.uploads import Uploads
 
-# The timing of the run that is shown first, if a job has such a run.
+# A run with this timing is shown first.
 FASTEST = "optimal"
-# Edits after which other things can be grabbed, or elsewhere.
-MOVING = ("insert_waypoint", "remove_waypoint", "place", "to_waypoints", "draw")
+# Edits that change the handles.
+HANDLE_EDITS = ("insert_waypoint", "remove_waypoint", "place", "to_waypoints", "draw")
 NOTHING_DRAWN = "Nothing is drawn yet: draw with the pen, or open a drawing."
 
 
-@dataclass(frozen=True, slots=True)
-class Made:
-    """What edits make of the document.
+def check_trusted_xacro(
+    data: Mapping[str, Any], folder: FilePath, trusted: Collection[FilePath]
+) -> None:
+    """Refuse an arm from a .xacro file, a program, that the user has not named."""
+    # An arm file can name another arm; without --trust-xacro, reading it refuses a .xacro file.
+    programs = (".xacro", *YAML) if trusted else (".xacro",)
+    file = arm_file_of(data)
+    if file is None or not file.lower().endswith(programs):
+        return
+    if (folder / file).resolve() not in trusted:
+        raise InvalidInput(
+            f"{file} is a program, or may name one: start the Studio with a job file that names "
+            "it, and with --trust-xacro."
+        )
 
-    Args:
-        data: The job as parsed.
-        changes: Changes of keys; None if the whole text is new.
-        text: The whole text, if it is new.
-    """
+
+def arm_file_of(data: Mapping[str, Any]) -> str | None:
+    """File of the arm of a job; None for a built-in arm."""
+    arm = data.get("arm")
+    file = arm.get("file") if isinstance(arm, Mapping) else arm
+    return file if isinstance(file, str) and FilePath(file).suffix else None
+
+
+@dataclass(frozen=True, slots=True)
+class Revision:
+    """The document as edits change it: changed keys, or a new text."""
 
     data: Mapping[str, Any]
+    # None if the whole text is new.
     changes: tuple[Change, ...] | None = ()
     text: str | None = None
 
 
 class Editor:
-    """A document, and its job as it is seen between edits.
-
-    Args:
-        document: The document.
-        previewer: Makes jobs of data.
-        trusted: Files of arms that may be programs, as the user has named them.
-
-    Attributes:
-        uploads: Files that pages have sent for the document.
-        named: Files outside of `folders` that may be read.
-        rev: Revision of the document: the number of its texts so far.
-        run: Name of the run that is shown.
-        seen: The job, and what can be grabbed of it.
-    """
+    """A document and its job between edits."""
 
     def __init__(
         self, document: Document, previewer: CoarsePlanner, trusted: Iterable[FilePath]
@@ -70,9 +72,9 @@ class Editor:
         self.named: tuple[FilePath, ...] = ()
         self._trusted = frozenset(x.resolve() for x in trusted)
         self.rev, self.run = 1, ""
-        self.seen = Seen({}, None, None)
-        self._renew()
-        self._other = self._find_other()
+        self.state = JobState({}, None, None)
+        self._refresh()
+        self._other_draft = self._find_other_draft()
 
     @property
     def folder(self) -> FilePath:
@@ -81,184 +83,130 @@ class Editor:
 
     @property
     def folders(self) -> tuple[FilePath, FilePath]:
-        """Folders in which files may be read."""
+        """Folders from which files may be read."""
         return self.folder, self.uploads.root
 
     def open(self, document: Document) -> None:
-        """Edit another document.
-
-        Raises:
-            InvalidInput: It makes no job.
-        """
+        """Edit another document; refuses one that makes no job."""
         before, self.previewer.folder = self.previewer.folder, document.folder or FilePath.cwd()
         self.previewer.forget()
-        seen = self._see(document.data)
-        if seen.job is None and not is_blank(document.data):
+        state = self._read_state(document.data)
+        if state.job is None and not is_blank(document.data):
             self.previewer.folder = before
-            raise seen.error or InvalidInput("There is no job.")
-        self.document, self.run, self._other = document, "", None
-        self._changed(seen)
+            raise state.error or InvalidInput("There is no job.")
+        self.document, self.run, self._other_draft = document, "", None
+        self._count_revision(state)
 
     @property
     def id(self) -> str:
-        """Distinguishes what is shown from other jobs and drawings, whose frames are not shown."""
-        handles = self.seen.handles
+        """Identity of document and drawing. Frames of others are not shown."""
+        handles = self.state.handles
         return f"{self.document.id} {'' if handles is None else handles.file}"
 
     @property
     def draft(self) -> str | None:
-        """Name of what an earlier session has not saved; None without."""
+        """Name of an unsaved document of an earlier session, else None."""
         if self.document.earlier is not None:
             return self.document.source
-        return None if self._other is None else self._other.name
+        return None if self._other_draft is None else self._other_draft.name
 
     def restore(self, draft: Draft | None = None) -> None:
-        """Take what an earlier session has not saved.
-
-        Args:
-            draft: A draft; by default that of the document, or one that no command opens again.
-
-        Raises:
-            InvalidInput: There is nothing, or it makes no job.
-        """
+        """Restore a draft, by default that of the document, else that of the newest upload."""
         if draft is None and self.document.earlier is None:
-            draft = self._other
+            draft = self._other_draft
         if draft is not None:
             folder = FilePath(draft.folder)
             self.open(Document.of_text(draft.opened, folder, draft.name, draft.key, upload=True))
         if self.document.earlier is None:
             raise InvalidInput("There is no draft.")
-        self.commit(self.of_text(self.document.earlier), "take the draft")
-        self.document.settle()
+        self.commit(self.revise_text(self.document.earlier), "take the draft")
+        self.document.drop_earlier()
 
     def discard(self) -> None:
-        """Remove what an earlier session has not saved."""
-        if self.document.earlier is None and self._other is not None:
-            drop_draft(self._other.key)
-            self._other = None
-        self.document.settle()
+        """Remove the draft of an earlier session."""
+        if self.document.earlier is None and self._other_draft is not None:
+            drop_draft(self._other_draft.key)
+            self._other_draft = None
+        self.document.drop_earlier()
         self.document.write_draft()
 
     def select(self, run: str) -> None:
-        """Show another run.
-
-        Raises:
-            InvalidInput: The job has no such run.
-        """
-        if run not in (self.seen.data.get("runs") or {}):
+        """Show another run."""
+        if run not in (self.state.data.get("runs") or {}):
             raise InvalidInput(f"The job has no run {run}.")
         self.run = run
-        self._renew()
+        self._refresh()
 
-    def commit(self, made: Made, label: str) -> None:
-        """Change the text, in one step of undo.
-
-        Args:
-            made: What edits make of the document.
-            label: What they are called.
-
-        Raises:
-            InvalidInput: The data make no job, and those before did.
-        """
-        # Seen before anything is changed: what cannot be shown is not made.
-        seen = self._see(made.data)
-        if seen.error is not None and self.seen.job is not None:
-            raise seen.error
-        if made.changes is None:
-            assert made.text is not None
-            self.document.replace(made.text, label)
+    def commit(self, revision: Revision, label: str) -> None:
+        """Change the text in one step of undo; refuses changes after which there is no job."""
+        # Read before the text changes, so that an invalid job changes nothing.
+        state = self._read_state(revision.data)
+        if state.error is not None and self.state.job is not None:
+            raise state.error
+        if revision.changes is None:
+            assert revision.text is not None
+            self.document.replace(revision.text, label)
         else:
-            self.document.apply(made.changes, label)
-        self._changed(seen)
+            self.document.apply(revision.changes, label)
+        self._count_revision(state)
 
     def undo(self) -> None:
-        """Take the last change back.
-
-        Raises:
-            InvalidInput: There is none.
-        """
+        """Revert the last change."""
         self.document.undo()
-        self._changed()
+        self._count_revision()
 
     def redo(self) -> None:
-        """Do the change again that was undone last.
-
-        Raises:
-            InvalidInput: There is none.
-        """
+        """Repeat the change that was undone last."""
         self.document.redo()
-        self._changed()
+        self._count_revision()
 
     def reload(self) -> None:
-        """Take the text of the file as it is now, as one step of undo.
-
-        Raises:
-            InvalidInput: There is no file, or its text is not a YAML mapping.
-        """
+        """Read the file again, as one step of undo."""
         self.document.reload()
         self.previewer.forget()
-        self._changed()
+        self._count_revision()
 
-    def edited(self, edits: Sequence[Mapping[str, Any]]) -> Made:
-        """What edits make of the document as it was at the start of their gesture.
-
-        Args:
-            edits: Edits of a page, one after the other; or one of the whole text.
-
-        Raises:
-            InvalidInput: One of them is not possible.
-        """
+    def revise(self, edits: Sequence[Mapping[str, Any]]) -> Revision:
+        """Apply edits of a page to the document as it was at the start of their gesture."""
         if [x.get("do") for x in edits] == ["text"]:
-            return self.of_text(edits[0].get("text"))
-        seen = self.seen
-        if seen.handles is None:
-            raise seen.error or InvalidInput("There is no job to be edited yet.")
-        data, handles, changes = dict(seen.data), seen.handles, list[Change]()
+            return self.revise_text(edits[0].get("text"))
+        state = self.state
+        if state.handles is None:
+            raise state.error or InvalidInput("There is no job to be edited yet.")
+        data, handles, changes = dict(state.data), state.handles, list[Change]()
         for k, edit in enumerate(edits):
-            if k and edits[k - 1].get("do") in MOVING:
-                handles = handles_of(self._job_of(data), data)
-            more = changes_of(edit, EditState(data=data, run=self.run, handles=handles))
-            data = change_data(data, more)
-            changes += more
-        return self._checked(Made(data, tuple(changes)))
+            if k and edits[k - 1].get("do") in HANDLE_EDITS:
+                handles = handles_of(self._make_job(data), data)
+            edit_changes = changes_of(edit, EditState(data=data, run=self.run, handles=handles))
+            data = change_data(data, edit_changes)
+            changes += edit_changes
+        return self._check_trust(Revision(data, tuple(changes)))
 
-    def of_text(self, text: Any) -> Made:
-        """What the document becomes with another text.
-
-        Raises:
-            InvalidInput: It is no text of a mapping.
-        """
+    def revise_text(self, text: Any) -> Revision:
+        """The document with another text."""
         if not isinstance(text, str):
-            raise InvalidInput("The whole job is a text.")
+            raise InvalidInput("The text of a job must be a string.")
         data = load(text, self.document.source)
         if not isinstance(data, dict):
             raise InvalidInput("A job is a mapping of keys such as arm, path and runs.")
-        return self._checked(Made(data, None, text))
+        return self._check_trust(Revision(data, None, text))
 
-    def with_changes(self, changes: Sequence[Change]) -> Made:
-        """What the document becomes with some keys changed."""
-        return self._checked(Made(change_data(self.seen.data, changes), tuple(changes)))
+    def revise_keys(self, changes: Sequence[Change]) -> Revision:
+        """The document with some keys changed."""
+        return self._check_trust(Revision(change_data(self.state.data, changes), tuple(changes)))
 
     def run_of(self, data: Mapping[str, Any]) -> str:
-        """The run that is shown of a job: that of the last one, else a fast one, else the first."""
+        """Name of the run to show: the last shown, else the first optimal one, else the first."""
         runs = runs_of(data)
         names = [x["name"] for x in runs]
         fast = [x["name"] for x in runs if x["timing"] == FASTEST and x["corners"] != "free"]
         return self.run if self.run in names else next(iter([*fast, *names]), "")
 
-    def request(self, made: Made, options: Mapping[str, Any]) -> dict[str, Any]:
-        """What another process needs to know to work on the document.
-
-        Args:
-            made: What edits have made of it.
-            options: Options of the work.
-
-        Raises:
-            InvalidInput: The changes cannot be made in the text, or a log is not kept.
-        """
-        text = self.document.text if made.text is None else made.text
-        if made.changes:
-            text = change_text(text, made.changes, self.document.source)
+    def request(self, revision: Revision, options: Mapping[str, Any]) -> dict[str, Any]:
+        """Request for the task process, as fields of `tasks.request.Request`."""
+        text = self.document.text if revision.text is None else revision.text
+        if revision.changes:
+            text = change_text(text, revision.changes, self.document.source)
         return {
             "text": text,
             "source": self.document.source,
@@ -271,45 +219,40 @@ class Editor:
             "logs": self.uploads.find_logs(options.get("logs") or []),
         }
 
-    def _find_other(self) -> Draft | None:
-        """The newest draft of an upload, if the document has none: no command opens it again."""
+    def _find_other_draft(self) -> Draft | None:
+        """Newest draft of an upload, if the document has none. No command opens it again."""
         if self.document.earlier is not None:
             return None
         return next((x for x in all_drafts() if x.upload and x.folder == str(self.folder)), None)
 
-    def _changed(self, seen: Seen | None = None) -> None:
-        """See the job after the text has changed."""
+    def _count_revision(self, state: JobState | None = None) -> None:
+        """Count the revision and read the job again."""
         self.rev += 1
-        self._renew(seen)
+        self._refresh(state)
 
-    def _renew(self, seen: Seen | None = None) -> None:
-        """See the job of the document as it is now, if it is not known yet what is seen."""
+    def _refresh(self, state: JobState | None = None) -> None:
+        """Read the job of the document, unless it is given."""
         self.run = self.run_of(self.document.data)
-        self.seen = seen or self._see(self.document.data)
+        self.state = state or self._read_state(self.document.data)
 
-    def _checked(self, made: Made) -> Made:
-        """The same, if it names no program that the user has not named."""
-        check_trusted_xacro(made.data, self.folder, self._trusted)
-        return made
+    def _check_trust(self, revision: Revision) -> Revision:
+        """Refuse a .xacro arm that the user has not named."""
+        check_trusted_xacro(revision.data, self.folder, self._trusted)
+        return revision
 
-    def _see(self, data: Mapping[str, Any]) -> Seen:
-        """The job of the document, and what can be grabbed of it."""
+    def _read_state(self, data: Mapping[str, Any]) -> JobState:
+        """The job of data, and its handles."""
         try:
-            job = self._job_of(data)
-            return Seen(data, job, handles_of(job, data))
+            job = self._make_job(data)
+            return JobState(data, job, handles_of(job, data))
         except InvalidInput as error:
             if is_blank(data):
                 with suppress(InvalidInput):
-                    handles = blank_handles(data, self._job_of)
-                    return Seen(data, None, handles, InvalidInput(NOTHING_DRAWN))
-            # What is seen of the last job stays, greyed, until the text makes a job again.
-            return Seen(data, None, self.seen.handles, error)
+                    handles = blank_handles(data, self._make_job)
+                    return JobState(data, None, handles, InvalidInput(NOTHING_DRAWN))
+            # The picture of the last job stays, greyed, until the text makes a job again.
+            return JobState(data, None, self.state.handles, error)
 
-    def _job_of(self, data: Mapping[str, Any]) -> Job:
-        """The job of data.
-
-        Raises:
-            InvalidInput: They make none.
-        """
+    def _make_job(self, data: Mapping[str, Any]) -> Job:
         check_trusted_xacro(data, self.folder, self._trusted)
         return self.previewer.job(data, self.run_of(data) or None)

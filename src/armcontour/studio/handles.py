@@ -1,4 +1,4 @@
-"""What can be grabbed in the picture: the plane of the picture, waypoints, obstacles."""
+"""Editable elements of a job: plane of the picture, waypoints, obstacles; state of an edit."""
 
 from __future__ import annotations
 
@@ -9,9 +9,12 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from armcontour.core import checks
 from armcontour.core.checks import FloatArray, frozen_array
+from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import Quantity
+from armcontour.core.text import show
 from armcontour.files.cell import OWN_PATH
 from armcontour.files.job_arm import frame_of
 from armcontour.files.job_edits import Change, Keys, change_data
@@ -20,134 +23,86 @@ from armcontour.files.scene_file import BodiesModel, SceneModel
 from armcontour.files.si_data import in_si
 from armcontour.files.units import unit_of, write_like
 from armcontour.jobs import Job
+from armcontour.studio.view import Plane, in_space
 
-# A point of a job file: its role, its keys, its place in the frame of the path [m] unless it is
-# computed, and as it is written.
-Given: TypeAlias = tuple[str, Keys, FloatArray | None, Sequence[Any]]
+# Role, keys, position in the frame of the path [m] (None if computed) and written coordinates.
+PointRecord: TypeAlias = tuple[str, Keys, FloatArray | None, Sequence[Any]]
 LENGTH, ANGLE = Quantity("m", "1 mm"), Quantity("rad", "90 deg")
-# Points whose distances from a plane or from a line are below this lie in it [m].
+# Tolerance of a point on a plane or line [m].
 FLAT = 1e-9
-# Cosine of the angle within which a plane's normal points along an axis.
+# Cosine of the largest angle between a plane's normal and an axis along it.
 STEEP = 0.9
 AXES = frozen_array(np.eye(3))
 # Keys of lists of obstacles.
 BODIES = tuple(x.name for x in fields(BodiesModel))
-# Coordinates are written with the fewest digits that are this exact [m].
+# Accuracy of written coordinates [m].
 EXACT = 1e-13
 POINTS, SEGMENTS, SPLINE, FILE = "points", "segments", "spline", "file"
 POINT, VIA, CENTER, END = "point", "via", "center", "end"
-# A path on which nothing is drawn yet, and the box in which its picture is centred [m].
+# Kind of an empty path, and the size of its picture [m].
 BLANK, BLANK_SIDE = "blank", 0.2
-FROM_FILE = "The contours come from {file}, so that their points stay as drawn."
+FROM_FILE = "The contours come from {file}, so their points cannot be moved."
 COMPUTED = "This end follows from the centre and the angle of its arc: move the centre."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Plane:
-    """The plane of the picture, in the frame of the job's path.
-
-    Args:
-        origin: The point with the coordinates 0, 0 [m], (3,).
-        x, y: Unit vectors of both axes, (3,).
-        flat: Whether the points of the job lie in the plane.
-    """
-
-    origin: FloatArray
-    x: FloatArray
-    y: FloatArray
-    flat: bool = True
-
-    @property
-    def normal(self) -> FloatArray:
-        """The direction out of the picture, (3,)."""
-        return np.asarray(np.cross(self.x, self.y))
-
-    def uv(self, points: npt.ArrayLike) -> FloatArray:
-        """Coordinates in the picture [m], (..., 2).
-
-        Args:
-            points: Points [m], (..., 2) for an arm in the plane, or (..., 3).
-        """
-        given = np.asarray(points, dtype=np.float64)
-        off = given - self.origin[: given.shape[-1]]
-        axes = np.stack([self.x, self.y], axis=1)[: given.shape[-1]]
-        return np.asarray(off @ axes)
-
-    def lift(self, uv: npt.ArrayLike) -> FloatArray:
-        """Points in the plane [m], (..., 3), from coordinates in the picture, (..., 2)."""
-        u = np.asarray(uv, dtype=np.float64)
-        return np.asarray(self.origin + u @ np.stack([self.x, self.y]))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Waypoint:
-    """A point of a job file.
-
-    Args:
-        index: Its number, from 0: ends of segments in order, then their other points.
-        keys: The keys that lead to it in the file; none if it is computed.
-        point: Its place in the frame of the job's path [m], (3,).
-        uv: The same in the picture [m], (2,).
-        written: Its coordinates as they are written.
-        role: "point", "via" and "center" of an arc, or the "end" of an arc around a centre.
-    """
+    """A point of a job file; ends of segments come first, then via and centre points."""
 
     index: int
+    # Keys in the file; () if the point is computed.
     keys: Keys
+    # Position in the frame of the path [m], (3,)
     point: FloatArray
+    # Position in the picture [m], (2,)
     uv: FloatArray
     written: tuple[Any, ...]
+    # "point"; "via" or "center" of an arc; "end" of an arc around a centre.
     role: str = POINT
 
     @property
     def why_not(self) -> str | None:
-        """Why it cannot be moved; None if it can."""
+        """Reason why the point cannot be moved; None if it can."""
         return None if self.keys else COMPUTED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Handles:
-    """What can be grabbed of a job.
-
-    Args:
-        job: The job.
-        kind: What the job file gives: "points", "segments", "spline", "file", or "blank".
-        file: The name of the drawing, if it is a file.
-        frame: The frame of the path.
-        plane: The plane of the picture.
-        centre: The middle of the path in the picture [m], (2,).
-        waypoints: The points; first those at the ends of segments, in order.
-        why_not: Why the points cannot be moved; None if they can.
-    """
+    """Editable elements of a job in the picture."""
 
     job: Job
+    # "points", "segments", "spline", "file" or "blank"
     kind: str
     file: str | None
     frame: Frame
     plane: Plane
+    # Centre of the path in the picture [m], (2,)
     centre: FloatArray
     waypoints: tuple[Waypoint, ...]
+    # Reason why no point can be moved; None if they can.
     why_not: str | None
 
     @property
     def editable(self) -> bool:
-        """Whether points can be moved, added and removed."""
+        """True if points can be moved, added and removed."""
         return self.why_not is None
 
     @property
     def ends(self) -> tuple[Waypoint, ...]:
-        """The waypoints through which the path goes, in order."""
+        """Waypoints at the ends of segments, in order."""
         return tuple(x for x in self.waypoints if x.role in (POINT, END))
 
     @property
     def origin(self) -> Waypoint:
-        """The origin of the file, as a point that new ones are written like."""
-        at, written = self.frame.position, ("0 mm",) * self.job.arm.dimension
-        return Waypoint(index=0, keys=(), point=at, uv=self.plane.uv(at), written=written)
+        """Origin of the file, as a template for the format of new points."""
+        position, written = self.frame.position, ("0 mm",) * self.job.arm.dimension
+        return Waypoint(
+            index=0, keys=(), point=position, uv=self.plane.uv(position), written=written
+        )
 
     @property
     def axes(self) -> dict[str, Any]:
-        """Axes in the picture along which places are read: of the file, or else of the picture."""
+        """Axes in the picture for displayed coordinates, of the file or else of the picture."""
         rotation = self.frame.rotation
         if abs(abs(self.plane.normal @ rotation[:, 2]) - 1) > FLAT:
             return {"names": ["right", "up"], "origin": [0, 0], "x": [1, 0], "y": [0, 1]}
@@ -155,61 +110,44 @@ class Handles:
         return {"names": ["x", "y"], "origin": self.plane.uv(self.frame.position), "x": x, "y": y}
 
     def is_removable(self, point: Waypoint) -> bool:
-        """Whether the path can do without a point."""
+        """True if a point can be removed from the path."""
         ends = self.ends
         is_start_of_arc = point.index == 0 and ends[1].role == END
         return point.role in (POINT, END) and len(ends) > 2 and not is_start_of_arc
 
     def is_divisible(self, index: int) -> bool:
-        """Whether a point can be inserted before a waypoint; arcs take no more points.
-
-        Args:
-            index: Number of the waypoint; that of a new last one divides nothing.
-        """
+        """True if a point can be inserted before a waypoint. Arcs cannot be divided."""
         arcs = {x.keys[2] for x in self.waypoints if x.role in (VIA, CENTER)}
         return index - 1 not in arcs
 
     def to_file(
         self, uv: npt.ArrayLike, like: Waypoint, *, within: float = EXACT
     ) -> tuple[Any, ...]:
-        """Coordinates of the file for a place in the picture, in the form of a point there.
-
-        The distance of the point from the plane stays.
-
-        Args:
-            uv: The place [m], (2,).
-            like: The point that is moved, or one beside a new one.
-            within: How far the place may be off [m]: coordinates have the fewest digits.
-        """
+        """File coordinates of a point in the picture [m], formatted like a neighbour."""
         moved = like.point + self.plane.lift(uv) - self.plane.lift(like.uv)
         back = self.frame.inverse
-        given = (back.position + back.rotation @ moved)[: len(like.written)]
-        old = (back.position + back.rotation @ like.point)[: len(like.written)]
+        new_values = (back.position + back.rotation @ moved)[: len(like.written)]
+        old_values = (back.position + back.rotation @ like.point)[: len(like.written)]
         return tuple(
             text if abs(new - was) <= EXACT else write_like(float(new), text, LENGTH, within=within)
-            for new, was, text in zip(given, old, like.written, strict=True)
+            for new, was, text in zip(new_values, old_values, like.written, strict=True)
         )
 
 
 def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
-    """What can be grabbed of a job.
-
-    Args:
-        job: The job.
-        data: The data of its file, as written.
-    """
+    """Editable elements of a job with the data of its file."""
     path = data.get("path") or {}
     si = in_si(path, PathModel)
     frame = frame_of("path.frame", FrameModel(**(si.get("frame") or {})))
     kind = next((x for x in (POINTS, SEGMENTS, SPLINE) if path.get(x) is not None), FILE)
-    given = [] if kind == FILE else list(_given(kind, path, si))
-    ends = _ends(job, given)
-    places = [
-        ends[k] if point is None else frame.position + frame.rotation @ _in_space(point)
-        for k, (_, _, point, _) in enumerate(given)
+    records = [] if kind == FILE else list(_read_points(kind, path, si))
+    ends = _ends(job, records)
+    points = [
+        ends[k] if point is None else frame.position + frame.rotation @ in_space(point)
+        for k, (_, _, point, _) in enumerate(records)
     ]
-    in_plane = kind == FILE or all(x[2] is None or len(x[2]) == 2 for x in given)
-    plane = _plane_of(job, frame if in_plane else None, places)
+    in_plane = kind == FILE or all(x[2] is None or len(x[2]) == 2 for x in records)
+    plane = _plane_of(job, frame if in_plane else None, points)
     file = path.get("file")
     return Handles(
         job=job,
@@ -220,29 +158,21 @@ def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
         centre=_centre(job, plane),
         waypoints=tuple(
             Waypoint(index=k, keys=x[1], point=at, uv=plane.uv(at), written=tuple(x[3]), role=x[0])
-            for k, (x, at) in enumerate(zip(given, places, strict=True))
+            for k, (x, at) in enumerate(zip(records, points, strict=True))
         ),
         why_not=FROM_FILE.format(file=file) if kind == FILE else None,
     )
 
 
 def is_blank(data: Mapping[str, Any]) -> bool:
-    """Whether nothing is drawn on the path of a job yet."""
+    """True if nothing is drawn on the path of a job yet."""
     path = data.get("path")
     return isinstance(path, Mapping) and not any(path.get(x) for x in (*OWN_PATH, FILE))
 
 
 def blank_handles(data: Mapping[str, Any], make_job: Callable[[Any], Job]) -> Handles:
-    """What can be drawn on, of a job on whose path nothing is drawn yet.
-
-    Args:
-        data: The data of its file, as written.
-        make_job: Makes a job of data.
-
-    Raises:
-        InvalidInput: The data make no job with any path.
-    """
-    # A line takes the place of what will be drawn; only points in space have an orientation.
+    """Handles of a job with an empty path."""
+    # A placeholder line. Only points in space have an orientation.
     dimension = 3 if "orientation" in data["path"] else 2
     line = [[0.0] * dimension, [BLANK_SIDE, BLANK_SIDE, 0.0][:dimension]]
     drawn = change_data(data, [Change(("path", POINTS), line)])
@@ -250,15 +180,7 @@ def blank_handles(data: Mapping[str, Any], make_job: Callable[[Any], Job]) -> Ha
 
 
 def obstacles_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The obstacles that a job file gives itself, without those of other files.
-
-    Args:
-        data: The data of the file, as written.
-
-    Returns:
-        Per obstacle its `kind`, which is the key of its list, its `index` in the list, its keys in
-        SI units, its keys as `written`, and the unit of its lengths with its size in SI units.
-    """
+    """The obstacles that a job file gives itself, without those of other files."""
     scene = data.get("scene") or {}
     si = in_si(scene, SceneModel)
     return [
@@ -273,79 +195,69 @@ def _unit(body: Mapping[str, Any]) -> tuple[str, float]:
     return unit_of((body.get("at") or body.get("size") or [body.get("radius")])[0], LENGTH)
 
 
-def _given(kind: str, path: Mapping[str, Any], si: Mapping[str, Any]) -> Iterator[Given]:
-    """The points of a job file without a drawing; those at ends of segments come first."""
+def _read_points(
+    kind: str, path: Mapping[str, Any], si: Mapping[str, Any]
+) -> Iterator[PointRecord]:
+    """Points of a job file without a drawing; ends of segments come first."""
     if kind != SEGMENTS:
         inner: Keys = (POINTS,) if kind == POINTS else (SPLINE, POINTS)
         points = path[POINTS] if kind == POINTS else path[SPLINE][POINTS]
-        places = si[POINTS] if kind == POINTS else si[SPLINE][POINTS]
-        for k, (written, at) in enumerate(zip(points, places, strict=True)):
-            yield POINT, ("path", *inner, k), np.array(at), written
+        si_points = si[POINTS] if kind == POINTS else si[SPLINE][POINTS]
+        for k, (written, point) in enumerate(zip(points, si_points, strict=True)):
+            yield POINT, ("path", *inner, k), np.array(point), written
         return
     yield POINT, ("path", "start"), np.array(si["start"]), path["start"]
     both = list(zip(path[SEGMENTS], si[SEGMENTS], strict=True))
-    for k, (written, at) in enumerate(both):
+    for k, (written, point) in enumerate(both):
         if written.get("to") is None:
             yield END, (), None, [0.0] * len(si["start"])
         else:
-            yield POINT, ("path", SEGMENTS, k, "to"), np.array(at["to"]), written["to"]
-    for k, (written, at) in enumerate(both):
+            yield POINT, ("path", SEGMENTS, k, "to"), np.array(point["to"]), written["to"]
+    for k, (written, point) in enumerate(both):
         for role in (VIA, CENTER):
             if written.get(role) is not None:
-                yield role, ("path", SEGMENTS, k, role), np.array(at[role]), written[role]
+                yield role, ("path", SEGMENTS, k, role), np.array(point[role]), written[role]
 
 
-def _ends(job: Job, given: Sequence[Given]) -> FloatArray:
-    """Ends of segments, of which the file does not give some, (n + 1, 3) [m]."""
-    if all(x[2] is not None for x in given):
+def _ends(job: Job, records: Sequence[PointRecord]) -> FloatArray:
+    """Ends of segments [m], (n + 1, 3), if the file does not give all of them; else (0, 3)."""
+    if all(x[2] is not None for x in records):
         return np.empty((0, 3))
-    return np.array([_in_space(x) for x in job.program.contours[0].path.vertices])
+    return np.array([in_space(x) for x in job.program.contours[0].path.vertices])
 
 
-def _in_space(point: FloatArray) -> FloatArray:
-    """A point with three coordinates [m], (3,)."""
-    return np.append(point, 0.0) if len(point) == 2 else point
-
-
-def _plane_of(job: Job, frame: Frame | None, places: Sequence[FloatArray]) -> Plane:
-    """The plane of the picture.
-
-    Args:
-        job: The job.
-        frame: The frame whose x-y plane it is; None takes the plane of the points.
-        places: The points [m], (3,) each.
-    """
+def _plane_of(job: Job, frame: Frame | None, points: Sequence[FloatArray]) -> Plane:
+    """Plane of the picture: x-y of `frame`, or the plane through the points [m] if it is None."""
     if job.arm.dimension == 2:
         return Plane(origin=np.zeros(3), x=AXES[0], y=AXES[1])
     if frame is not None:
-        off = (_vertices(job) - frame.position) @ frame.rotation[:, 2]
-        flat = bool(np.abs(off).max() <= FLAT)
+        offsets = (_vertices(job) - frame.position) @ frame.rotation[:, 2]
+        flat = bool(np.abs(offsets).max() <= FLAT)
         return _plane_across(frame.rotation[:, 2], frame.position, flat=flat)
-    middle = np.mean(places, axis=0)
-    off = np.array(places) - middle
-    along = np.linalg.svd(off)[2]
-    flat = bool(np.abs(off @ along[2]).max() <= FLAT)
+    middle = np.mean(points, axis=0)
+    offsets = np.array(points) - middle
+    along = np.linalg.svd(offsets)[2]
+    flat = bool(np.abs(offsets @ along[2]).max() <= FLAT)
     normal = along[2]
-    if np.abs(off @ along[1]).max() <= FLAT:
-        # Of all planes through a line, the one nearest to the horizontal, or upright for a
-        # line that goes up.
+    if np.abs(offsets @ along[1]).max() <= FLAT:
+        # Points on a line: the plane nearest to horizontal, or vertical for a vertical line.
         up = AXES[2] if abs(along[0][2]) < 1 - FLAT else AXES[1]
         normal = up - (up @ along[0]) * along[0]
     elif not flat:
-        # A plane that turned while a point is dragged would be of no use.
+        # The plane must not rotate while a point is dragged.
         normal = AXES[int(np.argmax(np.abs(normal)))]
     normal = normal / np.linalg.norm(normal)
-    found = _plane_across(normal, middle, flat=flat)
-    upwards = normal[2] if abs(normal[2]) > 0.5 else found.y[2]
-    return found if upwards > 0 else _plane_across(-normal, middle, flat=flat)
+    plane = _plane_across(normal, middle, flat=flat)
+    upwards = normal[2] if abs(normal[2]) > 0.5 else plane.y[2]
+    return plane if upwards > 0 else _plane_across(-normal, middle, flat=flat)
 
 
 def _plane_across(normal: FloatArray, point: FloatArray, *, flat: bool) -> Plane:
-    """The plane through a point across a direction; its x axis is near that of the frame."""
+    """Plane through a point normal to a direction; its x axis is near that of the frame."""
     nearest = int(np.argmax(np.abs(normal)))
     if abs(normal[nearest]) >= 1 - FLAT**2:
         normal = AXES[nearest] * np.sign(normal[nearest])
-    # The arm's y axis, where its x axis points out of the plane.
+    # The y axis if the x axis is normal to the plane.
     along = AXES[0] if nearest != 0 or abs(normal[0]) < STEEP else AXES[1]
     x = along - (along @ normal) * normal
     x = x / np.linalg.norm(x)
@@ -359,6 +271,23 @@ def _vertices(job: Job) -> FloatArray:
 
 
 def _centre(job: Job, plane: Plane) -> FloatArray:
-    """The middle of a job's path in the picture [m], (2,)."""
+    """Centre of a job's path in the picture [m], (2,)."""
     uv = plane.uv(_vertices(job))
     return np.asarray((uv.min(axis=0) + uv.max(axis=0)) / 2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EditState:
+    """Data, shown run and handles that an edit starts from."""
+
+    data: Mapping[str, Any]
+    run: str
+    handles: Handles
+
+
+def uv_of(name: str, value: Any) -> FloatArray:
+    """Read two coordinates in the picture [m] from an edit, (2,)."""
+    coordinates = checks.check_numbers(name, value, "m")
+    if coordinates.shape != (2,):
+        raise InvalidInput(f"{name} must be two coordinates in the picture, not {show(value)}.")
+    return coordinates

@@ -38,24 +38,23 @@ from armcontour.robot.scene import Scene
 from armcontour.verification import ErrorProfile
 from armcontour.verification.contour_execution import ContourExecution, pieces_of, settling_time
 
-# Most set-points of an exact preview.
-MOST_SET_POINTS = 200_000
-# Longest motion that is simulated for a preview, times the number of joints [s]; it takes seconds,
-# and 150 MB.
-LONGEST = 2400.0
-# A program of more segments is drawn without a plan first.
-LONG = 5_000
+# Largest number of set-points of an exact preview.
+MAX_SET_POINTS = 200_000
+# Longest simulated motion of a preview times the number of joints [s]: seconds, and 150 MB.
+MAX_SIMULATED = 2400.0
+# The outline of a program with more segments is shown before its plan.
+LONG_PROGRAM = 5_000
 # Smallest cycle of a preview [s].
 DEFAULT_CYCLE = 4e-3
-# Grid intervals of each contour while a handle moves; in a run they are 4000 or more. Durations
-# differ by less than a thousandth, and nothing needs half as long.
+# Grid intervals per contour while a handle moves (4000 or more in a run). The duration changes by
+# less than 0.1 %.
 MOVING_INTERVALS = 600
-# Samples of an execution while a handle moves, at least.
+# Smallest number of samples of an execution while a handle moves.
 MOVING_SAMPLES = 1500
-# Cycle of the drives of simulated bodies while a handle moves, at least [s].
+# Shortest drive cycle of simulated bodies while a handle moves [s].
 MOVING_STEP = 1e-3
 ARCS = (
-    "corners of the shape free are drawn with arcs of the same tolerance: their shape is searched "
+    "corners of the shape free are drawn with arcs of the same tolerance: their shape is computed "
     "at rest."
 )
 CONFIGURATION = (
@@ -64,132 +63,90 @@ CONFIGURATION = (
 
 
 class Tier(StrEnum):
-    """How exact something is that pages show, the quickest first."""
+    """Accuracy of a picture, fastest first."""
 
     OUTLINE = "outline"
-    # While a handle moves, the next plan is wanted soon.
+    # Coarse, while a handle moves.
     MOVING = "moving"
     PREVIEW = "preview"
-    # As a full run has it.
+    # Equal to a full run.
     EXACT = "exact"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Preview(Planned):
-    """The plan of a run of a document.
-
-    Args:
-        job: The job, with this run only.
-        start: Joint positions at the start of the motion [rad], (dof,).
-        tier: How exact it is.
-        differs: Sentences on what a full run may do in another way.
-        below_base: A sentence on links that come below the base; None if none does.
-    """
+    """Plan of one run of a document."""
 
     job: Job
+    # Joint positions at the start of the motion [rad], (dof,).
     start: FloatArray
     tier: Tier = Tier.PREVIEW
     differs: tuple[str, ...] = ()
+    # Warning about links below the base, or None.
     below_base: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Executed:
-    """The simulated execution of a plan.
-
-    Args:
-        planned: The plan.
-        set_points: The set-points.
-        execution: The executed motion.
-        pieces: The execution along each contour.
-        errors: The contour error.
-        settled: Time after which the tool is at rest [s].
-    """
+class PreviewExecution:
+    """Simulated execution of a plan."""
 
     planned: Preview
     set_points: SetPoints
     execution: Execution
     pieces: tuple[ContourExecution, ...]
     errors: ErrorProfile
+    # Time at which the tool is at rest [s].
     settled: float
 
 
 class CoarsePlanner:
-    """Plans and executes runs of a document that changes; one per document, used by one thread.
-
-    The data that it gets must not be changed afterwards: it knows by them what is done already.
-
-    Args:
-        folder: Folder of relative file names.
-        trust_xacro: Whether the arm may be a .xacro file.
-    """
+    """Planner of a changing document, for one thread; data that it has seen must not change."""
 
     def __init__(self, folder: FilePath | None = None, *, trust_xacro: bool = False) -> None:
         self.folder = folder or FilePath()
         self.trust_xacro = trust_xacro
         self._reuse = Reuse()
-        # The configuration of the last plan, and the arm it is of.
+        # Arm and start configuration of the last plan.
         self._arm: Arm | None = None
         self._start: FloatArray | None = None
 
     def forget(self) -> None:
-        """Forget all results, as files of the job may have changed."""
+        """Clear the cache, because files of the job may have changed."""
         self._reuse = Reuse()
         self._arm = self._start = None
 
     def may_be_exact(self, planned: Preview) -> bool:
-        """Whether a plan differs from that of a full run, which can be had in about a second.
-
-        An arm in space without a seed searches all its configurations in a full run, and many
-        set-points take long.
-        """
+        """True if a full run differs and takes about a second, without a search."""
         job = planned.job
-        (own,) = job.runs
+        (run,) = job.runs
         searches = isinstance(job.arm, SerialArm) and job.seed is None
-        few = planned.trajectory.duration <= MOST_SET_POINTS * own.cycle
+        few = planned.trajectory.duration <= MAX_SET_POINTS * run.cycle
         return bool(planned.differs) and not searches and few and self.may_execute(planned)
 
     def may_execute(self, planned: Preview) -> bool:
-        """Whether a motion is so short that its execution is simulated in seconds."""
-        return planned.trajectory.duration * planned.job.arm.dof <= LONGEST
+        """True if the simulation of the motion takes seconds at most."""
+        return planned.trajectory.duration * planned.job.arm.dof <= MAX_SIMULATED
 
     def keep_start(self, job: Job, start: FloatArray) -> None:
-        """Stay in a configuration from now on.
-
-        Args:
-            job: A job of this document.
-            start: Joint positions at the start of its motion [rad], (dof,).
-        """
+        """Keep the configuration of a start [rad], (dof,), from now on."""
         self._arm, self._start = job.arm, start
 
     def job(self, data: Mapping[str, Any], run: str | None = None) -> Job:
-        """The job with one of its runs only.
-
-        Args:
-            data: The job file as parsed.
-            run: Name of the run; by default the first one.
-
-        Raises:
-            InvalidInput: Values that do not make a job.
-        """
+        """The job with only one of its runs, by default the first."""
         return self._reuse.get("job", (data, run), lambda: self._make_job(data, run))
 
-    def drawn(self, data: Mapping[str, Any]) -> Program:
-        """The path of a job as a program, before it is prepared; without the other keys' values.
-
-        Raises:
-            InvalidInput: Values that do not make an arm and a path.
-        """
+    def path_program(self, data: Mapping[str, Any]) -> Program:
+        """The path of a job as a program; reads only the keys of arm and path."""
         _, path = self._arm_and_path(self._model(data), data)
         return self._reuse.get("program", path, lambda: Program.from_path(path))
 
     def is_long(self, data: Mapping[str, Any]) -> bool:
-        """Whether the program is too long to be planned at every move."""
-        program = self.drawn(data)
+        """True if the program is too long to be planned at every edit."""
+        program = self.path_program(data)
         count = self._reuse.get(
             "segments", program, lambda: sum(len(x.path) for x in program.contours)
         )
-        return count > LONG
+        return count > LONG_PROGRAM
 
     def plan(
         self,
@@ -199,55 +156,43 @@ class CoarsePlanner:
         tier: Tier = Tier.PREVIEW,
         progress: Progress | None = None,
     ) -> Preview:
-        """Plan a run.
-
-        Args:
-            data: The job file as parsed.
-            run: Name of the run; by default the first one.
-            tier: How exact the plan is: EXACT is that of `run`, in whatever time that takes.
-            progress: As of `run`.
-
-        Raises:
-            ArmContourError: As `run`.
-        """
+        """Plan a run, by default the first; EXACT equals the plan of `run`."""
         job = self.job(data, run)
-        (own,) = job.runs
-        with error_context(f"Run {own.name}"):
-            this, differs = (own, ()) if tier == Tier.EXACT else coarser_run(job, own, tier)
-            found, kept = self._plan(job, this, tier, progress)
-            explanation = explain_plan(job, found.trajectory, self._reuse)
+        (job_run,) = job.runs
+        with error_context(f"Run {job_run.name}"):
+            preview_run, differs = (
+                (job_run, ()) if tier == Tier.EXACT else coarser_run(job, job_run, tier)
+            )
+            plan, notes = self._plan(job, preview_run, tier, progress)
+            explanation = explain_plan(job, plan.trajectory, self._reuse)
         return Preview.of(
-            found,
+            plan,
             job=job,
             explanation=explanation,
-            below_base=below_base(job, found.trajectory),
-            start=found.trajectory(0.0),
+            below_base=below_base(job, plan.trajectory),
+            start=plan.trajectory(0.0),
             tier=tier,
-            differs=(*differs, *kept),
+            differs=(*differs, *notes),
         )
 
-    def execute(self, planned: Preview) -> Executed:
-        """Compensate and execute a plan, and find its contour errors.
-
-        Raises:
-            ArmContourError: As `run`.
-        """
-        job, this, get = planned.job, planned.run, self._reuse.get
+    def execute(self, planned: Preview) -> PreviewExecution:
+        """Compensate and simulate a plan, and compute its contour errors."""
+        job, run, get = planned.job, planned.run, self._reuse.get
         moving = planned.tier == Tier.MOVING
         servos = [comparable(x) for x in (job.servo, job.plant_servo)]
-        with error_context(f"Run {this.name}"):
-            how = (comparable(this.compensation), this.cycle, servos[0])
+        with error_context(f"Run {run.name}"):
+            inputs = (comparable(run.compensation), run.cycle, servos[0])
             set_points = get(
                 "compensation",
-                (planned.trajectory, *how),
-                lambda: compute_set_points(job, this, planned.trajectory),
+                (planned.trajectory, *inputs),
+                lambda: compute_set_points(job, run, planned.trajectory),
                 samples=lambda x: len(x.q),
             )
-            bodies = _experiment_of(this, moving)
+            bodies = _experiment_of(run, moving)
             execution = get(
                 "execution",
-                (set_points, servos[1], comparable(this.limits), comparable(bodies)),
-                lambda: _execute_judged(job, this, set_points, bodies),
+                (set_points, servos[1], comparable(run.limits), comparable(bodies)),
+                lambda: _execute_judged(job, run, set_points, bodies),
                 maximum=LARGE_RESULTS,
                 samples=lambda x: len(x.t),
             )
@@ -255,12 +200,12 @@ class CoarsePlanner:
                 execution = _with_fewer_samples(execution)
             pieces, errors, settled = get(
                 "evaluation",
-                (execution, planned.path, this.end_time),
-                lambda: _contour_errors(execution, planned.path, this.end_time),
+                (execution, planned.path, run.end_time),
+                lambda: _contour_errors(execution, planned.path, run.end_time),
                 maximum=LARGE_RESULTS,
                 samples=lambda x: len(x[1].t),
             )
-        return Executed(
+        return PreviewExecution(
             planned=planned,
             set_points=set_points,
             execution=execution,
@@ -274,9 +219,11 @@ class CoarsePlanner:
         arm, path = self._arm_and_path(model, data)
         scene: Scene | None = None
         if model.scene is not None:
-            given, part = model.scene, part_of(model.path)
+            scene_model, part = model.scene, part_of(model.path)
             made_of = data["scene"], _part(data)
-            scene = self._reuse.get("scene", made_of, lambda: scene_of(given, self.folder, part))
+            scene = self._reuse.get(
+                "scene", made_of, lambda: scene_of(scene_model, self.folder, part)
+            )
         return assemble_job(model, arm, path, scene)
 
     def _model(self, data: Mapping[str, Any]) -> JobModel:
@@ -288,11 +235,11 @@ class CoarsePlanner:
             data["arm"],
             lambda: arm_of(model.arm, self.folder, trust_xacro=self.trust_xacro),
         )
-        # A drawing is not read again where its frame moves.
-        here = {key: x for key, x in data["path"].items() if key != "frame"}
+        # A moved frame does not require reading the drawing again.
+        unplaced = {key: x for key, x in data["path"].items() if key != "frame"}
         drawn = self._reuse.get(
             "drawing",
-            (here, arm.dimension),
+            (unplaced, arm.dimension),
             lambda: unplaced_path(model.path, self.folder, arm.dimension),
         )
         path = self._reuse.get(
@@ -308,33 +255,30 @@ class CoarsePlanner:
         return arm, path
 
     def _plan(
-        self, job: Job, this: Run, tier: Tier, progress: Progress | None
+        self, job: Job, run: Run, tier: Tier, progress: Progress | None
     ) -> tuple[Planned, tuple[str, ...]]:
-        """Plan in the configuration of the last plan if there is one, else in the fastest.
-
-        Returns:
-            The plan, and a sentence if it is in the configuration of the last plan.
-        """
+        """Plan in the configuration of the last plan (then with a note), else in the fastest."""
         searches = tier != Tier.EXACT and job.seed is None
         if searches and isinstance(job.arm, SerialArm) and self._arm is job.arm:
-            here = dataclasses.replace(job, seed=self._start)
+            seeded_job = dataclasses.replace(job, seed=self._start)
             try:
-                found = plan_one(here, this, self._reuse, progress, clear=False, first_only=True)
-                return found, (CONFIGURATION,)
+                plan = plan_one(
+                    seeded_job, run, self._reuse, progress, clear=False, first_only=True
+                )
+                return plan, (CONFIGURATION,)
             except Unreachable:
-                # Another configuration may reach it; else its error is the one to tell.
+                # Another configuration may reach the path; otherwise its error is reported.
                 pass
-        # While a handle moves, the first place that is out of reach is enough.
-        found = plan_one(
-            job, this, self._reuse, progress, clear=False, first_only=tier == Tier.MOVING
+        # While a handle moves, the search ends at the first unreachable point.
+        plan = plan_one(
+            job, run, self._reuse, progress, clear=False, first_only=tier == Tier.MOVING
         )
         if searches:
-            self.keep_start(job, found.trajectory(0.0))
-        return found, ()
+            self.keep_start(job, plan.trajectory(0.0))
+        return plan, ()
 
 
 def _model_of(data: Mapping[str, Any]) -> JobModel:
-    """The keys of a job."""
     if not isinstance(data, Mapping):
         raise InvalidInput("A job must be a mapping of keys such as name, arm, path and runs.")
     return model_of(JobModel, data, "job")
@@ -343,27 +287,23 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
 def _contour_errors(
     execution: Execution, path: Program, end_time: float | None
 ) -> tuple[tuple[ContourExecution, ...], ErrorProfile, float]:
-    """The execution along each contour, the contour error, and when the tool is at rest [s]."""
+    """Execution along each contour, contour error, and time at which the tool is at rest [s]."""
     settled = settling_time(execution, execution.tool_speed)
     pieces = tuple(pieces_of(execution, path, None, end_time))
     return pieces, ErrorProfile.join([x.contour_error for x in pieces]), settled
 
 
 def _part(data: Mapping[str, Any]) -> Any:
-    """Where the part is, as written; scenes may be placed with it."""
+    """Frame of the part as written; scenes may be placed with it."""
     return data["path"].get("frame")
 
 
 def _with_one_run(model: JobModel, run: str | None) -> JobModel:
-    """The keys with one run only, by default the first, and without what may name others.
-
-    Raises:
-        InvalidInput: The job has no such run.
-    """
+    """Keys with one run, by default the first, and without keys that may name others."""
     name = next(iter(model.runs)) if run is None else run
     if name not in model.runs:
         raise InvalidInput(f"The job has no run {name}: it has {', '.join(model.runs)}.")
-    asked, experiment = model.placement, model.experiment
+    placement, experiment = model.placement, model.experiment
     # The set-points depend on the experiment of the run.
     if experiment is not None:
         judged = name in (experiment.runs or [name])
@@ -372,67 +312,59 @@ def _with_one_run(model: JobModel, run: str | None) -> JobModel:
         model,
         runs={name: model.runs[name]},
         certificate=None,
-        placement=None if asked is None else dataclasses.replace(asked, run=None),
+        placement=None if placement is None else dataclasses.replace(placement, run=None),
         experiment=experiment,
     )
 
 
-def coarser_run(job: Job, own: Run, tier: Tier) -> tuple[Run, tuple[str, ...]]:
-    """The run of a preview, and sentences on what is different in it.
-
-    Args:
-        job: The job.
-        own: The run as the job has it.
-        tier: How exact the plan is.
-    """
-    this, differs, cycle = own, [], max(own.cycle, DEFAULT_CYCLE)
+def coarser_run(job: Job, job_run: Run, tier: Tier) -> tuple[Run, tuple[str, ...]]:
+    """Run of a preview, and sentences on its differences from the run of the job."""
+    run, differs, cycle = job_run, [], max(job_run.cycle, DEFAULT_CYCLE)
     try:
-        for x in (job.servo, job.plant_servo):
-            x.check_gains(cycle)
+        for servo in (job.servo, job.plant_servo):
+            servo.check_gains(cycle)
     except InvalidInput:
-        # Gains as large as these need short intervals.
-        cycle = own.cycle
-    if cycle != own.cycle:
-        this = dataclasses.replace(this, cycle=cycle)
+        # Large gains require the short cycle.
+        cycle = job_run.cycle
+    if cycle != job_run.cycle:
+        run = dataclasses.replace(run, cycle=cycle)
         differs.append(
-            f"set-points come every {cycle * 1e3:g} ms, and in a run every {own.cycle * 1e3:g} ms."
+            f"set-points come every {cycle * 1e3:g} ms, "
+            f"and in a run every {job_run.cycle * 1e3:g} ms."
         )
-    if this.rounding is not None and this.rounding.free:
-        this = dataclasses.replace(this, rounding=this.rounding.with_arcs)
+    if run.rounding is not None and run.rounding.free:
+        run = dataclasses.replace(run, rounding=run.rounding.with_arcs)
         differs.append(ARCS)
-    if tier == Tier.MOVING and isinstance(this.timing, Optimal) and this.timing.intervals is None:
+    if tier == Tier.MOVING and isinstance(run.timing, Optimal) and run.timing.intervals is None:
         few = min(MOVING_INTERVALS, intervals_of(job.program) or MOVING_INTERVALS)
-        timing = dataclasses.replace(this.timing, intervals=few)
-        this = dataclasses.replace(this, timing=timing)
-        differs.append(f"while it moves, the timing is found on a grid of {few} intervals.")
-    return this, tuple(differs)
+        timing = dataclasses.replace(run.timing, intervals=few)
+        run = dataclasses.replace(run, timing=timing)
+        differs.append(f"during a drag, the timing uses a grid of {few} intervals.")
+    return run, tuple(differs)
 
 
-def _experiment_of(this: Run, moving: bool) -> Experiment | None:
-    """The experiment that judges a run, if any; while a handle moves, drives have longer cycles."""
-    found = this.judge
-    if found is None or not moving:
-        return found
-    return dataclasses.replace(found, step=max(found.step, MOVING_STEP))
+def _experiment_of(run: Run, moving: bool) -> Experiment | None:
+    """Experiment that judges a run, if any; with a longer drive cycle while a handle moves."""
+    experiment = run.judge
+    if experiment is None or not moving:
+        return experiment
+    return dataclasses.replace(experiment, step=max(experiment.step, MOVING_STEP))
 
 
 def _execute_judged(
-    job: Job, this: Run, set_points: SetPoints, bodies: Experiment | None
+    job: Job, run: Run, set_points: SetPoints, bodies: Experiment | None
 ) -> Execution:
-    """The execution that judges a run: on rigid bodies, or on the servo model."""
-    plant = None if bodies is None else build_plant(bodies, job.arm, job.plant_servo, this.limits)
+    """Execution on the rigid bodies of the experiment, or on the servo model."""
+    plant = None if bodies is None else build_plant(bodies, job.arm, job.plant_servo, run.limits)
     return simulate_run(job, set_points, plant)
 
 
 def _with_fewer_samples(execution: Execution) -> Execution:
-    """The execution at every second of its samples, or third and so on; largest demands stay.
-
-    Intermediate samples are discarded.
-    """
+    """Every k-th sample of an execution, at least MOVING_SAMPLES; maxima stay."""
     step = len(execution.t) // MOVING_SAMPLES
     if step < 2:
         return execution
     names = ("t", "q", "dq", "ddq", "demand", "torque", "torque_demand", "motor_q")
-    known = {x: getattr(execution, x) for x in names}
-    fewer = {name: x[::step] for name, x in known.items() if x is not None}
+    columns = {x: getattr(execution, x) for x in names}
+    fewer = {name: x[::step] for name, x in columns.items() if x is not None}
     return dataclasses.replace(execution, **fewer, plant=None)

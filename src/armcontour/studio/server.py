@@ -23,27 +23,27 @@ from urllib.parse import parse_qs, quote
 
 from armcontour.core import palette
 from armcontour.core.errors import ArmContourError, InvalidInput
-from armcontour.studio.desk import Desk, Tab
-from armcontour.studio.guard import (
+from armcontour.studio.access_control import (
     ADDRESS,
-    LARGEST_MESSAGE,
-    Allowance,
-    Door,
-    Guard,
+    MAX_MESSAGE,
+    AccessControl,
+    Endpoint,
     Message,
+    RateLimit,
     Receive,
-    Refused,
+    RefusedRequest,
     Scope,
     Send,
     respond,
 )
+from armcontour.studio.connection import OpenPage, SessionHost
 
 if TYPE_CHECKING:
     from armcontour.studio.session import Session
 
 STATIC = FilePath(__file__).with_name("static")
-# Kinds of files of the page; others are not given.
-KINDS = {
+# Content types of the files of the page. Other files are not served.
+CONTENT_TYPES = {
     ".css": "text/css",
     ".html": "text/html",
     ".js": "text/javascript",
@@ -51,149 +51,150 @@ KINDS = {
     ".svg": "image/svg+xml",
     ".txt": "text/plain",
 }
-# Libraries that the server needs besides those of armcontour.
-NEEDED = ("uvicorn", "websockets")
-# How long a page may take to give its token, and how many pages there may be.
-HELLO_WITHIN = 10.0
-MOST_TABS = 16
-# Connections at once; a browser has six for files, and one for each page.
-MOST_CONNECTIONS = 100
-# Connections at once that have sent no whole request, or wait for the next one.
-MOST_IDLE = 50
-# How long no page may be open before the server ends, if it is to [s].
-CLOSED_FOR = 60.0
-# Period of looks at the job file [s].
-LOOK_EVERY = 2.0
-# How long a thread may keep Python's lock while another waits for it [s].
-SWITCH = 5e-4
-# An array of more bytes goes back to the system when it is dropped. By itself glibc keeps memory of
-# up to 32 MB for later, which came to hundreds of MB after motions of minutes.
-LARGE, M_MMAP_THRESHOLD = 2**20, -3
-# Why a socket is closed, as websockets number it.
-UNWANTED, TOO_MANY, GOING = 1008, 1013, 1001
+# Libraries of the extra `studio`.
+REQUIRED_LIBRARIES = ("uvicorn", "websockets")
+# Time limit for the token of a page [s], and largest number of pages.
+HELLO_TIMEOUT = 10.0
+MAX_PAGES = 16
+# Largest number of connections; a browser has six for files and one per page.
+MAX_CONNECTIONS = 100
+# Largest number of connections without a complete request.
+MAX_IDLE = 50
+# The server can end this long after the last page was closed [s].
+EXIT_DELAY = 60.0
+# Period of checks of the job file [s].
+FILE_CHECK_PERIOD = 2.0
+# Interval of thread switches [s].
+SWITCH_INTERVAL = 5e-4
+# Larger arrays are returned to the system when freed [bytes]. By default glibc keeps blocks of up
+# to 32 MB, hundreds of MB after motions of minutes.
+LARGE_ARRAY, M_MMAP_THRESHOLD = 2**20, -3
+# Close codes of websockets.
+REFUSED_CODE, BUSY_CODE, GOING = 1008, 1013, 1001
 
 
 class Server:
-    """Answers requests that the guard lets through.
+    """ASGI app with the page, its socket, uploads and downloads."""
 
-    Args:
-        door: Address and token.
-        desk: The session.
-    """
-
-    def __init__(self, door: Door, desk: Desk) -> None:
-        self.door, self.desk = door, desk
+    def __init__(self, endpoint: Endpoint, session_host: SessionHost) -> None:
+        self.endpoint, self.session_host = endpoint, session_host
         self._page = page_files()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, as ASGI has it."""
+        """Answer a request."""
         if scope["type"] == "websocket":
-            await self._talk(scope, receive, send)
+            await self._serve_socket(scope, receive, send)
             return
         path, reads = scope["path"], scope["method"] != "POST"
         if reads and (path == "/" or path.startswith("/static/")):
-            await self._give_page(path, send)
+            await self._send_page_file(path, send)
         elif reads and path.startswith("/files/"):
-            await self._give_file(path.removeprefix("/files/"), send)
+            await self._send_download(path.removeprefix("/files/"), send)
         elif not reads and path == "/open":
             await self._open(scope, receive, send)
         else:
-            raise Refused(404, "The Studio has no such page.")
+            raise RefusedRequest(404, "The Studio has no such page.")
 
-    async def _give_page(self, path: str, send: Send) -> None:
+    async def _send_page_file(self, path: str, send: Send) -> None:
         """Send a file of the page."""
         name = path.removeprefix("/static/") if path != "/" else "index.html"
         if name not in self._page:
-            # Who works on the page adds files.
+            # Developers of the page add files.
             self._page = page_files()
-        # A name is looked up, never followed.
+        # The name is a key, never a path.
         file = self._page.get(name)
         if file is None:
-            raise Refused(404, "The Studio has no such page.")
-        await respond(send, 200, file.read_bytes(), KINDS[file.suffix])
+            raise RefusedRequest(404, "The Studio has no such page.")
+        await respond(send, 200, file.read_bytes(), CONTENT_TYPES[file.suffix])
 
-    async def _give_file(self, number: str, send: Send) -> None:
-        """Send what was made for the page to save."""
-        session = self.desk.session
-        file = None if session is None else session.display.tabs.files.get(number)
+    async def _send_download(self, number: str, send: Send) -> None:
+        """Send a file for download."""
+        session = self.session_host.session
+        file = None if session is None else session.display.pages.files.get(number)
         if file is None:
-            raise Refused(404, "This file is not kept any more: make it again.")
+            raise RefusedRequest(404, "This file is no longer available: create it again.")
         name = f"attachment; filename*=UTF-8''{quote(file.name, safe='')}"
         headers = [(b"content-disposition", name.encode())]
         await respond(send, 200, file.data, file.kind, headers)
 
     async def _open(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Open a file that the page has sent, or keep it as a log."""
+        """Open an uploaded file, or keep it as a log."""
         query = parse_qs(scope["query_string"].decode("latin-1"))
         name, cell, unknown = (query.get(key, [""])[0] for key in ("name", "cell", "unknown"))
         cell, body = cell or None, await _read_body(receive)
-        session = self.desk.session
+        session = self.session_host.session
         if session is None:
-            raise Refused(503, "The Studio is starting: wait a moment.")
-        status, given = 200, (name, body, cell, unknown, "log" in query)
+            raise RefusedRequest(503, "The Studio is starting: wait a moment.")
+        status, upload = 200, (name, body, cell, unknown, "log" in query)
         try:
-            answer = {"name": await asyncio.to_thread(session.open_upload, *given)}
+            answer = {"name": await asyncio.to_thread(session.open_upload, *upload)}
         except ArmContourError as error:
-            from armcontour.studio.tabs import without_options
+            from armcontour.studio.page_frame import without_options
 
             sentence = without_options(str(error))
             status, answer = 422, {"sentence": sentence, "error": type(error).__name__}
         await respond(send, status, json.dumps(answer).encode(), "application/json")
 
-    async def _talk(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Talk with a page over its socket, from its token to its end."""
+    async def _serve_socket(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve the socket of a page until it is closed."""
         if scope["path"] != "/socket":
-            raise Refused(404, "The Studio has no such socket.")
+            raise RefusedRequest(404, "The Studio has no such socket.")
         await receive()
         await send({"type": "websocket.accept"})
-        if not await self._is_welcome(receive):
-            await _close(send, UNWANTED, "The token is missing or wrong.")
+        if not await self._has_token(receive):
+            await _close(send, REFUSED_CODE, "The token is missing or wrong.")
             return
-        if len(self.desk.tabs) >= MOST_TABS:
-            await _close(send, TOO_MANY, "Too many pages of this Studio are open: close some.")
+        if len(self.session_host.pages) >= MAX_PAGES:
+            await _close(send, BUSY_CODE, "Too many pages of this Studio are open: close some.")
             return
-        tab = Tab()
-        writing = asyncio.create_task(tab.write(send))
-        hearing = asyncio.create_task(self._hear(tab, receive))
+        page = OpenPage()
+        writing = asyncio.create_task(page.write(send))
+        hearing = asyncio.create_task(self._pass_messages(page, receive))
         try:
-            await asyncio.to_thread(self.desk.join, tab)
+            await asyncio.to_thread(self.session_host.join, page)
             done, _ = await asyncio.wait([writing, hearing], return_when=asyncio.FIRST_COMPLETED)
             reason = hearing.result() if hearing in done else "The page does not read."
             if reason is not None:
-                await _close(send, UNWANTED, reason)
+                await _close(send, REFUSED_CODE, reason)
         finally:
             writing.cancel()
             hearing.cancel()
-            # Leaving waits for the work of other messages, and other requests do not wait for it.
-            await asyncio.to_thread(self.desk.leave, tab)
+            # In a thread, because leaving waits for running commands.
+            await asyncio.to_thread(self.session_host.leave, page)
 
-    async def _is_welcome(self, receive: Receive) -> bool:
-        """Whether the first message is a greeting with the right token."""
+    async def _has_token(self, receive: Receive) -> bool:
+        """True if the first message has the right token."""
         try:
-            message = await asyncio.wait_for(receive(), HELLO_WITHIN)
+            message = await asyncio.wait_for(receive(), HELLO_TIMEOUT)
         except TimeoutError:
             return False
-        said = _read_message(message)
-        return said is not None and said.get("op") == "hello" and self.door.opens(said.get("token"))
+        message_data = _read_message(message)
+        return (
+            message_data is not None
+            and message_data.get("op") == "hello"
+            and self.endpoint.accepts(message_data.get("token"))
+        )
 
-    async def _hear(self, tab: Tab, receive: Receive) -> str | None:
-        """Pass messages on, one after the other; returns why the page is to go, or None."""
-        allowance = Allowance()
+    async def _pass_messages(self, page: OpenPage, receive: Receive) -> str | None:
+        """Pass on the messages of a page in order; returns a reason to close it, or None."""
+        allowance = RateLimit()
         while (message := await receive())["type"] == "websocket.receive":
-            if not allowance.take():
+            if not allowance.allow():
                 return "The page sends too many messages."
-            said = _read_message(message)
-            if said is None:
+            message_data = _read_message(message)
+            if message_data is None:
                 return "A message is no JSON object."
-            if not await asyncio.to_thread(self.desk.receive, tab, said):
+            if not await asyncio.to_thread(self.session_host.receive, page, message_data):
                 return "The page sends too many messages before it has joined."
         return None
 
 
 def page_files() -> dict[str, FilePath]:
-    """The files of the page, by their names."""
-    own = {x.relative_to(STATIC).as_posix(): x for x in STATIC.rglob("*") if x.suffix in KINDS}
-    return {**own, palette.PALETTE_FILE.name: palette.PALETTE_FILE}
+    """Files of the page by name."""
+    files = {
+        x.relative_to(STATIC).as_posix(): x for x in STATIC.rglob("*") if x.suffix in CONTENT_TYPES
+    }
+    return {**files, palette.PALETTE_FILE.name: palette.PALETTE_FILE}
 
 
 def serve(
@@ -202,45 +203,29 @@ def serve(
     port: int = 0,
     announce: Callable[[str], None],
     exit_when_closed: bool = False,
-    opened: Callable[[Desk], None] = lambda desk: None,
+    opened: Callable[[SessionHost], None] = lambda session_host: None,
 ) -> None:
-    """Serve the Studio on this machine, until it is to end.
-
-    Args:
-        make: As of `Desk`.
-        port: Port; 0 for a free one.
-        announce: Called with the address of the page, when it can be opened.
-        exit_when_closed: Whether to end a minute after the last page is closed.
-        opened: Called with the desk before anything is answered.
-
-    Raises:
-        InvalidInput: A library is missing, or the port is taken.
-        ArmContourError: The session cannot be made.
-    """
+    """Serve the Studio on this machine until it ends."""
     require_server()
-    # Early versions of uvicorn leave the port open if the server is to end before it has started.
+    # Early versions of uvicorn leave the port open if the server is stopped before it has started.
     with listen(port) as listening:
-        door = Door(listening.getsockname()[1])
-        announce(door.page)
-        desk = Desk(make)
-        opened(desk)
+        endpoint = Endpoint(listening.getsockname()[1])
+        announce(endpoint.page)
+        session_host = SessionHost(make)
+        opened(session_host)
         try:
-            asyncio.run(_serve(listening, door, desk, exit_when_closed))
+            asyncio.run(_serve(listening, endpoint, session_host, exit_when_closed))
         finally:
             gc.unfreeze()
-            if desk.session is not None:
-                desk.session.close()
-    if desk.failure is not None:
-        raise desk.failure
+            if session_host.session is not None:
+                session_host.session.close()
+    if session_host.failure is not None:
+        raise session_host.failure
 
 
 def require_server() -> None:
-    """Check that there is what the server needs.
-
-    Raises:
-        InvalidInput: A library is missing.
-    """
-    missing = [x for x in NEEDED if find_spec(x) is None]
+    """Check that the libraries of the server are installed."""
+    missing = [x for x in REQUIRED_LIBRARIES if find_spec(x) is None]
     if missing:
         raise InvalidInput(
             f"The Studio needs {' and '.join(missing)}: pip install 'armcontour[studio]'."
@@ -248,23 +233,17 @@ def require_server() -> None:
 
 
 def listen(port: int) -> socket.socket:
-    """Open a port of this machine for this machine only.
-
-    Args:
-        port: The port; 0 for a free one.
-
-    Raises:
-        InvalidInput: The port is taken, or not allowed.
-    """
-    # Only with the protocol named does asyncio send at once: else what follows a first packet waits
-    # until the other side has acknowledged that, for 40 ms.
+    """Open a port for this machine only; 0 for a free port."""
+    # With the protocol named, asyncio sets TCP_NODELAY; otherwise packets wait up to 40 ms for an
+    # acknowledgement.
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     if os.name == "posix":
-        # Connections of a server that has just ended do not keep its port; elsewhere it means more.
+        # Connections of a previous server do not block its port. On Windows the option would allow
+        # two servers on one port.
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((ADDRESS, port))
-        listening.listen(MOST_CONNECTIONS)
+        listening.listen(MAX_CONNECTIONS)
     except OSError as error:
         listening.close()
         raise InvalidInput(
@@ -275,15 +254,17 @@ def listen(port: int) -> socket.socket:
 
 
 def _http_protocol() -> type[asyncio.Protocol]:
-    """HTTP in which connections without a whole request make room for new ones, oldest first."""
+    """HTTP protocol that closes the oldest idle connections to make room for new ones."""
     from uvicorn.protocols.http.h11_impl import H11Protocol
 
-    class Yielding(H11Protocol):  # type: ignore[misc, unused-ignore]
+    class IdleLimitedProtocol(H11Protocol):  # type: ignore[misc, unused-ignore]
         since = 0.0
 
         def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-            idle = [x for x in self.connections if isinstance(x, Yielding) and x.is_idle()]
-            if len(idle) >= MOST_IDLE:
+            idle = [
+                x for x in self.connections if isinstance(x, IdleLimitedProtocol) and x.is_idle()
+            ]
+            if len(idle) >= MAX_IDLE:
                 min(idle, key=lambda x: x.since).transport.abort()
             self.since = self.loop.time()
             super().connection_made(transport)
@@ -293,31 +274,32 @@ def _http_protocol() -> type[asyncio.Protocol]:
                 return False
             return self.cycle is None or bool(self.cycle.response_complete)
 
-    return Yielding
+    return IdleLimitedProtocol
 
 
-async def _serve(listening: socket.socket, door: Door, desk: Desk, exit_when_closed: bool) -> None:
-    """Run the server."""
+async def _serve(
+    listening: socket.socket, endpoint: Endpoint, session_host: SessionHost, exit_when_closed: bool
+) -> None:
     import uvicorn
 
-    # Only what should not happen is logged; no addresses of requests.
+    # Only errors are logged, without addresses of requests.
     logging.getLogger("uvicorn.error").setLevel(logging.ERROR)
     logging.getLogger("uvicorn.access").disabled = True
     server = uvicorn.Server(
         uvicorn.Config(
-            Guard(Server(door, desk), door),
+            AccessControl(Server(endpoint, session_host), endpoint),
             http=_http_protocol(),
             ws="websockets-sansio",
             loop="asyncio",
             lifespan="off",
             log_config=None,
             access_log=False,
-            ws_max_size=LARGEST_MESSAGE,
+            ws_max_size=MAX_MESSAGE,
             ws_ping_interval=None,
             ws_per_message_deflate=False,
             server_header=False,
             date_header=False,
-            limit_concurrency=MOST_CONNECTIONS,
+            limit_concurrency=MAX_CONNECTIONS,
             timeout_graceful_shutdown=1,
         )
     )
@@ -325,69 +307,67 @@ async def _serve(listening: socket.socket, door: Door, desk: Desk, exit_when_clo
     def stop() -> None:
         server.should_exit = True
 
-    # Python's lock is shared with what loads and computes: it gives way to answers soon.
-    sys.setswitchinterval(SWITCH)
-    desk.stop = stop
-    threading.Thread(target=_start, args=(desk,), name="starting", daemon=True).start()
-    watching = asyncio.create_task(watch(desk, exit_when_closed))
+    # Computing threads release the interpreter lock soon, so that responses are fast.
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    session_host.stop = stop
+    threading.Thread(target=_start, args=(session_host,), name="starting", daemon=True).start()
+    watching = asyncio.create_task(watch(session_host, exit_when_closed))
     try:
         await server.serve(sockets=[listening])
     finally:
         watching.cancel()
 
 
-def _start(desk: Desk) -> None:
-    """Make the session, and show it."""
-    desk.start()
+def _start(session_host: SessionHost) -> None:
+    """Create the session and show it."""
+    session_host.start()
     if sys.platform == "linux":
-        # Other C libraries have no such function.
+        # Other C libraries do not have mallopt.
         with suppress(AttributeError):
-            ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, LARGE)
-    # What is loaded by now stays: to look through it for garbage would hold answers up by 50 ms.
+            ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, LARGE_ARRAY)
+    # Garbage collection skips the loaded modules; otherwise it delays responses by 50 ms.
     gc.freeze()
 
 
-async def watch(desk: Desk, exit_when_closed: bool) -> None:
-    """Look at the job file now and then, and at whether pages are open."""
+async def watch(session_host: SessionHost, exit_when_closed: bool) -> None:
+    """Check the job file and the open pages periodically."""
     loop = asyncio.get_running_loop()
-    seen, last = False, loop.time()
+    was_open, last = False, loop.time()
     while True:
-        await asyncio.sleep(min(LOOK_EVERY, CLOSED_FOR / 4))
-        if desk.session is not None:
-            await asyncio.to_thread(desk.session.look)
-        if desk.tabs:
-            seen, last = True, loop.time()
-        elif exit_when_closed and seen and loop.time() - last >= CLOSED_FOR:
-            desk.stop()
+        await asyncio.sleep(min(FILE_CHECK_PERIOD, EXIT_DELAY / 4))
+        if session_host.session is not None:
+            await asyncio.to_thread(session_host.session.look)
+        if session_host.pages:
+            was_open, last = True, loop.time()
+        elif exit_when_closed and was_open and loop.time() - last >= EXIT_DELAY:
+            session_host.stop()
 
 
 async def _read_body(receive: Receive) -> bytes:
-    """The body of a request."""
     parts = []
     while True:
         message = await receive()
         if message["type"] != "http.request":
-            raise Refused(400, "The page went away.")
+            raise RefusedRequest(400, "The page went away.")
         parts.append(message.get("body", b""))
         if not message.get("more_body"):
             return b"".join(parts)
 
 
 def _read_message(message: Message) -> Mapping[str, Any] | None:
-    """What a page says; None if that is no JSON object."""
+    """A JSON object from a page; None if the message is not one."""
     text = message.get("text")
     try:
-        said = json.loads(text, parse_constant=_refuse_constant) if text else None
+        message_data = json.loads(text, parse_constant=_refuse_constant) if text else None
     except (ValueError, RecursionError):
         return None
-    return said if isinstance(said, dict) else None
+    return message_data if isinstance(message_data, dict) else None
 
 
 def _refuse_constant(name: str) -> float:
-    """Refuse what JSON does not have, such as NaN."""
+    """Refuse constants that JSON does not have, such as NaN."""
     raise ValueError(f"{name} is no number.")
 
 
 async def _close(send: Send, code: int, reason: str) -> None:
-    """Close a socket."""
     await send({"type": "websocket.close", "code": code, "reason": reason})

@@ -13,40 +13,25 @@ import traceback
 from collections.abc import Callable, Iterable
 from pathlib import Path as FilePath
 
-from armcontour.core.compilation import warm_for_run
+from armcontour.core.compilation import compile_for_run
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.progress import Progress
-from armcontour.studio.acts import Acts
-from armcontour.studio.display import Display
+from armcontour.studio.commands import Commands
 from armcontour.studio.document import Document
 from armcontour.studio.editor import Editor
-from armcontour.studio.lanes import FastLane, SlowLane
-from armcontour.studio.planner import MakeLane
+from armcontour.studio.page_frame import PageFrame
+from armcontour.studio.pages import Display, Page, PageMessage
 from armcontour.studio.preview import CoarsePlanner
-from armcontour.studio.tabs import Said, Tab
-from armcontour.studio.wire import Frame
+from armcontour.studio.scheduler import TaskWorkerFactory
+from armcontour.studio.workers import PreviewWorker, TaskWorker
 
-# How long nothing changes before the exact figures are computed [s].
+# Time without changes before exact figures are computed [s].
 REST = 0.15
 
 
 class Session:
-    """A document and the pages that show it.
-
-    Args:
-        document: The document.
-        previewer: Plans and executes it.
-        trusted: Files of arms that may be programs, as the user has named them.
-        fast: Makes the lane of previews.
-        slow: Makes the lane of everything else.
-        rest: How long nothing changes before the exact figures are computed [s].
-        told: Called with the progress of the start.
-
-    Attributes:
-        editor: The document that is edited.
-        display: What pages see of it.
-    """
+    """A document and the pages that show it."""
 
     def __init__(
         self,
@@ -54,93 +39,75 @@ class Session:
         previewer: CoarsePlanner,
         *,
         trusted: Iterable[FilePath] = (),
-        fast: Callable[[Callable[[Frame], None]], FastLane] = FastLane,
-        slow: MakeLane = SlowLane,
-        rest: float = REST,
-        told: Progress = lambda step: None,
+        fast: Callable[[Callable[[PageFrame], None]], PreviewWorker] = PreviewWorker,
+        slow: TaskWorkerFactory = TaskWorker,
+        rest_time: float = REST,
+        progress: Progress = lambda step: None,
     ) -> None:
         self.editor = Editor(document, previewer, trusted)
-        self.display = Display(self.editor, fast, slow, rest)
-        self._acts = Acts(self.display, self.confine)
-        self._told = told
+        self.display = Display(self.editor, fast, slow, rest_time)
+        self._commands = Commands(self.display, self.confine)
+        self._told = progress
         self._ending = contextlib.ExitStack()
 
     @property
     def document(self) -> Document:
-        """The document."""
+        """The edited document."""
         return self.editor.document
 
     def confine(self, named: Iterable[FilePath]) -> None:
-        """Read files in the folder of the job from now on, and what it has named before.
-
-        Args:
-            named: Files elsewhere that may be read.
-        """
+        """Restrict reading to the folder of the job and to the named files."""
         self.editor.named = tuple(named)
         reading = reading_below(self.editor.folders, self.editor.named)
         self._ending.enter_context(reading)
 
     def begin(self) -> None:
-        """Show the document for the first time; returns when that is done."""
-        handles = self.editor.seen.handles
+        """Show the document for the first time, and wait for its first picture."""
+        handles = self.editor.state.handles
         job = None if handles is None else handles.job
         with contextlib.ExitStack() as compiling:
             if job is not None:
-                compiling.enter_context(warm_for_run(job.arm.dimension, self._told))
+                compiling.enter_context(compile_for_run(job.arm.dimension, self._told))
             with self.display.lock:
                 self.display.show_all()
-            if self.editor.seen.job is not None:
-                self.display.planner.wait()
+            if self.editor.state.job is not None:
+                self.display.scheduler.wait()
 
-    def join(self, tab: Tab) -> None:
-        """A page is open: it gets what the others see."""
-        self.display.tabs.join(tab)
+    def join(self, page: Page) -> None:
+        """Add a page."""
+        self.display.pages.join(page)
 
-    def leave(self, tab: Tab) -> None:
-        """A page is closed; what it has not finished is dropped."""
-        self.display.tabs.leave(tab)
+    def leave(self, page: Page) -> None:
+        """Remove a page and its gesture."""
+        self.display.pages.leave(page)
         with self.display.lock:
-            self._acts.gestures.leave(tab)
+            self._commands.gestures.leave(page)
 
-    def receive(self, tab: Tab, said: Said) -> None:
-        """Do what a page says, and answer."""
+    def receive(self, page: Page, message: PageMessage) -> None:
+        """Execute a message of a page and respond."""
         with self.display.lock:
-            if not self.display.tabs.hear(tab, said):
+            if not self.display.pages.record(page, message):
                 return
             try:
-                _refuse_surrogates(said)
-                self._acts.do(tab, said)
+                _refuse_surrogates(message)
+                self._commands.execute(page, message)
             except ArmContourError as error:
-                self._fail(tab, said, error)
+                self._fail(page, message, error)
             except Exception as error:
-                # The page goes on; the terminal shows what went wrong.
+                # The page continues; the terminal shows the traceback.
                 traceback.print_exc(file=sys.stderr)
                 sentence = f"This failed: {type(error).__name__}: {error}"
-                self._fail(tab, said, ArmContourError(sentence))
+                self._fail(page, message, ArmContourError(sentence))
 
     def look(self) -> None:
-        """See whether the file has changed, and tell the pages if so."""
+        """Inform the pages if the job file has changed on disk."""
         with self.display.lock:
             self.display.look()
 
     def open_upload(
         self, name: str, content: bytes, cell: str | None, unknown: str = "", log: bool = False
     ) -> str:
-        """Open a file that a page has sent: a job, a drawing for the document's arm, or a log.
-
-        Args:
-            name: Name of the file.
-            content: Its bytes.
-            cell: For a drawing, the built-in cell to open it in; None keeps the document's arm.
-            unknown: As of `Uploads.open`.
-            log: Whether it is a log of the robot, which is kept for tasks.
-
-        Returns:
-            The name by which it is kept.
-
-        Raises:
-            InvalidInput: A file that cannot be opened.
-        """
+        """Open an uploaded file or keep it as a log; returns the name of the kept file."""
         with self.display.lock:
             editor = self.editor
             if log:
@@ -152,33 +119,29 @@ class Session:
                 editor.open(opened)
                 self.display.open()
             else:
-                editor.commit(editor.with_changes(opened), f"open {name}")
+                editor.commit(editor.revise_keys(opened), f"open {name}")
                 self.display.show_all()
         return name
 
     def close(self) -> None:
         """End all work."""
-        self.display.planner.close()
+        self.display.scheduler.close()
         self._ending.close()
         self.editor.uploads.close()
 
-    def _fail(self, tab: Tab, said: Said, error: ArmContourError) -> None:
-        """Tell a page why its message was not followed."""
-        if said.get("op") == "edit":
-            self.display.tell_refusal(error, dropped=bool(said.get("final")))
+    def _fail(self, page: Page, message: PageMessage, error: ArmContourError) -> None:
+        """Report to a page why its message failed."""
+        if message.get("op") == "edit":
+            self.display.send_refusal(error, dropped=bool(message.get("final")))
             return
-        header = {"id": said.get("id"), "op": said.get("op"), "sentence": str(error)}
-        self.display.tell(Frame("failed", header), to=tab)
+        header = {"id": message.get("id"), "op": message.get("op"), "sentence": str(error)}
+        self.display.send(PageFrame("failed", header), to=page)
 
 
-def _refuse_surrogates(said: Said) -> None:
-    """Refuse text that UTF-8 cannot encode: no file and no frame could hold it.
-
-    Raises:
-        InvalidInput: There is such text.
-    """
+def _refuse_surrogates(message: PageMessage) -> None:
+    """Refuse text that UTF-8 cannot encode, because neither files nor frames can contain it."""
     try:
-        json.dumps(said, ensure_ascii=False).encode()
+        json.dumps(message, ensure_ascii=False).encode()
     except UnicodeEncodeError:
         raise InvalidInput(
             "The message has half of a character (a lone surrogate): type the character again."

@@ -18,26 +18,20 @@ from armcontour.core.text import make_printable
 from armcontour.files.cell import OWN_PATH, YAML, cell_names, drawing_text
 from armcontour.files.drawings.endings import READERS
 from armcontour.files.job_edits import Change, change_text
-from armcontour.studio.disk import all_drafts, make_private, state_folder
 from armcontour.studio.document import Document
+from armcontour.studio.drafts import all_drafts, make_private, state_folder
 
-# Endings of robot descriptions; .xacro is none of them, as it is a program.
+# Endings of robot descriptions, without .xacro, which is a program.
 ROBOTS = (".urdf",)
-LONGEST = 100
-# Endings of logs of a robot, and how many are kept.
-LOGS, MOST_LOGS = (".csv", ".txt", ".log", ".mcap", ".db3"), 8
-# Age of folders of other sessions, whose servers may still run, before they are removed [s].
-OLD = 30 * 86400.0
+MAX_NAME = 100
+# Endings of logs of a robot, and largest number of kept logs.
+LOGS, MAX_LOGS = (".csv", ".txt", ".log", ".mcap", ".db3"), 8
+# Age at which folders of other sessions, whose servers may still run, are removed [s].
+MAX_AGE = 30 * 86400.0
 
 
 class Uploads:
-    """The folder of what pages send; it is made when it is needed.
-
-    Attributes:
-        root: Folder of what pages have sent in all sessions.
-        folder: The folder of this session, which may not be there.
-        logs: Logs of the robot by their names, the oldest first; they end with the session.
-    """
+    """Files sent by pages. They are kept while the session or a draft needs them."""
 
     def __init__(self) -> None:
         self.root = state_folder() / "uploads"
@@ -48,35 +42,21 @@ class Uploads:
     def open(
         self, name: str, content: bytes, cell: str | None, document: Document, unknown: str = ""
     ) -> Document | list[Change]:
-        """Open a file.
-
-        Args:
-            name: Its name.
-            content: Its bytes.
-            cell: For a drawing, the built-in cell to open it in; None changes the document.
-            document: The document.
-            unknown: Value of `path.unknown` for a drawing; "" for the default.
-
-        Returns:
-            Another document, or changes of this one.
-
-        Raises:
-            InvalidInput: A file of another kind, or one that is no text.
-        """
+        """Open an uploaded file: a new document, or changes of the current one."""
         check_file_name(name)
         key = f"upload {name} on {cell} {unknown} {hashlib.sha256(content).hexdigest()}"
         ending, folder = FilePath(name).suffix.lower(), document.folder or FilePath.cwd()
         if ending in YAML:
-            return Document.of_text(_text(name, content), folder, name, key, upload=True)
+            return Document.of_text(_decode(name, content), folder, name, key, upload=True)
         if ending in ROBOTS:
-            file = self._keep(name, content, folder)
+            file = self._store(name, content, folder)
             return [Change(("arm",), {"file": file})]
         if ending not in READERS:
             raise InvalidInput(
                 f"{name} is neither a job (.yaml), nor a drawing ({', '.join(READERS)}), nor a "
                 "robot (.urdf)."
             )
-        file = self._keep(name, content, folder)
+        file = self._store(name, content, folder)
         options = [Change(("path", "unknown"), unknown)] if unknown else []
         if cell is not None:
             if cell not in cell_names():
@@ -93,82 +73,61 @@ class Uploads:
         ]
 
     def keep_log(self, name: str, content: bytes) -> str:
-        """Keep a log of the robot; the oldest ones go where there are too many.
-
-        Args:
-            name: Its name.
-            content: Its bytes.
-
-        Returns:
-            The name by which it is kept: another log may have its own.
-
-        Raises:
-            InvalidInput: A file of another kind, or an empty one.
-        """
+        """Keep a log of the robot and discard the oldest beyond MOST_LOGS; returns its name."""
         check_file_name(name)
         if FilePath(name).suffix.lower() not in LOGS or not content:
             kinds = ", ".join(LOGS)
             raise InvalidInput(f"{name} is empty, or no log of joint positions ({kinds}).")
         make_private(self._logs)
-        place, number = self._logs / name, 1
-        while place.exists() and place.read_bytes() != content:
+        file, number = self._logs / name, 1
+        while file.exists() and file.read_bytes() != content:
             number += 1
-            place = self._logs / f"{number}-{name}"
-        place.write_bytes(content)
-        self.logs.pop(place.name, None)
-        self.logs[place.name] = place
-        if len(self.logs) > MOST_LOGS:
+            file = self._logs / f"{number}-{name}"
+        file.write_bytes(content)
+        self.logs.pop(file.name, None)
+        self.logs[file.name] = file
+        if len(self.logs) > MAX_LOGS:
             self.logs.pop(next(iter(self.logs))).unlink()
-        return place.name
+        return file.name
 
     def find_logs(self, names: Any) -> list[str]:
-        """Files of logs that are kept.
-
-        Args:
-            names: Their names, as a page gives them.
-
-        Raises:
-            InvalidInput: One is not kept.
-        """
+        """Paths of kept logs by their names."""
         if not isinstance(names, list) or not {str(x) for x in names} <= set(self.logs):
-            raise InvalidInput("A log is not kept any more: drop it on the page again.")
+            raise InvalidInput("A log is no longer available: drop it on the page again.")
         return [str(self.logs[str(x)]) for x in names]
 
     def close(self) -> None:
-        """Remove what no draft needs, of this session and of old ones that did not end well."""
+        """Remove uploads that no draft needs, of this session and of sessions older than OLD."""
         needed = "".join(x.text for x in all_drafts())
-        old = time.time() - OLD
+        old = time.time() - MAX_AGE
         for folder in self.root.glob("*"):
-            own = folder in (self.folder, self._logs)
-            if folder.name in needed or (not own and folder.stat().st_mtime > old):
+            is_own = folder in (self.folder, self._logs)
+            if folder.name in needed or (not is_own and folder.stat().st_mtime > old):
                 continue
             shutil.rmtree(folder, ignore_errors=True)
 
-    def _keep(self, name: str, content: bytes, beside: FilePath) -> str:
-        """Where a file is: beside the job if it is there, else in the folder."""
+    def _store(self, name: str, content: bytes, beside: FilePath) -> str:
+        """Path of a file next to the job if it exists there, else in the folder of uploads."""
         there = beside / name
         if there.is_file() and not there.is_symlink() and there.read_bytes() == content:
             return name
         make_private(self.folder)
-        place = self.folder / name
-        place.write_bytes(content)
-        return str(place)
+        file = self.folder / name
+        file.write_bytes(content)
+        return str(file)
 
 
 def check_file_name(name: str) -> None:
-    """Refuse what is no plain name of a file.
-
-    Raises:
-        InvalidInput: It is none.
-    """
+    """Refuse names with folders, leading dots or unprintable characters."""
     plain = name == FilePath(name).name and "\\" not in name and not name.startswith(".")
-    if not plain or len(name) > LONGEST or make_printable(name) != name:
-        raise InvalidInput("The name of the file is no plain name.")
+    if not plain or len(name) > MAX_NAME or make_printable(name) != name:
+        raise InvalidInput(
+            "The file name has a folder, a leading dot or other characters than text."
+        )
 
 
-def _text(name: str, content: bytes) -> str:
-    """The content of a text file."""
+def _decode(name: str, content: bytes) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise InvalidInput(f"{name} is no UTF-8 text.") from None
+        raise InvalidInput(f"{name} is not UTF-8 text.") from None

@@ -36,7 +36,7 @@ Errors = tuple[FloatArray, FloatArray]
 # The tool is at rest below this speed [m/s].
 REST_SPEED = 1e-3
 # Largest number of steps of the search for a common delay, and its tolerance [s].
-MOST_DELAYS = 20
+MAX_DELAYS = 20
 SAME_DELAY = 1e-7
 # An arm that does not move has no delay.
 TINY = 1e-300
@@ -44,34 +44,21 @@ TINY = 1e-300
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ContourExecution:
-    """An execution along one path.
-
-    Args:
-        executed: The whole execution.
-        path: The path that the tool was to follow.
-        objective: The path before rounding, or None if unknown.
-        which: The samples of the piece.
-        end_time: End of the piece [s].
-        rms_until: End of the time over which root mean squares are taken [s]; by default
-            `end_time`.
-        since: Start of the piece [s]; by default that of its first sample.
-        beyond: Index after the last sample at which the tool may be on the path.
-        work: Arc lengths between which the coverage error is evaluated [m].
-        before_work: The same on the objective path, or None if unknown.
-        offset: Length of the contours before [m], added to arc lengths.
-    """
+    """An execution along one path."""
 
     executed: Execution
-    path: Path
-    objective: Path | None
-    which: slice
-    end_time: float
-    beyond: int
-    work: tuple[float, float]
+    path: Path  # The path that the tool was to follow
+    objective: Path | None  # The path before rounding, or None if unknown
+    which: slice  # The samples of the piece
+    end_time: float  # End of the piece [s]
+    beyond: int  # Index after the last sample at which the tool may be on the path
+    work: tuple[float, float]  # Arc lengths between which the coverage error is evaluated [m]
+    # The same on the objective path, or None if unknown.
     before_work: tuple[float, float] | None = None
-    offset: float = 0.0
-    since: float | None = None
-    rms_until: float | None = None
+    offset: float = 0.0  # Length of the contours before [m], added to arc lengths
+    since: float | None = None  # Start of the piece [s]; by default that of its first sample
+    # End of the time over which root mean squares are taken [s]; by default `end_time`.
+    rms_end_time: float | None = None
 
     @cached_property
     def t(self) -> FloatArray:
@@ -205,16 +192,14 @@ class ContourExecution:
         )
 
     def _maximize_nearby(
-        self, which: IntArray, function: Callable[[FloatArray], FloatArray]
+        self, indices: IntArray, function: Callable[[FloatArray], FloatArray]
     ) -> FloatArray:
-        """Largest values of smooth functions of tool points, at and next to some samples.
-
-        `function` maps tool points, (m, n, dimension), to values, (m, n).
-        """
-        m = len(which)
-        best = np.asarray(function(self.tool[which][:, None]))[:, 0]
+        """Largest values of smooth functions of tool points, at and next to some samples."""
+        # `function` maps tool points, (m, n, dimension), to values, (m, n).
+        m = len(indices)
+        best = np.asarray(function(self.tool[indices][:, None]))[:, 0]
         # The intervals before and after each sample.
-        i = np.clip(which + np.array([[-1], [0]]), 0, len(self.t) - 2).ravel()
+        i = np.clip(indices + np.array([[-1], [0]]), 0, len(self.t) - 2).ravel()
         fine = self.executed.between(np.unique(i) + self.which.start)
         if fine is None:
             return best
@@ -273,7 +258,7 @@ class ContourExecution:
 
     @property
     def _has_fine_motion(self) -> bool:
-        """Whether the plant provides the motion between samples, and there are enough samples."""
+        """True if the plant provides the motion between samples, and there are enough samples."""
         return self.executed.plant is not None and len(self.t) > 2
 
     @cached_property
@@ -334,7 +319,7 @@ class ContourExecution:
         if peak is not None:
             peak = peak._replace(s=peak.s + self.offset)
         return ErrorProfile.over_time(
-            self.t, values, s + self.offset, self.end_time, side, peak, self.rms_until
+            self.t, values, s + self.offset, self.end_time, side, peak, self.rms_end_time
         )
 
     def _between(self, i: int, t: FloatArray) -> FloatArray | None:
@@ -359,12 +344,8 @@ class ContourExecution:
 
 
 def settling_time(executed: Execution, speed: FloatArray) -> float:
-    """Time after which the tool is at rest [s], not before the end of the plan.
-
-    Args:
-        executed: The execution.
-        speed: Its tool speeds [m/s], (n,).
-    """
+    """Time after which the tool is at rest [s], not before the end of the plan."""
+    # speed (n,) [m/s].
     moving = np.flatnonzero(speed > REST_SPEED)
     last = float(executed.t[moving[-1]]) if len(moving) else 0.0
     return max(last, executed.set_points.trajectory.duration)
@@ -376,7 +357,7 @@ def common_delay(executed: Execution) -> float:
     q, dq = (trajectory(np.clip(t, 0.0, trajectory.duration), order) for order in (0, 1))
     planned, velocity = executed.arm.tool_position(q), executed.arm.tool_velocity(q, dq)
     best, delay = (np.inf, 0.0), 0.0
-    for _ in range(MOST_DELAYS):
+    for _ in range(MAX_DELAYS):
         delayed, rate = (
             np.stack([np.interp(t - delay, t, x) for x in columns.T], axis=1)
             for columns in (planned, velocity)
@@ -402,22 +383,11 @@ def evaluated_times(executed: Execution, until: float | None) -> tuple[float, fl
 def pieces_of(
     executed: Execution, path: Program, objective: Program | None, end_time: float | None
 ) -> list[ContourExecution]:
-    """Split an execution into its contours, each while the process works on it.
-
-    A single path is one piece, from the first set-point to `end_time`.
-
-    Args:
-        executed: The execution.
-        path: The program that was planned.
-        objective: The program before rounding, or None if unknown.
-        end_time: End of the evaluation of a single path [s]; None is until all joints are at rest,
-            with root mean squares until the tool is slower than `REST_SPEED`.
-
-    Raises:
-        InvalidInput: The execution or the objective has another number of contours than the path.
-    """
+    """Split an execution into its contours, each while the process works on it."""
+    # A single path is one piece, from the first set-point to `end_time`; None is until all joints
+    # are at rest, with root mean squares until the tool is slower than `REST_SPEED`.
     spans = executed.set_points.trajectory.contour_spans
-    last, rms_until = evaluated_times(executed, end_time)
+    last, rms_end_time = evaluated_times(executed, end_time)
     count = len(spans)
     if len(path.contours) != count:
         raise InvalidInput(
@@ -443,7 +413,7 @@ def pieces_of(
             which=which,
             since=begin,
             end_time=end,
-            rms_until=None if path.single_path is None else rms_until,
+            rms_end_time=None if path.single_path is None else rms_end_time,
             beyond=following,
             work=contour.at_work,
             before_work=None if first is None else first.at_work,
@@ -515,15 +485,9 @@ Largest = Callable[[IntArray, Callable[[FloatArray], FloatArray]], FloatArray]
 def corner_deviations(
     tool: FloatArray, objective: Path, s: FloatArray | None = None, maximize: Largest | None = None
 ) -> tuple[CornerDeviation, ...]:
-    """Cornering deviations at every corner of a path.
-
-    Args:
-        tool: Tool points [m], (n, dimension).
-        objective: The path with its corners.
-        s: Arc lengths of the nearest points on the path [m], (n,); computed if None.
-        maximize: Finds the largest values between the points; None if the motion between them is
-            unknown.
-    """
+    """Cornering deviations at every corner of a path, from tool points (n, dimension) [m]."""
+    # s: arc lengths of their nearest points on the path [m], (n,); computed if None. maximize:
+    # finds the largest values between the points; None if the motion between them is unknown.
     corners = np.flatnonzero(objective.turns > TANGENT_TOLERANCE) + 1
     if not len(corners):
         return ()
@@ -588,23 +552,12 @@ def _across(path: Path, corners: IntArray) -> FloatArray:
 def measure_speed_ratios(
     path: Path, followed: Followed, speed: FloatArray, limit: float | None, *, between: bool = False
 ) -> FloatArray:
-    """Tool speed over the velocity assigned at the path point of the tool, (n,).
-
-    The path point of a tool is uncertain by its distance from the path. Within this distance of a
-    segment end, the larger of both velocities is the assigned one. If the assigned velocity changes
-    between two samples, the linearly interpolated speed at the segment end is used.
-
-    Args:
-        path: The path, whose segments may have speeds of their own.
-        followed: Path points of the tool.
-        speed: Tool speed at the samples [m/s], (n,).
-        limit: Assigned velocity of the whole path [m/s]; None without one.
-        between: Whether the ratios are bounds between samples, too, assuming at most the curvature
-            of the speed at adjacent samples and one kink.
-
-    Returns:
-        The ratios; 0 without an assigned velocity.
-    """
+    """Tool speed over the velocity assigned at the path point of the tool, (n,); 0 without one."""
+    # The path point of a tool is uncertain by its distance from the path. Within this distance of a
+    # segment end, the larger of both velocities is the assigned one. If the assigned velocity
+    # changes between two samples, the linearly interpolated speed at the segment end is used. With
+    # `between` the ratios are bounds between samples, too, assuming at most the curvature of the
+    # speed at adjacent samples and one kink.
     assigned = np.fmin(path.speeds, np.inf if limit is None else limit)
     assigned = np.where(np.isnan(assigned), np.inf, assigned)
     if not np.isfinite(assigned).any():
@@ -643,11 +596,9 @@ def _raise_at_segment_ends(
     *,
     past: int,
 ) -> None:
-    """Raise ratios to those at the times at which the tool passes segment ends.
-
-    `assigned` is the velocity on the slow side of each end [m/s]; `past` is 1 to raise the ratio of
-    the sample after it, 0 of the one before.
-    """
+    """Raise ratios to those at the times at which the tool passes segment ends."""
+    # `assigned` is the velocity on the slow side of each end [m/s]; `past` is 1 to raise the ratio
+    # of the sample after it, 0 of the one before.
     s = np.maximum.accumulate(s)
     i = np.searchsorted(s, joints, side="right")
     inside = (i > 0) & (i < len(s))
@@ -672,19 +623,8 @@ def _bound_between(speed: FloatArray) -> FloatArray:
 def unexplained_errors(
     arm: Arm, q: FloatArray, tangent: FloatArray, model_error: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """First-order bounds of the tool error due to joint errors.
-
-    Each joint has its largest error with the worst sign.
-
-    Args:
-        arm: The arm.
-        q: Joint positions [rad], (n, dof).
-        tangent: Unit tangents of the path, (n, dimension).
-        model_error: Largest error of each joint [rad], (dof,).
-
-    Returns:
-        Bounds along and across the path [m], (n,) each.
-    """
+    """First-order bounds of the tool error along and across the path due to joint errors [m]."""
+    # Each joint has its largest error, (dof,) [rad], with the worst sign. tangent (n, dimension).
     moved = arm.tool_jacobian(q) * model_error
     along = (tangent[:, None] @ moved)[:, 0]
     across = moved - tangent[:, :, None] * along[:, None]

@@ -23,34 +23,20 @@ DRAWN = (0.5, 1.5)
 
 @dataclass(frozen=True, slots=True)
 class _Window:
-    """Samples `first` to `last` on a contour, and the windows of the contours before.
+    """Samples `first` to `last` on a contour, and the windows of the contours before."""
 
-    Args:
-        first: First sample on the contour.
-        last: Last sample on the contour.
-        worst: Largest distance between tool and contour in this window and those before [m].
-        before: The window of the contour before; None for the first contour.
-    """
-
-    first: int
-    last: int
-    worst: float
-    before: _Window | None
+    first: int  # First sample on the contour
+    last: int  # Last sample on the contour
+    worst: float  # Largest distance between tool and contour in this window and those before [m]
+    before: _Window | None  # The window of the contour before; None for the first contour
 
 
 def find_windows(tool: FloatArray, program: Program) -> list[tuple[int, int]]:
-    """Find the first and the last sample on every contour of a program, in order.
-
-    The result minimizes the largest distance between tool and contours over all assignments in the
-    order of the contours. A distance that is too large is therefore too large in every assignment.
-
-    Args:
-        tool: Tool points [m], (n, dimension).
-        program: The program; between its contours the tool may go anywhere.
-
-    Raises:
-        InvalidInput: The tool does not follow a contour from its start to its end.
-    """
+    """Find the first and the last sample on every contour of a program, in order."""
+    # The result minimizes the largest distance between tool and contours over all assignments in
+    # the order of the contours. A distance that is too large is therefore too large in every
+    # assignment.
+    # tool (n, dimension) [m].
     travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(tool, axis=0), axis=1)))
     previous: list[_Window] = []
     for number, contour in enumerate(program.contours):

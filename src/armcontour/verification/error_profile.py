@@ -23,7 +23,7 @@ from armcontour.geometry.projection import pack_segments
 CLOSE, ROUNDING = 3e-7, 1e-13
 # Number of parts per searched interval, and largest number of subdivisions.
 PARTS = 32
-MOST_CUTS = 12
+MAX_CUTS = 12
 # If the path turns by more than this between two samples [rad], the error may have a peak there
 # that no sample shows.
 SHARP = 0.2
@@ -61,31 +61,23 @@ def error_rows(
     name: str,
     label: str,
     error: ErrorProfile | Coverage | None,
-    rms: int = TABLE,
-    most: int = TABLE,
+    rms_level: int = TABLE,
+    max_level: int = TABLE,
 ) -> tuple[Row, ...]:
-    """Rows of RMS and largest value of an error, with time and arc length.
-
-    Args:
-        name: Key of the error; "" for none.
-        label: Name of the error.
-        error: The error; None if it is not known.
-        rms: Level of the RMS.
-        most: Level of the largest value.
-    """
+    """Rows of RMS and largest value of an error, at the levels `rms_level` and `max_level`."""
     if error is None:
         return (Row(name, None),)
     key = f"{name}." if name else ""
     location = format_event(error.t_max, error.s_max)
     unit = "rad" if getattr(error, "angular", False) else "m"
     largest = (
-        Row(f"{key}max", error.max, unit, f"{label}, largest", location, most),
+        Row(f"{key}max", error.max, unit, f"{label}, largest", location, max_level),
         Row(f"{key}t_max", error.t_max, "s"),
         Row(f"{key}s_max", error.s_max, "m"),
     )
     if isinstance(error, Coverage):
         return largest
-    return (Row(f"{key}rms", error.rms, unit, f"{label}, RMS", level=rms), *largest)
+    return (Row(f"{key}rms", error.rms, unit, f"{label}, RMS", level=rms_level), *largest)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -132,7 +124,7 @@ class ErrorProfile(Result, Checked):
         end_time: float,
         side: FloatArray | None = None,
         peak: Peak | None = None,
-        rms_until: float | None = None,
+        rms_end_time: float | None = None,
     ) -> ErrorProfile:
         """Make the profile from the first time to `end_time`; the last value is held to the end.
 
@@ -144,9 +136,9 @@ class ErrorProfile(Result, Checked):
             side: 1 to the left of the path, -1 to its right, (n,); None for errors without a side.
             peak: A higher value between the times, which is inserted into the values but not into
                 the RMS; or None.
-            rms_until: End of the time over which the RMS is taken [s]; by default `end_time`.
+            rms_end_time: End of the time over which the RMS is taken [s]; by default `end_time`.
         """
-        times, (weighted,) = _cut_at(t, end_time if rms_until is None else rms_until, values)
+        times, (weighted,) = _cut_at(t, end_time if rms_end_time is None else rms_end_time, values)
         t, (values, s) = _cut_at(t, end_time, values, s)
         span = float(times[-1] - times[0])
         # A profile without duration has one value.
@@ -227,21 +219,10 @@ def find_peak(
     end_time: float,
     hidden: Hidden | None = None,
 ) -> Peak | None:
-    """Find a value that exceeds those of all samples.
-
-    Args:
-        t: Times of the samples [s], (n,).
-        values: The error at these times [m or rad], (n,).
-        measure: Function that returns errors and arc lengths at times between sample i and the
-            next; i may be -1 or n - 1. None if the motion is unknown.
-        since: Start of the search [s].
-        end_time: End of the search [s].
-        hidden: Samples after which the error may have a peak that no sample shows, and its possible
-            height [m or rad].
-
-    Returns:
-        The peak; None if no value is higher or the times do not increase.
-    """
+    """Find a value between times t that exceeds those of all samples; None if there is none."""
+    # measure: returns errors and arc lengths at times between sample i and the next; i may be -1 or
+    # n - 1; None if the motion is unknown. hidden: samples after which the error may have a peak
+    # that no sample shows, and its possible height.
     if len(t) < 3 or (t[1:] <= t[:-1]).any():
         return None
     counts = slice(0, int(t.searchsorted(end_time, side="right")))
@@ -287,7 +268,7 @@ def _search_interval(
     peak = None
     t, values = np.zeros(0), np.zeros(0)
     times = first + (last - first) * SHARES
-    for _ in range(MOST_CUTS):
+    for _ in range(MAX_CUTS):
         measured = measure(times)
         if measured is None:
             return None
@@ -312,13 +293,8 @@ def _search_interval(
 def maximize_smooth(
     first: FloatArray, last: FloatArray, measure: Callable[[FloatArray], FloatArray]
 ) -> FloatArray:
-    """Largest values of smooth functions, each between two times, (m,), by parabolas.
-
-    Args:
-        first: The first times [s], (m,).
-        last: The last times [s], (m,).
-        measure: Function that returns the values at times of each function, both (m, n).
-    """
+    """Largest values of smooth functions, each between two times, (m,), by parabolas."""
+    # measure: returns the values at times of each function, both (m, n).
     step, rows = (last - first) * FEW[1], np.arange(len(first))
     times, best = first[:, None] + (last - first)[:, None] * FEW, np.full(len(first), -np.inf)
     for _ in range(CLOSER):
@@ -343,15 +319,11 @@ def _threshold(best: float) -> float:
 
 
 def _find_tops(t: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Intervals in which the values may exceed those at both ends.
-
-    The bound is the intersection of the lines through the two samples before and after the
-    interval, which is the position of a kink; a parabola rises a quarter as much.
-
-    Returns:
-        Indices of the first samples of these intervals, (m,); relative positions of a kink and of
-        the top of a parabola, (2, m); bounds of the values, (m,).
-    """
+    """Intervals in which the values may exceed those at both ends."""
+    # The bound is the intersection of the lines through the two samples before and after the
+    # interval, which is the position of a kink; a parabola rises a quarter as much.
+    # Returns indices of the first samples, (m,); relative positions of a kink and of the top of a
+    # parabola, (2, m); bounds of the values, (m,).
     rises = values[1:] - values[:-1]
     last = len(rises) - 1
     # The values rise before and fall after the interval; the first and the last interval always
@@ -372,35 +344,20 @@ def _find_tops(t: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray,
 
 
 def orientation_angles(orientation: Orientation, s: FloatArray, turned: FloatArray) -> FloatArray:
-    """Angle between the tool and the required tool orientation [rad], (n,).
-
-    The angle is that between the tool axes if the path prescribes only an axis.
-
-    Args:
-        orientation: The required tool orientation.
-        s: Arc lengths of the tool on the path [m], (n,).
-        turned: The tool's axes as columns, (n, 3, 3).
-    """
+    """Angle between the tool and the required tool orientation [rad], (n,)."""
+    # The angle is that between the tool axes if the path prescribes only an axis.
+    # s (n,) [m], turned (n, 3, 3).
     return turns_between(orientation(s), turned, axis_only=orientation.axis_only)
 
 
 def smallest_angles(
     path: Path, tool: FloatArray, nearest: Projection, turned: FloatArray, reach: float
 ) -> FloatArray:
-    """Smallest angle between the tool and the required orientations nearby on the path [rad], (n,).
-
-    Where the path crosses itself, turns back or closes, the tool may follow another point of the
-    path than the nearest one. The result is therefore the smallest angle at the nearest points of
-    all segments, and at segment ends, within `reach`. Angles that cannot be the largest one are not
-    reduced.
-
-    Args:
-        path: The path, with a tool orientation.
-        tool: Tool points [m], (n, 3).
-        nearest: Nearest points of the path.
-        turned: The tool's axes as columns, (n, 3, 3).
-        reach: Largest distance of the tool from the point of the path that it follows [m].
-    """
+    """Smallest angle between the tool and the orientations nearby on the path [rad], (n,)."""
+    # Where the path crosses itself, turns back or closes, the tool may follow another point of the
+    # path than the nearest one. The result is therefore the smallest angle at the nearest points of
+    # all segments, and at segment ends, within `reach` [m]. Angles that cannot be the largest one
+    # are not reduced. turned (n, 3, 3): the tool's axes as columns.
     from armcontour.verification.kernels import find_places
 
     assert path.orientation is not None

@@ -1,7 +1,6 @@
-"""Evaluation of an execution: contour errors, tool speed, and use of the joint limits.
+"""Evaluation of an execution: contour errors, tool speed, and use of the joint limits."""
 
-The evaluation shares only geometry and arms with the code that made the execution.
-"""
+# The evaluation shares only geometry and arms with the code that made the execution.
 
 from __future__ import annotations
 
@@ -137,10 +136,13 @@ class Evaluation(Result, Checked):
             Row("end_time", self.end_time, "s"),
             *error_rows("contour_error", "contour error", self.contour_error, FIRST, FIRST),
             *error_rows("coverage_error", "path missed", self.coverage_error),
-            *error_rows("tracking_error", "tracking error", self.tracking_error, most=FILE),
+            *error_rows("tracking_error", "tracking error", self.tracking_error, max_level=FILE),
             Row("common_delay", self.common_delay, "s", "delay of all joints"),
             *error_rows(
-                "error_without_delay", "without this delay", self.error_without_delay, most=FILE
+                "error_without_delay",
+                "without this delay",
+                self.error_without_delay,
+                max_level=FILE,
             ),
             *model_error,
             *error_rows("objective_error", "", self.objective_error, FILE, FILE),
@@ -239,18 +241,11 @@ def _of_joints(name: str, shares: FloatArray, unit: str, label: str) -> Row:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ContourJudgement(Value):
-    """Inputs of an evaluation.
-
-    Args:
-        executed: The execution.
-        path: The program that the tool was to follow.
-        objective: The program before rounding or shaping; None if it was not given.
-        limits: The limits.
-    """
+    """Inputs of an evaluation."""
 
     executed: Execution
-    path: Program
-    objective: Program | None
+    path: Program  # The program that the tool was to follow
+    objective: Program | None  # The program before rounding or shaping; None if it was not given
     limits: Limits
 
 
@@ -269,6 +264,10 @@ def evaluate(
     Root mean squares are weighted by time, from the first set-point to `end_time`; after its end
     the execution is at rest. In a program, every contour is evaluated while the process works on
     it, and nothing is evaluated between contours. A single path is evaluated from start to end.
+
+    >>> result = ac.evaluate(executed, path, objective=objective, limits=limits)
+    >>> result.contour_error.rms <= result.contour_error.max
+    True
 
     Args:
         executed: The execution.
@@ -416,9 +415,7 @@ def mean_jerk(executed: Execution) -> FloatArray:
 
 
 def commanded_jerk(set_points: SetPoints) -> FloatArray:
-    """Largest third difference of the set-points over time, of each joint [rad/s³], (dof,).
-
-    Before the first and after the last set-point the command is constant.
-    """
+    """Largest third difference of the set-points over time, of each joint [rad/s³], (dof,)."""
+    # Before the first and after the last set-point the command is constant.
     third = np.diff(np.pad(set_points.q, ((3, 3), (0, 0)), mode="edge"), n=3, axis=0)
     return np.asarray(np.abs(third).max(axis=0) / set_points.cycle**3)

@@ -15,42 +15,29 @@ from armcontour.geometry.kernels import Point, distance2, find_foot, point_at
 # Distances that differ by less than this are equal [m]: coordinates are not more exact.
 EQUAL = 1e-9
 # Largest number of reachable path intervals; further ones join the last.
-MOST_STRETCHES = 64
+MAX_STRETCHES = 64
 # Largest number of waiting halves in the search of a part for its farthest point, and precision of
 # the distance [m].
-MOST_HALVES, SURE = 64, 1e-10
+MAX_HALVES, SURE = 64, 1e-10
 # Approximate number of point-segment pairs per batch, to bound the memory.
 PAIRS = 50_000
 
 
 class ToolMotion(NamedTuple):
-    """Tool points in order, with their path points.
+    """Tool points in order, with their path points."""
 
-    Attributes:
-        points: Tool points in order, padded to space [m], (n, 3) with n > 1.
-        distance: Distances from their path points [m], (n,).
-        s: Arc lengths of their path points [m], (n,).
-        sizes: Lengths of the tool's chords [m], (n - 1,).
-        later: Smallest arc length of this and all later points [m], (n,).
-    """
-
-    points: FloatArray
-    distance: FloatArray
-    s: FloatArray
-    sizes: FloatArray
-    later: FloatArray
+    points: FloatArray  # Tool points in order, padded to space [m], (n, 3) with n > 1
+    distance: FloatArray  # Distances from their path points [m], (n,)
+    s: FloatArray  # Arc lengths of their path points [m], (n,)
+    sizes: FloatArray  # Lengths of the tool's chords [m], (n - 1,)
+    later: FloatArray  # Smallest arc length of this and all later points [m], (n,)
 
 
 class PathIntervals(NamedTuple):
-    """Path intervals in which the tool can be, in order.
+    """Path intervals in which the tool can be, in order."""
 
-    Attributes:
-        ends: First and last arc lengths [m], (MOST_STRETCHES + 1, 2).
-        first: Segments on which they begin, (MOST_STRETCHES + 1,).
-    """
-
-    ends: FloatArray
-    first: IntArray
+    ends: FloatArray  # First and last arc lengths [m], (MAX_STRETCHES + 1, 2)
+    first: IntArray  # Segments on which they begin, (MAX_STRETCHES + 1,)
 
 
 @compiled(inner=True)
@@ -63,12 +50,10 @@ def _reachable_intervals(
     before: float,
     leash2: float,
 ) -> tuple[int, float, float, bool]:
-    """Find the path intervals in which the tool can be at a point, and the nearest path point.
-
-    Returns the number of new intervals, distance and arc length of the tool [m], and whether the
-    path point is at the start of an interval only because arc length must not decrease.
-    """
-    new_count, best, place, held, done = 0, math.inf, 0.0, False, -1.0
+    """Find the path intervals in which the tool can be at a point, and the nearest path point."""
+    # Returns the number of new intervals, distance and arc length of the tool [m], and whether the
+    # path point is at the start of an interval only because arc length must not decrease.
+    new_count, best, nearest_s, held, done = 0, math.inf, 0.0, False, -1.0
     for k in range(count):
         low, high = old.ends[k, 0], old.ends[k, 1]
         begin, is_open = max(low, done), False
@@ -98,43 +83,36 @@ def _reachable_intervals(
                     if base + x > high:
                         break
                     new.ends[new_count, 0], new.first[new_count] = base + x, j
-                    new_count, is_open = min(new_count + 1, MOST_STRETCHES), True
+                    new_count, is_open = min(new_count + 1, MAX_STRETCHES), True
                 done = max(done, base + y)
                 new.ends[new_count - 1, 1] = done
                 arc = min(max(centre, x), y)
                 d = math.sqrt(distance2(foot, curvature, arc - centre))
                 # Of equally near points, the next one ahead is used.
-                if d < best - EQUAL or (d <= best + EQUAL and place < before - EQUAL):
-                    place = base + arc
+                if d < best - EQUAL or (d <= best + EQUAL and nearest_s < before - EQUAL):
+                    nearest_s = base + arc
                     # At the start of the interval, not at the end of a segment.
                     held = centre < x and x > 0.0 and base + x <= low + EQUAL
                 best = min(best, d)
             if base + length >= high and not (is_open and done >= base + length - EQUAL):
                 break
-    return new_count, best, place, held
+    return new_count, best, nearest_s, held
 
 
 @compiled()
 def follow(
     points: FloatArray, rows: FloatArray, start: float, leash: float, needed: int
 ) -> tuple[FloatArray, FloatArray, int, bool]:
-    """Nearest places that a tool can be at if it runs over the path without going back.
-
-    At each point the stretches of the path are known that the tool can have reached if it never
-    was further than the leash from its place, and its place never went back.
-
-    Args:
-        points: Tool points in order, padded to space [m], (n, 3).
-        rows: Segments from `geometry.projection.pack`, (segments, 15).
-        start: The first place is at or before this one [m].
-        leash: Largest distance between tool and place [m].
-        needed: So many points must be followed; those after them, as long as they can.
-
-    Returns:
-        Distances [m] and places [m], (n,) each; how many points were followed; and whether the
-        nearest place of any point was held by the rule that places do not go back.
-    """
-    n, size = len(points), MOST_STRETCHES + 1
+    """Distances and arc lengths of the path points of a tool that never moves back on the path."""
+    # At each point, the kernel keeps the intervals of the path that the tool can have reached if
+    # its distance from its path point never exceeded `leash` [m] and its arc length never
+    # decreased.
+    # points (n, 3) [m], rows (segments, 15) from `pack_segments`. `start` [m] is at or after the
+    # first path point. The first `needed` points must be followed, later ones until the tool leaves
+    # the path.
+    # Returns distances and arc lengths [m], (n,) each; the number of followed points; and whether
+    # the path point of any point was restricted because arc length must not decrease.
+    n, size = len(points), MAX_STRETCHES + 1
     distance, s = np.empty(n), np.empty(n)
     now = PathIntervals(np.empty((size, 2)), np.empty(size, np.intp))
     after = PathIntervals(np.empty((size, 2)), np.empty(size, np.intp))
@@ -156,16 +134,9 @@ def follow(
 def find_places(
     points: FloatArray, rows: FloatArray, reach: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Nearest points on all segments within a distance of points, and segment ends within it.
-
-    Args:
-        points: The points, padded to space [m], (n, 3).
-        rows: Segments from `geometry.projection.pack_segments`, (segments, 15).
-        reach: The distances [m], (n,); an excess by rounding is accepted.
-
-    Returns:
-        Index of the point, and arc length [m], for each result.
-    """
+    """Indices of points, and arc lengths of nearest points and segment ends within `reach` [m]."""
+    # points (n, 3) [m], rows (segments, 15) from `pack_segments`; an excess by rounding is
+    # accepted.
     k, length, within = rows[:, 9], rows[:, 10], reach + EQUAL
     indices, arc_lengths = [np.empty(0, np.intp)], [np.empty(0)]
     for part in np.array_split(np.arange(len(points)), 1 + len(points) * len(rows) // PAIRS):
@@ -196,48 +167,45 @@ def find_places(
 
 @compiled(inner=True)
 def _tool_distances(
-    p: Point, q: Point, way: ToolMotion, i: int, until: float, reach: float
+    p: Point, q: Point, motion: ToolMotion, i: int, until: float, reach: float
 ) -> tuple[float, float, float]:
-    """Distances of two path points from the tool's motion around its chord i.
-
-    The motion extends by `reach` on both sides of the chord, and until the tool has passed
-    `end_time` for the last time. Returns both distances [m] and a bound for all points on the line
-    between
-    them: the end that is farther from a chord.
-    """
+    """Distances of two path points from the tool's motion around its chord i [m], and a bound."""
+    # The motion extends by `reach` on both sides of the chord, and until the tool has passed
+    # `end_time` for the last time. The bound holds for all points on the line between them: it is
+    # the distance of the end that is farther from a chord.
     a = b = bound = math.inf
     for step in (1, -1):
         j, gone, spare = i, 0.0, 0.0
-        while 0 <= j < len(way.sizes):
-            returns = step > 0 and way.later[j] < until
+        while 0 <= j < len(motion.sizes):
+            returns = step > 0 and motion.later[j] < until
             if j != i and not returns and gone > reach:
                 break
             # A chord is nearer than an earlier one by at most the length from there to its end.
-            spare -= way.sizes[j]
+            spare -= motion.sizes[j]
             if spare <= EQUAL:
                 x = y = 0.0
-                for place in (p, q):
+                for point in (p, q):
                     dot = size2 = 0.0
                     for axis in range(3):
-                        chord = way.points[j + 1, axis] - way.points[j, axis]
-                        dot += (place[axis] - way.points[j, axis]) * chord
+                        chord = motion.points[j + 1, axis] - motion.points[j, axis]
+                        dot += (point[axis] - motion.points[j, axis]) * chord
                         size2 += chord * chord
                     fraction = min(max(dot / size2, 0.0), 1.0) if size2 > 0.0 else 0.0
                     total = 0.0
                     for axis in range(3):
-                        chord = way.points[j + 1, axis] - way.points[j, axis]
-                        total += (place[axis] - way.points[j, axis] - fraction * chord) ** 2
+                        chord = motion.points[j + 1, axis] - motion.points[j, axis]
+                        total += (point[axis] - motion.points[j, axis] - fraction * chord) ** 2
                     x, y = y, math.sqrt(total)
                 a, b, bound = min(a, x), min(b, y), min(bound, max(x, y))
                 spare = min(x - a, y - b, max(x, y) - bound)
-            gone = 0.0 if j == i or returns else gone + way.sizes[j]
+            gone = 0.0 if j == i or returns else gone + motion.sizes[j]
             j += step
     return a, b, bound
 
 
 @compiled()
 def _measure_parts(
-    way: ToolMotion,
+    motion: ToolMotion,
     rows: FloatArray,
     order: IntArray,
     parts: IntArray,
@@ -246,15 +214,13 @@ def _measure_parts(
     distances: FloatArray,
     distance_s: FloatArray,
 ) -> None:
-    """Largest distance from parts of the path to the tool, for each point that starts a step.
-
-    A part is measured at its ends and halved while a bound exceeds the largest distance so far.
-    `parts` are the step, the segment, and whether the part is the last of its step, (m, 3). Updates
-    `distances` [m], -1 where nothing was measured, and their arc lengths `distance_s`, (n,) each.
-    The largest is at most SURE below that of the whole path.
-    """
-    n = len(way.points)
-    halves, worst = np.empty((MOST_HALVES, 2)), -1.0
+    """Largest distance from parts of the path to the tool, for each point that starts a step."""
+    # A part is measured at its ends and halved while a bound exceeds the largest distance so far.
+    # `parts` are the step, the segment, and whether the part is the last of its step, (m, 3).
+    # Updates `distances` [m], -1 where nothing was measured, and their arc lengths `distance_s`,
+    # (n,) each. The largest is at most SURE below that of the whole path.
+    n = len(motion.points)
+    halves, worst = np.empty((MAX_HALVES, 2)), -1.0
     for m in order:
         if bounds[m] <= worst + SURE:
             continue
@@ -262,19 +228,19 @@ def _measure_parts(
         chord, size = min(i, n - 2), last - first
         p, q = point_at(g, first - g[11]), point_at(g, last - g[11])
         # Distances from this chord only.
-        a, b, _ = _tool_distances(p, q, way, chord, -math.inf, -1.0)
+        a, b, _ = _tool_distances(p, q, motion, chord, -math.inf, -1.0)
         reach = 2 * (max(a, b) + min(g[9] * size**2 / 8, size / 2))
         count, halves[0, 0], halves[0, 1] = 1, first, last
         while count:
             count -= 1
             first_s, last_s = halves[count, 0], halves[count, 1]
             p, q = point_at(g, first_s - g[11]), point_at(g, last_s - g[11])
-            a, b, bound = _tool_distances(p, q, way, chord, last, reach)
+            a, b, bound = _tool_distances(p, q, motion, chord, last, reach)
             # The end of the step is the path point of the next tool point.
             end_point = i + 1 if parts[m, 2] and last_s == last and i < n - 1 else i
-            for d, place, point in ((a, first_s, i), (b, last_s, end_point)):
+            for d, arc_length, point in ((a, first_s, i), (b, last_s, end_point)):
                 if d > distances[point]:
-                    distances[point], distance_s[point] = d, place
+                    distances[point], distance_s[point] = d, arc_length
             worst = max(worst, a, b)
             # A distance changes by at most the change of arc length.
             apart = last_s - first_s
@@ -287,26 +253,17 @@ def _measure_parts(
 
 
 def measure_coverage(
-    way: ToolMotion, rows: FloatArray, begin: float, end: float
+    motion: ToolMotion, rows: FloatArray, begin: float, end: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Largest distance from the path to the tool, for the path interval of each tool step.
-
-    Intervals are split at segment ends. The step from the point with the largest distance comes
-    first, because most others then need no measurement.
-
-    Args:
-        way: The way of the tool.
-        rows: Segments from `geometry.projection.pack_segments`, (rows, 15).
-        begin: Start of the evaluated arc length [m].
-        end: End of the evaluated arc length [m].
-
-    Returns:
-        Distances [m], -1 without a measurement, and arc lengths [m], (n,) each. The first row
-        includes the path before the first tool point, the last row the path after the last.
-    """
-    reached = np.maximum.accumulate(way.s)
+    """Largest distance from the path to the tool, for the path interval of each tool step."""
+    # Intervals are split at segment ends. The step from the point with the largest distance comes
+    # first, because most others then need no measurement.
+    # rows (rows, 15).
+    # Returns distances [m], -1 without a measurement, and arc lengths [m], (n,) each. The first row
+    # includes the path before the first tool point, the last row the path after the last.
+    reached = np.maximum.accumulate(motion.s)
     low = np.append(begin, np.maximum(reached[1:], begin))
-    high = np.append(np.minimum(np.maximum(reached[:-1], way.s[1:]), end), end)
+    high = np.append(np.minimum(np.maximum(reached[:-1], motion.s[1:]), end), end)
     starts, ends = rows[:, 11], rows[:, 11] + rows[:, 10]
     segment = np.minimum(np.searchsorted(ends, low, side="right"), len(rows) - 1)
     count = np.maximum(np.searchsorted(starts, high, side="left") - segment, 1)
@@ -317,9 +274,11 @@ def measure_coverage(
     # The distance of a part between two path points exceeds theirs by at most the sagitta.
     sag = np.minimum(rows[k, 9] * (last - first) ** 2 / 8, (last - first) / 2)
     after = np.minimum(step + 1, len(low) - 1)
-    whole = (after > step) & (first == way.s[step]) & (last == way.s[after])
-    bounds = np.where(whole, sag + np.maximum(way.distance[step], way.distance[after]), np.inf)
-    worst = np.flatnonzero(step == np.argmax(way.distance))
+    whole = (after > step) & (first == motion.s[step]) & (last == motion.s[after])
+    bounds = np.where(
+        whole, sag + np.maximum(motion.distance[step], motion.distance[after]), np.inf
+    )
+    worst = np.flatnonzero(step == np.argmax(motion.distance))
     order = np.concatenate([worst, np.arange(len(step))])
     parts = np.stack([step, k, last == high[step]], axis=1)
     arc_lengths, distances, distance_s = (
@@ -327,5 +286,5 @@ def measure_coverage(
         np.full(len(low), -1.0),
         np.zeros(len(low)),
     )
-    _measure_parts(way, rows, order, parts, arc_lengths, bounds, distances, distance_s)
+    _measure_parts(motion, rows, order, parts, arc_lengths, bounds, distances, distance_s)
     return distances, distance_s

@@ -24,7 +24,7 @@ from armcontour.verification.error_profile import maximize_smooth, smallest_angl
 # Number of times in each interval of a law, including its ends: smallest and largest number; all
 # intervals together have at least FEWEST, and those with fewer than ENOUGH more than the smallest
 # number.
-LEAST_PLACES, MOST_PLACES = 3, 20
+LEAST_PLACES, MAX_PLACES = 3, 20
 FEWEST, ENOUGH = 4000, 12_000
 # Number of the highest parabolas that are refined.
 PEAKS = 12
@@ -153,8 +153,8 @@ def decide_verdict(certain: float, highest: float, tolerance: float) -> str:
 def shift_use(use: LimitUse, t: float, s: float) -> LimitUse:
     """Shift the times [s] and arc lengths [m] of a use."""
 
-    def shifted(x: Occurrence) -> dict[str, Any]:
-        return {"t": t + x.t, "s": None if x.s is None else s + x.s}
+    def shifted(occurrence: Occurrence) -> dict[str, Any]:
+        return {"t": t + occurrence.t, "s": None if occurrence.s is None else s + occurrence.s}
 
     highest = replace(use.highest, **shifted(use.highest))
     return replace(use, highest=highest, **shifted(use))
@@ -171,15 +171,10 @@ def merge_uses(first: LimitUse, second: LimitUse) -> LimitUse:
 
 
 class LimitUseAccumulator:
-    """Accumulator of the largest use of every limit.
+    """Accumulator of the largest use of every limit, for limits with one value per joint."""
 
-    Args:
-        arm: The arm.
-        limits: The limits, with one value per joint.
-        path: The path that the tool should follow, or None.
-        deviation: Largest distance from the path [m].
-        orientation_deviation: Largest angle from the required tool orientation [rad].
-    """
+    # deviation: largest distance from the path [m]; orientation_deviation: largest angle from the
+    # required tool orientation [rad].
 
     def __init__(
         self,
@@ -199,16 +194,7 @@ class LimitUseAccumulator:
         self._highest: dict[str, tuple[Occurrence, FloatArray]] = {}
 
     def record(self, use: Use, t: FloatArray, q: FloatArray) -> float:
-        """Record the use of a limit: the largest certain and the highest ratio.
-
-        Args:
-            use: The use at some times.
-            t: These times [s], (n,).
-            q: Joint positions [rad], (n, dof).
-
-        Returns:
-            Largest share of the limit that rounding may have caused.
-        """
+        """Record a use at times and joint positions; return the largest share due to rounding."""
         name, value = use.name, use.value
         if not value.size:
             return 0.0
@@ -312,27 +298,15 @@ class Law(Protocol):
         """Times between which the law is smooth, including start and end [s]."""
 
     def __call__(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
-        """Joint positions, velocities, accelerations or jerks, (n, dof).
-
-        Jerk is not checked if the law raises an error for order 3.
-        """
+        """Joint positions, velocities, accelerations or jerks, (n, dof)."""
+        # Jerk is not checked if the law raises an error for order 3.
 
 
 def record_law(
     law: Law, tally: LimitUseAccumulator, *, points: int, seed: int, velocity_step: float
 ) -> int:
-    """Record the states of a law; return their number.
-
-    Args:
-        law: The law.
-        tally: Accumulator of the uses.
-        points: Random times per interval.
-        seed: Seed of the random times.
-        velocity_step: Largest jump of a joint's velocity at a break [rad/s].
-
-    Raises:
-        InvalidInput: Breaks that do not increase, or a value that is not finite.
-    """
+    """Record the states of a law at `points` random times per interval; return their number."""
+    # velocity_step: largest jump of a joint's velocity at a break [rad/s].
     breaks = np.asarray(law.breaks, dtype=np.float64)
     if breaks.ndim != 1 or len(breaks) < 2 or not (np.diff(breaks) > 0).all():
         raise InvalidInput("The breaks of a law must be at least two times that increase.")
@@ -344,14 +318,14 @@ def record_law(
         ends = breaks[first : first + size + 1]
         inner = ends[:-1, None] + random.random((len(ends) - 1, points)) * np.diff(ends)[:, None]
         right = np.concatenate([ends[:-1], inner.ravel()])
-        left = ends[1:]
-        t, q, uses = uses_of_law(law, tally.arm, tally.limits, right, left, jerks)
+        left_times = ends[1:]
+        t, q, uses = uses_of_law(law, tally.arm, tally.limits, right, left_times, jerks)
         count += len(t)
         for use in uses:
             tally.record(use, t, q)
         tally.pose(t, q, np.zeros(tally.arm.dof))
         _record_acceleration_steps(
-            law, ends if first == 0 else left, tally, jerks, (breaks[0], breaks[-1])
+            law, ends if first == 0 else left_times, tally, jerks, (breaks[0], breaks[-1])
         )
         _record_steps(
             law, ends[1:] if first + size < len(breaks) - 1 else ends[1:-1], tally, velocity_step
@@ -363,36 +337,22 @@ def uses_of_law(
     law: Law,
     arm: Arm,
     limits: Limits,
-    right: FloatArray,
-    left: FloatArray,
+    right_times: FloatArray,
+    left_times: FloatArray,
     jerks: Collection[str],
 ) -> tuple[FloatArray, FloatArray, list[Use]]:
-    """Use of limits by a law at some times.
-
-    Args:
-        law: The law.
-        arm: The arm.
-        limits: The limits, with one value per joint.
-        right: Times with values from the right at breaks [s], (n,).
-        left: Times with values from the left at breaks [s], (m,).
-        jerks: The limits of jerk that are checked.
-
-    Returns:
-        Both times, (n + m,), joint positions then, (n + m, dof), and the uses.
-
-    Raises:
-        InvalidInput: A value is not finite, or the law has another number of joints.
-    """
+    """Times (n + m,), joint positions (n + m, dof), and use of limits by a law at these times."""
+    # right (n,) and left (m,): times with values from the right or the left at breaks [s].
     # The third derivative of the joints is evaluated only if jerk of joints or tool is checked.
     order = 3 if set(jerks) - {"path_jerk"} else 2
-    t = np.concatenate([right, left])
+    t = np.concatenate([right_times, left_times])
     if isinstance(law, Trajectory):
         # All derivatives at once.
-        after, before = law.motion(right, order), law.motion(left, order, side="left")
+        after, before = law.motion(right_times, order), law.motion(left_times, order, side="left")
     else:
         after, before = (
             tuple(law(at, k, side=side) for k in range(order + 1))
-            for at, side in ((right, "right"), (left, "left"))
+            for at, side in ((right_times, "right"), (left_times, "left"))
         )
     columns = []
     for name, *sides in zip(ORDERS[: order + 1], after, before, strict=True):
@@ -409,7 +369,7 @@ def uses_of_law(
     uses = list(States(arm, columns).uses(limits))
     if "path_jerk" in jerks:
         along = cast("Any", law)
-        rate = np.concatenate([along.s(right, 3), along.s(left, 3, side="left")])
+        rate = np.concatenate([along.s(right_times, 3), along.s(left_times, 3, side="left")])
         uses.append(use_of("path_jerk", limits, rate))
     return t, columns[0], uses
 
@@ -437,10 +397,8 @@ def _record_acceleration_steps(
     names: Collection[str],
     ends: tuple[float, float],
 ) -> None:
-    """Record the jumps of accelerations at breaks, which the jerk on both sides does not show.
-
-    Before a motion that starts at rest, and after one that ends at rest, accelerations are zero.
-    """
+    """Record the jumps of accelerations at breaks, which the jerk on both sides does not show."""
+    # Before a motion that starts at rest, and after one that ends at rest, accelerations are zero.
     if not names:
         return
     q = law(t)
@@ -465,13 +423,7 @@ def _accelerations(
 
 
 def find_known_jerks(law: Law, limits: Limits, start: FloatArray) -> tuple[str, ...]:
-    """Limits of jerk that can be checked for a law.
-
-    Args:
-        law: The law.
-        limits: The limits.
-        start: Its first time [s], (1,).
-    """
+    """Limits of jerk that can be checked for a law that begins at `start` [s], (1,)."""
 
     def is_known(along: bool) -> bool:
         # Without a tool path, s of a law is an arbitrary parameter.
@@ -488,13 +440,8 @@ def find_known_jerks(law: Law, limits: Limits, start: FloatArray) -> tuple[str, 
 
 
 def measure_limit_ratios(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
-    """Largest use of every limit: 1 is the limit.
-
-    In a program, limits of the tool apply along contours, limits of the joints in every move.
-
-    Returns:
-        The ratio of every specified limit that can be evaluated.
-    """
+    """Ratio of the largest use to every specified limit that can be evaluated."""
+    # In a program, limits of the tool apply along contours, limits of the joints in every move.
     largest: dict[str, float] = {}
     for motion, bounds in _parts(trajectory, limits):
         for name, ratio in _largest_ratios(motion, arm, bounds).items():
@@ -517,7 +464,7 @@ def _largest_ratios(motion: Trajectory, arm: Arm, limits: Limits) -> dict[str, f
     """Largest use of every limit in a motion."""
     breaks, jerks = motion.smooth_breaks, find_known_jerks(motion, limits, motion.starts[:1])
     few, enough = (-(-x // (len(breaks) - 1)) for x in (FEWEST, ENOUGH))
-    count = max(LEAST_PLACES, few, min(MOST_PLACES, enough))
+    count = max(LEAST_PLACES, few, min(MAX_PLACES, enough))
     part, size = np.linspace(0.0, 1.0, count)[:, None], max(1, CHUNK // count)
     best: dict[str, float] = {}
     for first in range(0, len(breaks) - 1, size):

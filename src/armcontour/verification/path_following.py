@@ -1,9 +1,8 @@
-"""Points of a path at which a tool follows it, and the coverage error.
+"""Points of a path at which a tool follows it, and the coverage error."""
 
-Where a path crosses or repeats itself, the nearest point may be on another lap than the tool. The
-path point is therefore the nearest one that the tool can have reached along the path from the start
-without moving back, within the shortest possible leash.
-"""
+# Where a path crosses or repeats itself, the nearest point may be on another lap than the tool. The
+# path point is therefore the nearest one that the tool can have reached along the path from the
+# start without moving back, within the shortest possible leash.
 
 from __future__ import annotations
 
@@ -25,29 +24,19 @@ SHORTEST = 1e-7
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Followed:
-    """Result of following a path.
+    """Result of following a path."""
 
-    Args:
-        distance: Distance from the tool to its path point [m], (n,).
-        s: Arc length of the path point [m], (n,).
-        coverage_error: Largest distance from the path to the tool between each point and the next
-            [m], (n,); -1 where it cannot be the largest one.
-        coverage_error_s: Arc lengths of these distances [m], (n,).
-        geometry: The path from `geometry.projection.pack_segments`, (rows, 15).
-    """
-
-    distance: FloatArray
-    s: FloatArray
+    distance: FloatArray  # Distance from the tool to its path point [m], (n,)
+    s: FloatArray  # Arc length of the path point [m], (n,)
+    # Largest distance from the path to the tool between each point and the next [m], (n,); -1 where
+    # it cannot be the largest one.
     coverage_error: FloatArray
-    coverage_error_s: FloatArray
-    geometry: FloatArray
+    coverage_error_s: FloatArray  # Arc lengths of these distances [m], (n,)
+    geometry: FloatArray  # The path from `geometry.projection.pack_segments`, (rows, 15)
 
     def turns(self, threshold: float) -> FloatArray:
-        """Angle by which the path turns from each point to the next [rad], (n - 1,).
-
-        Args:
-            threshold: If no turn exceeds this angle [rad], all results may be 0.
-        """
+        """Angle by which the path turns from each point to the next [rad], (n - 1,)."""
+        # All results may be 0 if no turn exceeds the threshold [rad].
         rows = self.geometry
         angle = (rows[:, 9] * rows[:, 10])[:, None]
         last = np.cos(angle) * rows[:, 3:6] + np.sin(angle) * rows[:, 6:9]
@@ -64,13 +53,8 @@ class Followed:
     def near(
         self, points: FloatArray, ends: tuple[float, float], distance_bound: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Distances and arc lengths of a tool between two of the points [m], (n,) each.
-
-        Args:
-            points: Tool points in order [m], (n, dimension).
-            ends: Arc lengths of both points [m].
-            distance_bound: The larger of their distances [m].
-        """
+        """Distances and arc lengths of a tool between two of the points [m], (n,) each."""
+        # points (n, dimension) [m].
         from armcontour.verification.kernels import follow
 
         padded = pad_to_space(points)
@@ -96,26 +80,20 @@ def follow_path(
     work: tuple[float, float] | None = None,
     judged: slice | None = None,
 ) -> Followed:
-    """Find the points of a path at which a tool follows it, and the coverage error.
-
-    Args:
-        path: The path.
-        points: Tool points in order [m], (n, dimension) with n > 1.
-        work: Arc lengths between which the coverage error is evaluated [m]; the tool starts at or
-            before the first one. By default the whole path.
-        judged: The points with results, by default all. Earlier points, and later ones while the
-            tool is on the path, are used for the coverage error only.
-    """
+    """Find the points of a path at which a tool follows it, and the coverage error."""
+    # points: in order [m], (n, dimension) with n > 1. The coverage error is evaluated between the
+    # arc lengths `work` [m], by default on the whole path; the tool starts at or before the first
+    # one. Points outside `judged` are used for the coverage error only.
     from armcontour.verification.kernels import ToolMotion, follow, measure_coverage
 
     first, last = (0, len(points)) if judged is None else (judged.start, judged.stop)
     begin, end = (0.0, path.length) if work is None else work
     padded, geometry = pad_to_space(points), pack_segments(path.segments)
     some = points[: last : max(1, last // SOME)]
-    off = float(find_nearest(path.segments, some, in_order=True).distance.max())
+    deviation = float(find_nearest(path.segments, some, in_order=True).distance.max())
     # The shortest leash that may suffice for all points.
     leash = SLACK * max(
-        off, float(length(np.diff(points[:last], axis=0)).max(initial=0.0)), SHORTEST
+        deviation, float(length(np.diff(points[:last], axis=0)).max(initial=0.0)), SHORTEST
     )
     farthest = path.length + float(length(points - path.starts[0]).max())
     while True:
@@ -126,8 +104,8 @@ def follow_path(
     followed = slice(0, max(reached, 2))
     chords = length(np.diff(padded[followed], axis=0))
     later = np.minimum.accumulate(s[followed][::-1])[::-1].copy()
-    way = ToolMotion(padded[followed], distance[followed], s[followed], chords, later)
-    coverage_error, coverage_s = measure_coverage(way, geometry, begin, min(end, path.length))
+    motion = ToolMotion(padded[followed], distance[followed], s[followed], chords, later)
+    coverage_error, coverage_s = measure_coverage(motion, geometry, begin, min(end, path.length))
     selected = slice(first, last)
     for index, others in ((first, slice(0, first)), (last - 1, slice(last, None))):
         if len(coverage_error[others]) and coverage_error[others].max() > coverage_error[index]:

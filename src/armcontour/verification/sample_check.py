@@ -1,16 +1,16 @@
-"""Check of samples: lower bounds of peaks that every motion through the samples must reach.
+"""Check of samples: lower bounds of peaks that every motion through the samples must reach."""
 
-Over a window between samples a mean of a derivative is known exactly, whatever the motion does
-between them, and the peak is at least the mean. Divided differences are such means. Two more means
-of the joint acceleration follow from the positions and velocities at the ends of a window T:
-
-    2 (q1 - q0 - v0 T) / T²                 weight 2 (T - t) / T²
-    2 (v1 T - q1 + q0) / T²                 weight 2 t / T²
-
-All weights are positive and integrate to 1. The digits of a column bound the error of all of its
-numbers. Errors have less effect in wider windows, so windows of 1, 2, 4, ... samples are checked
-until the error is negligible.
-"""
+# Over a window between samples a mean of a derivative is known exactly, whatever the motion does
+# between them, and the peak is at least the mean. Divided differences are such means. Two more
+# means of the joint acceleration follow from the positions and velocities at the ends of a window
+# T:
+#
+#     2 (q1 - q0 - v0 T) / T²                 weight 2 (T - t) / T²
+#     2 (v1 T - q1 + q0) / T²                 weight 2 t / T²
+#
+# All weights are positive and integrate to 1. The digits of a column bound the error of all of its
+# numbers. Errors have less effect in wider windows, so windows of 1, 2, 4, ... samples are checked
+# until the error is negligible.
 
 from __future__ import annotations
 
@@ -39,25 +39,16 @@ Column: TypeAlias = tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Log:
-    """Checked samples, with bounds on their errors.
+    """Checked samples, with bounds on their errors."""
 
-    Args:
-        t: Times, increasing [s], (n,).
-        q: Joint positions [rad], (n, dof).
-        dq: Joint velocities [rad/s], (n, dof), or None.
-        ddq: Joint accelerations [rad/s²], (n, dof), or None.
-        errors: Bounds on the error of q, dq and ddq, (dof,) each.
-        t_error: Bound on the error of every time [s], (n,).
-        clock: Bound on the fraction by which all times may be scaled together.
-    """
-
-    t: FloatArray
-    q: FloatArray
-    dq: FloatArray | None
-    ddq: FloatArray | None
+    t: FloatArray  # Times, increasing [s], (n,)
+    q: FloatArray  # Joint positions [rad], (n, dof)
+    dq: FloatArray | None  # Joint velocities [rad/s], (n, dof), or None
+    ddq: FloatArray | None  # Joint accelerations [rad/s²], (n, dof), or None
+    # Bounds on the error of q, dq and ddq, (dof,) each.
     errors: tuple[FloatArray, FloatArray, FloatArray]
-    t_error: FloatArray
-    clock: float
+    t_error: FloatArray  # Bound on the error of every time [s], (n,)
+    clock: float  # Bound on the fraction by which all times may be scaled together
 
     def spans(self, k: int) -> Column:
         """Length of every window of `k` samples, and a bound on its error, (windows, 1) each."""
@@ -69,10 +60,8 @@ class Log:
         return (self.t[k:] + self.t[:-k]) / 2, self.q[k // 2 : len(self.q) - k + k // 2]
 
     def mean(self, column: Column, order: int, k: int, *, both_ways: bool = False) -> Column:
-        """Mean derivative of an order over windows of `order * k` samples, and its error.
-
-        Unless `both_ways`, the error is a bound only for true means that are smaller.
-        """
+        """Mean derivative of an order over windows of `order * k` samples, and its error."""
+        # Unless `both_ways`, the error is a bound only for true means that are smaller.
         y, error = column
         for j in range(1, order + 1):
             span, time_error = self.spans(j * k)
@@ -123,19 +112,18 @@ def record_samples(log: Log, tally: LimitUseAccumulator) -> None:
         tally.pose(log.t, log.q, log.errors[0])
         if log.dq is not None:
             # The weights of dq sum to at most a quarter of the interval.
-            off = log.errors[0] + np.diff(log.t).max() / 4 * log.errors[1]
+            position_error = log.errors[0] + np.diff(log.t).max() / 4 * log.errors[1]
             between = (log.t[:-1, None] + np.diff(log.t)[:, None] * BETWEEN).ravel()
-            tally.pose(between, CubicHermiteSpline(log.t, log.q, log.dq)(between), off)
+            tally.pose(between, CubicHermiteSpline(log.t, log.q, log.dq)(between), position_error)
 
 
 def _mean_rows(
     log: Log, states: States, limits: Limits
 ) -> tuple[list[tuple[str, Column, int]], list[Column]]:
-    """Limits of mean rates, with the columns and difference orders that determine them.
-
-    Velocities follow from positions, accelerations from velocities if available, and jerks from the
-    highest derivative. Also returns positions of the tool, and its velocities if joints have them.
-    """
+    """Limits of mean rates, with the columns and difference orders that determine them."""
+    # Velocities follow from positions, accelerations from velocities if available, and jerks from
+    # the highest derivative. Also returns positions of the tool, and its velocities if joints have
+    # them.
     arm = states.arm
     joints = {
         order: (x, np.tile(log.errors[order], (len(log.t), 1)))

@@ -1,7 +1,6 @@
-"""Independent check of time-stamped joint trajectories against limits and a path.
+"""Independent check of time-stamped joint trajectories against limits and a path."""
 
-The check shares only geometry and arms with the planners.
-"""
+# The check shares only geometry and arms with the planners.
 
 from __future__ import annotations
 
@@ -161,7 +160,7 @@ class Check(Result):
             names = ", ".join(self.not_judged)
             yield f"Not judged, since a limit or the necessary samples are missing: {names}."
         if "path_jerk" in self.not_judged:
-            yield "Jerk along the path is judged of plans only: samples have no arc length."
+            yield "Jerk along the path is checked for plans only: samples have no arc length."
 
     @property
     def worst(self) -> LimitUse | None:
@@ -175,7 +174,7 @@ class Check(Result):
 
     @property
     def violated(self) -> bool:
-        """Whether any limit is certainly exceeded."""
+        """True if any limit is certainly exceeded."""
         return self.verdict == VIOLATED
 
     @property
@@ -228,6 +227,9 @@ def check(
     within their printed digits. "kept" means that the samples, and the means between neighbours,
     satisfy the limit; an excess by rounding below 0.1 % is ignored. Otherwise the verdict is
     "cannot tell".
+
+    >>> ac.check(planned.sample(0.004), arm, limits, path).verdict
+    'kept'
 
     Args:
         samples: An object with `t`, `q` and perhaps `dq`, `ddq`; or a law, callable as
@@ -301,21 +303,13 @@ def _is_law(motion: Any) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Part:
-    """A part of a motion.
+    """A part of a motion."""
 
-    Args:
-        motion: A law or samples.
-        limits: Its limits.
-        path: The path that the tool was to follow, or None.
-        t: Start time of the part, added to its times [s].
-        s: Length of the contours before, added to its arc lengths [m].
-    """
-
-    motion: Any
+    motion: Any  # A law or samples
     limits: Limits
-    path: Path | None = None
-    t: float = 0.0
-    s: float = 0.0
+    path: Path | None = None  # The path that the tool was to follow, or None
+    t: float = 0.0  # Start time of the part, added to its times [s]
+    s: float = 0.0  # Length of the contours before, added to its arc lengths [m]
 
 
 def _split(samples: Any, arm: Arm, program: Program | None, limits: Limits | None) -> list[_Part]:
@@ -367,7 +361,7 @@ def _judge_law(
     first, last = law(np.array([start]), 1), law(np.array([end]), 1, side="left")
     return {
         "reconstruction": (
-            f"A continuous law: nothing is reconstructed; judged at {points} random places "
+            f"A continuous law: no reconstruction; checked at {points} random times "
             f"(seed {seed}) between any two breaks and on both sides of every break."
         ),
         "states": count,
@@ -444,7 +438,7 @@ def _reconstruction(log: Log) -> str:
         else "; centripetal acceleration is estimated from neighbouring samples"
     )
     return (
-        f"Samples of {listed}: these are judged as they stand, and between samples the mean "
+        f"Samples of {listed}: their values are checked, and between samples the mean "
         "velocities and accelerations that every motion through them must reach, so peaks between "
         f"samples may be higher{cubic if log.dq is not None else ''}{centripetal}."
     )
@@ -503,11 +497,9 @@ def _check_samples(samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLik
 
 
 def _time_errors(t: FloatArray, resolution: float) -> tuple[FloatArray, float]:
-    """Bounds on the errors of times [s], (n,), and on the fraction of their common scaling.
-
-    If all printed times except the last are regular, the true times are regular too. The true
-    period then differs by so little that the last digit of the other end does not change.
-    """
+    """Bounds on the errors of times [s], (n,), and on the fraction of their common scaling."""
+    # If all printed times except the last are regular, the true times are regular too. The true
+    # period then differs by so little that the last digit of the other end does not change.
     step = (t[-2] - t[0]) / (len(t) - 2) if len(t) > 2 else t[-1] - t[0]
     number = np.round((t - t[0]) / step)
     regular = np.abs(t - t[0] - number * step) <= ON_GRID * resolution
@@ -548,16 +540,9 @@ def _column(name: str, values: Any, dof: int | None) -> FloatArray:
 
 
 def record_coverage(motion: Any, tally: LimitUseAccumulator, allowed: float) -> None:
-    """Record the distances from the path to the tool.
-
-    The tool's motion is assumed to be straight between its points; its sagitta around them is the
-    error bound.
-
-    Args:
-        motion: A law, or samples with bounds on their errors.
-        tally: Accumulator of the uses, with a path.
-        allowed: Largest distance [m].
-    """
+    """Record the distances from the path to the tool, at most `allowed` [m]."""
+    # The tool's motion is assumed to be straight between its points; its sagitta around them is the
+    # error bound.
     assert tally.path is not None
     if callable(motion):
         breaks = np.asarray(motion.breaks, dtype=np.float64)

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 import armcontour as ac
 from armcontour.control.compensation import METHODS
 from armcontour.core.render import number
-from armcontour.files.exports import export
+from armcontour.files.exports import CsvFormat, NpzFormat, export
 from armcontour.files.job_file import read_job
 from armcontour.files.result_folder import data_json
 from armcontour.report import render_report
@@ -215,7 +215,7 @@ def test_only_limits_of_joints_limit_commands(square):
 
 
 def test_written_set_points_are_within_the_limits(limited, arm, tmp_path):
-    for name, form in (("set_points.csv", ac.CsvFormat), ("set_points.npz", ac.NpzFormat)):
+    for name, form in (("set_points.csv", CsvFormat), ("set_points.npz", NpzFormat)):
         export(limited, tmp_path / name, form(derivatives=0), arm=arm)
     table = np.genfromtxt(tmp_path / "set_points.csv", delimiter=",", skip_header=1)
     with np.load(tmp_path / "set_points.npz") as arrays:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.control.compensation import METHODS
+from armcontour.control.compensation import METHODS, CompensationOptions
 from armcontour.motion import PathLaw, Rates
 
 from .motions import laps
@@ -153,7 +153,7 @@ def test_refused_options(refuses):
         refuses(partial(ac.compensate, smooth(), servo, **options), ac.InvalidInput, words)
     refuses(lambda: ac.Inverse(poles=[-1, -1, -1]), ac.InvalidInput, "poles")
     refuses(lambda: ac.PolePlacement(gravity_feedforward=True), ac.InvalidInput, "gravity")
-    refuses(ac.CompensationOptions, ac.InvalidInput)
+    refuses(CompensationOptions, ac.InvalidInput)
 
 
 def test_joints_of_several_orders_are_compensated_by_the_inverse(refuses):

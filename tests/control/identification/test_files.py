@@ -205,13 +205,13 @@ def _write(file, t, u, q, names):
 def test_the_command(log, tmp_path, capsys):
     file, out = tmp_path / "log.csv", tmp_path / "out"
     _write(file, log.t, log.command[:, 0], log.measured[:, 0], "t,u1,q1")
-    assert identify_files([file], IdentifyOptions(out=out, predict=[file])) == 9
+    assert identify_files([file], IdentifyOptions(out=out, validate=[file])) == 9
     printed = capsys.readouterr().out
     assert "Prediction of log.csv" in printed and "judged on one program only" in printed
     written = {"servo.yaml", "report.html", "summary.json"}
     assert {x.name for x in out.iterdir()} == {*written, ".armcontour.json"}
     part = IdentifyOptions(
-        as_json=True, predict=[file], start="0 s", end="2000 ms", drive_cycle="2 ms"
+        as_json=True, validate=[file], start="0 s", end="2000 ms", drive_cycle="2 ms"
     )
     # The same program again is one program.
     assert identify_files([file, file], part) == 9
@@ -226,7 +226,7 @@ def test_errors_at_the_tool_of_an_arm_without_masses(log, tmp_path, capsys):
     file, arm = tmp_path / "log.csv", tmp_path / "arm.yaml"
     _write(file, log.t, log.command, log.measured, "t,u1,u2,q1,q2")
     arm.write_text(ARM)
-    assert identify_files([file], IdentifyOptions(arm=str(arm), predict=[file])) == 9
+    assert identify_files([file], IdentifyOptions(arm=str(arm), validate=[file])) == 9
     assert "at the tool, RMS" in capsys.readouterr().out
 
 

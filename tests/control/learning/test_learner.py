@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.control.learning import Recording
 from armcontour.motion import SetPoints
 
 from .robots import SERVO, gentle_plan, loaded, rods, rounded, with_inertias
@@ -98,7 +99,7 @@ def test_a_recording_with_the_noise_of_encoders_is_learned_from(set_points, path
     for _ in range(2):
         done = ac.simulate(set_points, robot)
         q = done.q + rng.normal(scale=noise, size=done.q.shape)
-        run = ac.Recording(t=done.t, q=q, in_plan_time=True)
+        run = Recording(t=done.t, q=q, in_plan_time=True)
         set_points = ac.learn(set_points, run, arm=arm, servo=SERVO)
         errors.append(ac.evaluate(done, path).contour_error.rms)
         # The noise of encoders moves the tool by less than it does the joints.

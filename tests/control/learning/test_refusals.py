@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.control.learning import Recording
 
 from .robots import SERVO, rods
 
@@ -53,7 +54,7 @@ def test_other_logs_are_refused(run, refuses):
     rows = [
         np.stack([np.interp(t, log.t, x) for x in y.T], axis=1) for y in (log.command, log.measured)
     ]
-    coarse = ac.Recording(t=t, command=rows[0], q=rows[1], source="run1.csv")
+    coarse = Recording(t=t, command=rows[0], q=rows[1], source="run1.csv")
     plain = ac.compensate(set_points.trajectory, SERVO, ac.Inverse())
     for wrong, words in (
         (other(log, measured=np.degrees(log.measured)), "look like degrees"),

@@ -5,6 +5,7 @@ import pytest
 from soak.learning import record, task, wrong_model
 
 import armcontour as ac
+from armcontour.control.learning import Recording
 
 from .robots import SERVO, gentle_plan, loaded, rods, rounded, with_inertias
 
@@ -93,7 +94,7 @@ def test_learning_ends_with_the_best_run_where_no_servo_can_be_fitted():
     for _ in range(6):
         log = record(ac.simulate(set_points, robot), 1e-6, 1.0, random)
         set_points = ac.learn(
-            set_points, ac.Recording(t=log.t, q=log.measured), arm=own.arm, servo=SERVO
+            set_points, Recording(t=log.t, q=log.measured), arm=own.arm, servo=SERVO
         )
         assert set_points.misfits == (0.0, 0.0)
         if set_points.finished:

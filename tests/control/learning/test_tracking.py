@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.control.learning import Recording
 
 from .robots import SERVO, gentle_plan, rods
 
@@ -47,7 +48,7 @@ def test_the_tool_counts_where_encoders_see_nothing(arm, set_points):
 def test_a_tracker_may_have_a_clock_of_its_own(arm, set_points):
     """Its offset and rate are found from the motion; a lag of the tool is part of the offset."""
     done = ac.simulate(set_points, ac.ServoPlant(arm, SERVO))
-    log = ac.Recording(t=done.t + 2.0, q=done.q)
+    log = Recording(t=done.t + 2.0, q=done.q)
     tool = 1.002 * done.t - 5.0, arm.tool_position(done.q)
     with_tool, alone = (
         ac.learn(set_points, log, arm=arm, servo=SERVO, tool=x).runs[0].error for x in (tool, None)

@@ -64,7 +64,7 @@ def test_a_drawing_is_scaled_and_then_placed(read):
     assert lifted.contours[0].path(0.0)[2] == 0.5
     # The height can be left out.
     assert read("part.ngc").dimension == 3
-    flat = read("part.ngc", flat=True)
+    flat = read("part.ngc", ignore_z=True)
     assert flat.dimension == 2
     assert flat.length == pytest.approx(0.04)
     # Tools keep their diameters.
@@ -110,7 +110,7 @@ def test_what_cannot_be_read_is_refused(read, tmp_path):
         (("w.csv", {"scale": -1.0}), "scale ... above zero"),
         (("w.csv", {"unknown": "guess"}), "unknown"),
         (("w.csv", {"layers": 5}), "layer ... 5"),
-        (("across.ngc", {"flat": True}), "across.ngc: contour line 3: Segment 2"),
+        (("across.ngc", {"ignore_z": True}), "across.ngc: contour line 3: Segment 2"),
         (("part.ngc", {"colors": ["red"]}), "DXF and SVG"),
         (("PART.SVG", {"colors": "red"}), "must be a list"),
         (("large.ngc", {"units": "furlongs"}), "furlong ... 4.426e+04 m ... 1000 m"),

@@ -401,11 +401,11 @@ def test_large_drawings_are_read_or_refused(monkeypatch):
     assert only("<g>" * n + '<line x2="1"/>' + "</g>" * n).length == pytest.approx(1e-3)
     deep = '<g transform="scale(2)">' * 2000 + '<line x2="1"/>' + "</g>" * 2000
     refusals(read, [(deep, "too large")])
-    monkeypatch.setattr(svg, "MOST_REPEATED", 1000)
+    monkeypatch.setattr(svg, "MAX_REPEATED", 1000)
     groups = [f'<g id="u{i}">' + f'<use href="#u{i - 1}"/>' * 100 + "</g>" for i in range(1, 6)]
     body = f'<defs><g id="u0"/>{"".join(groups)}</defs><use href="#u5"/>'
     refusals(read, [(body, "use repeats more than 1000 elements")])
-    monkeypatch.setattr(svg, "MOST_SEGMENTS", 100)
+    monkeypatch.setattr(svg, "MAX_SEGMENTS", 100)
     assert read('<path d="M0 0' + "h1" * 99 + '"/>').length == pytest.approx(99e-3)
     refusals(read, [('<path d="M0 0' + "h1" * 101 + '"/>', "more than 100 segments")])
 

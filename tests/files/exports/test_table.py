@@ -24,7 +24,16 @@ from tests.files.tables import refusals
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
 from armcontour.files import read_trajectory
-from armcontour.files.exports import export, make_table
+from armcontour.files.exports import (
+    CsvFormat,
+    McapFormat,
+    NpzFormat,
+    RosYamlFormat,
+    TemplateFormat,
+    URScriptFormat,
+    export,
+    make_table,
+)
 from armcontour.files.exports import table as table_module
 from armcontour.files.exports.formats import FORMATS
 from armcontour.files.exports.table import csv_pieces, event_data
@@ -109,7 +118,7 @@ def test_a_plan_with_a_limit_of_jerk_keeps_it_from_point_to_point(smooth, tmp_pa
         # Between points, a controller of quintics is within a nanoradian of the plan.
         dense = np.linspace(0, smooth.duration, 3001)
         np.testing.assert_allclose(joined(found, 3)(dense), smooth(dense), atol=1e-9)
-        ac.RosYamlFormat().write(found, tmp_path / "a.yaml")
+        RosYamlFormat().write(found, tmp_path / "a.yaml")
         again = read_trajectory(tmp_path / "a.yaml", found.joint_names)
         np.testing.assert_allclose(again.ddq, found.ddq, atol=1e-11)
     # Where it is to join points by cubics, velocities are those of the spline, as before.
@@ -179,7 +188,7 @@ def events_in(cell):
 @pytest.mark.parametrize("dof", [2, 7])
 def test_csv_comes_back_in_pandas(table, tmp_path, dof):
     given = table(dof)
-    ac.CsvFormat().write(given, tmp_path / "a.csv")
+    CsvFormat().write(given, tmp_path / "a.csv")
     found = pd.read_csv(tmp_path / "a.csv")
     assert len(found.columns) == 1 + 3 * dof + 1
     assert_columns(found, given, 0.5000001e-12)
@@ -191,7 +200,7 @@ def test_csv_comes_back_in_pandas(table, tmp_path, dof):
 
 def test_csv_without_events_is_what_check_reads(table, tmp_path):
     given = table(6, events=())
-    ac.CsvFormat().write(given, tmp_path / "a.csv")
+    CsvFormat().write(given, tmp_path / "a.csv")
     found = read_trajectory(tmp_path / "a.csv", given.joint_names)
     for name in ("t", "q", "dq", "ddq"):
         np.testing.assert_allclose(getattr(found, name), getattr(given, name), 0, 0.5000001e-12)
@@ -199,7 +208,7 @@ def test_csv_without_events_is_what_check_reads(table, tmp_path):
 
 def test_npz_comes_back_to_the_last_bit_and_without_pickles(table, tmp_path):
     given = dataclasses.replace(table(6), tool=np.ones((9, 3)), ddq=None)
-    ac.NpzFormat().write(given, tmp_path / "a.npz")
+    NpzFormat().write(given, tmp_path / "a.npz")
     with np.load(tmp_path / "a.npz", allow_pickle=False) as found:
         for name in ("t", "q", "dq", "tool"):
             np.testing.assert_array_equal(found[name], getattr(given, name))
@@ -267,7 +276,7 @@ ARRAYS = {"positions": "q", "velocities": "dq", "accelerations": "ddq"}
 
 
 def ros_yaml(table, file):
-    ac.RosYamlFormat().write(table, file)
+    RosYamlFormat().write(table, file)
     text = file.read_text(encoding="utf-8")
     documents = list(yaml.safe_load_all(text))
     assert len(documents) == 1  # `ros2 topic pub --yaml-file` sends every document
@@ -313,7 +322,7 @@ def test_a_bag_comes_back_from_its_folder(table, tmp_path):
     arrays = {name: np.asfortranarray(getattr(given, name)) for name in ARRAYS.values()}
     given = dataclasses.replace(given, **arrays)
     bag = tmp_path / "motion.mcap"
-    ac.McapFormat().write(given, bag)
+    McapFormat().write(given, bag)
     assert sorted(x.name for x in bag.iterdir()) == ["metadata.yaml", "motion.mcap"]
     assert [x.name for x in tmp_path.iterdir()] == ["motion.mcap"]
     with AnyReader([bag]) as reader:
@@ -331,13 +340,13 @@ def test_a_bag_comes_back_from_its_folder(table, tmp_path):
     assert [json.loads(x[2].data) for x in events] == [event_data(x) for x in given.events]
     assert [x[1] for x in events] == [round(x.t * 1e9) for x in given.events]
     # Without events, a bag has one message.
-    ac.McapFormat().write(table(2, events=()), tmp_path / "bag")
+    McapFormat().write(table(2, events=()), tmp_path / "bag")
     with Reader(tmp_path / "bag") as reader:
         assert reader.message_count == 1 and len(reader.topics) == 1
         assert reader.start_time == 0
 
 
-PLAIN = [x for x in FORMATS.values() if x is not ac.TemplateFormat]
+PLAIN = [x for x in FORMATS.values() if x is not TemplateFormat]
 
 
 @pytest.fixture
@@ -370,16 +379,16 @@ def test_the_ending_or_the_class_says_the_format_and_bytes_are_the_same_twice(si
 
 
 def test_events_without_an_output_are_warned_of_once(set_points, six, tmp_path):
-    kuka = ac.TemplateFormat(template="kuka", outputs={"tool": 17})
-    abb = ac.TemplateFormat(template="abb", outputs={"tool": "doTool"})
+    kuka = TemplateFormat(template="kuka", outputs={"tool": 17})
+    abb = TemplateFormat(template="abb", outputs={"tool": "doTool"})
     with pytest.warns(UserWarning, match="switched for gas,"):
         export(six, tmp_path / "part.src", kuka)
     assert "DEF part( )" in (tmp_path / "part.src").read_text()
     q = np.zeros((20, 6))
     switches = tuple(x for x in set_points(q).trajectory.events if x.name == "tool")
     given, place = set_points(q, events=switches), tmp_path / "part.txt"
-    bare = (ac.TemplateFormat(template=x) for x in ("kuka", "abb"))
-    for form in (*bare, ac.URScriptFormat()):
+    bare = (TemplateFormat(template=x) for x in ("kuka", "abb"))
+    for form in (*bare, URScriptFormat()):
         with pytest.warns(UserWarning, match="nothing is switched for tool,") as told:
             export(given, place, form)
         assert len(told) == 1 and told[0].filename == __file__
@@ -395,7 +404,7 @@ def test_events_without_an_output_are_warned_of_once(set_points, six, tmp_path):
 @pytest.mark.parametrize("ending", [".src", ".script"])
 def test_programs_that_do_not_set_an_analog_output_warn(set_points, tmp_path, ending):
     given = set_points(np.zeros((20, 6)), events=())
-    form = ac.URScriptFormat() if ending == ".script" else ac.TemplateFormat(template="kuka")
+    form = URScriptFormat() if ending == ".script" else TemplateFormat(template="kuka")
     form = dataclasses.replace(form, analog={"power": lambda t: 0 * t})
     with pytest.warns(UserWarning, match="does not set power"):
         export(given, tmp_path / f"part{ending}", form)
@@ -420,21 +429,21 @@ def test_refuses_what_does_not_fit_together(six, tmp_path):
         ("no/a.csv", {}, "No such file or directory"),
         (
             "a.script",
-            {"format": ac.URScriptFormat(outputs={"tol": 1})},
+            {"format": URScriptFormat(outputs={"tol": 1})},
             "outputs ... 'tol'",
         ),
     ]
     refusals(lambda x: export(six, tmp_path / x[0], **x[1]), [((a, b), c) for a, b, c in cases])
     wrong = [
-        (lambda: ac.URScriptFormat(outputs=["tool"]), "needs a mapping"),
-        (lambda: ac.CsvFormat(derivatives=3), "derivatives ... from 0 to 2"),
-        (lambda: ac.RosYamlFormat(outputs={"tool": 0}), "no argument 'outputs'"),
-        (lambda: ac.TemplateFormat(), "needs template"),
+        (lambda: URScriptFormat(outputs=["tool"]), "needs a mapping"),
+        (lambda: CsvFormat(derivatives=3), "derivatives ... from 0 to 2"),
+        (lambda: RosYamlFormat(outputs={"tool": 0}), "no argument 'outputs'"),
+        (lambda: TemplateFormat(), "needs template"),
     ]
     refusals(lambda x: x(), wrong)
     assert not list(tmp_path.iterdir())
     with pytest.warns(UserWarning, match="gas, whose values are not on or off"):
-        export(six, tmp_path / "a.script", ac.URScriptFormat(outputs={"tool": 1}))
+        export(six, tmp_path / "a.script", URScriptFormat(outputs={"tool": 1}))
     export(six, tmp_path / "a.csv", joint_names=np.array(list("abcdef")))
 
 
@@ -444,7 +453,7 @@ def test_a_writer_that_fails_halfway_leaves_what_was_there(six, tmp_path, monkey
     export(six, place)
     before = bytes_of(place)
 
-    form = {".csv": ac.CsvFormat, ".mcap": ac.McapFormat}[ending]
+    form = {".csv": CsvFormat, ".mcap": McapFormat}[ending]
     write = form.write
 
     def halfway(table, path):

@@ -7,7 +7,7 @@ import pytest
 from soak.shaping import Problem, excess, judge, match, pieces_of, run
 
 import armcontour as ac
-from armcontour.geometry import ShapingOutcome
+from armcontour.geometry import ShapedPath, ShapingOutcome
 
 # Jobs that are shaped in a moment; `python -m soak shaping` judges thousands.
 SEEDS = (3, 4, 5, 6, 14, 24)
@@ -32,7 +32,7 @@ def planned(problem):
     rounded, corner = ac.round_corners(problem.objective, tolerance=TOLERANCE), 0.12
     ends, tangent = problem.objective.length, rounded.corners.tangent[0]
     s = [0.0, rounded.corners.start[0], rounded.corners.end[0], rounded.length]
-    shaped = ac.ShapedPath(
+    shaped = ShapedPath(
         segments=rounded.segments,
         objective=problem.objective,
         places=np.column_stack([[0.0, corner - tangent, corner + tangent, ends], s]),

@@ -224,7 +224,7 @@ def test_robots_that_do_not_settle_have_errors_too(job):
 def test_too_many_corners_are_searched():
     weights = np.random.default_rng(1).normal(size=15)
     signs = robustness._search_corners(lambda x: x @ weights + 0.1 * x[:, 0] * x[:, 1], 15)
-    assert signs.shape == (robustness.MOST_CORNERS, 15) and (np.abs(signs) == 1).all()
+    assert signs.shape == (robustness.MAX_CORNERS, 15) and (np.abs(signs) == 1).all()
     np.testing.assert_array_equal(signs[np.argmax(signs @ weights)], np.sign(weights))
 
 

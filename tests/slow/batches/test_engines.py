@@ -31,7 +31,7 @@ POINTS = [[[0.30, 0.20], [0.33, 0.20], [x, 0.23]] for x in (0.33, 0.93)]
 def small(tmp_path):
     (tmp_path / "bend.yaml").write_text(JOB)
     over = {"limits.speed": SPEEDS, "path.points": POINTS}
-    return {"job": str(tmp_path / "bend.yaml"), "do": "teach", "over": over, "name": "small"}
+    return {"job": str(tmp_path / "bend.yaml"), "do": "compensate", "over": over, "name": "small"}
 
 
 def rows(found):
@@ -40,7 +40,7 @@ def rows(found):
     return [{key: x for key, x in row.items() if hidden not in key} for row in found.rows]
 
 
-@pytest.mark.parametrize("work", ["teach", "place"])
+@pytest.mark.parametrize("work", ["compensate", "place"])
 def test_processes_and_dask_give_the_same_rows(small, tmp_path, work):
     distributed = pytest.importorskip("distributed")
     if work == "place":

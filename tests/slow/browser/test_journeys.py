@@ -18,7 +18,7 @@ from tools.studio_page import SQUARE, Studio, serving, write_job
 
 import armcontour as ac
 from armcontour.core.render import number
-from armcontour.studio.tabs import without_options
+from armcontour.studio.page_frame import without_options
 
 pytestmark = pytest.mark.browser
 DRAWINGS = Path(__file__).parents[3] / "examples" / "drawings"

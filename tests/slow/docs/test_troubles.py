@@ -87,11 +87,11 @@ RANGE = {"joint_lower": -0.4, "joint_upper": 0.4}
 EARLY = {"switch": {"name": "laser", "on_lead": "200 ms"}}
 PAPER = {"paper": {"timing": {"method": "paper"}}}
 TROUBLES = {
-    "Out of reach": drawn("", "--at '1.2 m, 0 m, 100 mm'", "ur5e"),
+    "Out of reach": drawn("", "--position '1.2 m, 0 m, 100 mm'", "ur5e"),
     "Out of reach by hundreds of metres": changed(path={"points": [[300, 200], [400, 200]]}),
     "A joint at the end of its range": changed(SEAM, limits=RANGE),
     "A singularity": changed(path={"points": [[0.135, 0.3], [0.135, 0.465]]}),
-    "A collision": drawn("", "--at '350 mm, -100 mm, -50 mm'", "ur5e"),
+    "A collision": drawn("", "--position '350 mm, -100 mm, -50 mm'", "ur5e"),
     "Not realizable": changed(
         path={"points": [[-0.065, 0.30], [0.335, 0.30]]}, limits={"speed": "0.3 m/s"}, runs=PAPER
     ),

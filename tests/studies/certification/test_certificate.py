@@ -14,7 +14,7 @@ from armcontour.files import certificate_json, derating_csv, parse_job
 from armcontour.jobs import CertificateGoal
 from armcontour.motion.command_limits import check_commands
 from armcontour.simulation.robustness.monte_carlo import Uncertainty, spread
-from armcontour.studies.certification._derating import Derating, plan_derated
+from armcontour.studies.certification.derating import Derating, plan_derated
 
 OPTIMUM = 5.3262  # the paper's job with the method optimal, from tests/golden
 PAPER = ("[0.350, 0.100], [0.410, 0.150], [0.280, 0.300], [0.350, 0.350]", "5 mm")

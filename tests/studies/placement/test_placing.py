@@ -27,10 +27,9 @@ from armcontour.core.render import number
 from armcontour.files import parse_job, placement_csv
 from armcontour.robot.scene import ArmShapes, Box, LinkShape, Obstacle, Scene, Sphere
 from armcontour.studies.placement import UNITS, Moves
-from armcontour.studies.placement.judging import Trail, Verdict
-from armcontour.studies.placement.reach import beyond_links, longest_reach
-from armcontour.studies.placement.screening import Screened
-from armcontour.studies.placement.searching import best_of, search_grid
+from armcontour.studies.placement.grid_search import best_of, search_grid
+from armcontour.studies.placement.place_evaluation import CutoffVerdicts, Verdict
+from armcontour.studies.placement.screen import PlaceBounds, beyond_links, longest_reach
 
 GRID = {"x": (-0.35, 0.45, 5), "y": (-0.25, 0.25, 3)}
 CORNER = """\
@@ -252,9 +251,9 @@ def test_wrong_wishes_are_refused(square):
         (square, {"objective": "clearance"}, "shapes of the arm UR5e are not known"),
         (square, {"run": "first"}, "no run 'first': its runs are compensated"),
         (square, {"what": "base", "about": "origin"}, "A base turns about its own origin"),
-        (square, {"what": "base", "over": {"tilt": (0, 1, 2)}}, "A base is not tilted"),
+        (square, {"what": "base", "over": {"tilt": (0, 1, 2)}}, "A base cannot be tilted"),
         (square, {"processes": 0}, "processes"),
-        (slow, {}, "given duration of 5 s"),
+        (slow, {}, "specified duration of 5 s"),
         (parse_job(CORNER), {"over": {}}, "they are the key placement.over"),
     ):
         processes = wrong.pop("processes", None)
@@ -350,32 +349,32 @@ FEW = {"x": (-0.1, 0.1, 3)}
 
 @dataclass(frozen=True)
 class Known:
-    """Judges places of which bounds and durations are known; some bounds may not hold."""
+    """Evaluates places with known bounds and durations; some bounds may be wrong."""
 
     bounds: tuple[float, ...]
     durations: tuple[float, ...]
     screen: Any = True
     objective: str = "duration"
 
-    def look_all(self, places):
+    def bounds_of(self, places):
         return [
-            Screened(refusal="reach")
+            PlaceBounds(refusal="reach")
             if np.isinf(self.durations[int(x["x"])])
-            else Screened(duration=self.bounds[int(x["x"])])
+            else PlaceBounds(duration=self.bounds[int(x["x"])])
             for x in places
         ]
 
     def least_score(self, seen):
         return seen.duration
 
-    def weigh(self, place, cutoff):
+    def evaluate(self, place, cutoff):
         k = int(place["x"])
         bound = Verdict(bound=self.bounds[k])
         steps = [(self.bounds[k], bound), (self.bounds[k] + 0.5, Verdict(bound=bound.bound + 0.5))]
         for i, x in enumerate(steps):
             if x[0] > cutoff:
-                return Trail(tuple(steps[: i + 1]))
-        return Trail((*steps, (np.inf, Verdict(duration=self.durations[k]))))
+                return CutoffVerdicts(tuple(steps[: i + 1]))
+        return CutoffVerdicts((*steps, (np.inf, Verdict(duration=self.durations[k]))))
 
 
 places = st.lists(

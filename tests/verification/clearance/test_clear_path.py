@@ -44,7 +44,7 @@ def test_a_way_around_a_wall_is_found_and_clear():
 
 
 def test_no_way_is_none(monkeypatch):
-    monkeypatch.setattr("armcontour.verification.clearance.clear_path.MOST_PIECES", 30)
+    monkeypatch.setattr("armcontour.verification.clearance.clear_path.MAX_PIECES", 30)
     closed = cell_with([3.0, 0.05, 3.0])
     assert connect(closed, A, B, RANGES) is None
 

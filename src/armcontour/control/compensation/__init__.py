@@ -9,6 +9,7 @@ from armcontour.control.compensation.compensator import (
     PolePlacement,
     compensate,
 )
+from armcontour.control.compensation.poles import fastest_poles
 
 __all__ = [
     "METHODS",
@@ -18,4 +19,5 @@ __all__ = [
     "NoCompensation",
     "PolePlacement",
     "compensate",
+    "fastest_poles",
 ]

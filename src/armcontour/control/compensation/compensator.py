@@ -36,9 +36,6 @@ class CompensationOptions(Options):
             per joint. Set-points of a joint that exceeds one are the nearest ones within them (mean
             square), at rest at both ends of the plan; they begin earlier and end later by up to
             1 s. `SetPoints.limit_cost` is the error that this causes.
-
-    Raises:
-        InvalidInput: A value of the wrong type.
     """
 
     method: ClassVar[str]
@@ -59,6 +56,9 @@ class Inverse(CompensationOptions):
     It inverts the mean of the trajectory over a cycle about each set-point. If accelerations jump,
     the servo commands accelerations about 1 % above those of the plan. The first set-point, one
     cycle before time 0, is the start of the plan.
+
+    >>> ac.compensate(planned, servo, ac.Inverse()).method
+    'inverse'
     """
 
     method = "inverse"
@@ -69,12 +69,13 @@ class Inverse(CompensationOptions):
 class PolePlacement(CompensationOptions):
     """The paper's compensator (26), for servos of order "second"; also `CompensationOptions`.
 
+    >>> slow = ac.plan(path, arm, limits.replace(speed=0.02))
+    >>> ac.compensate(slow, servo, ac.PolePlacement()).method
+    'pole_placement'
+
     Args:
         poles: Two regulator poles and the observer pole [1/s], (3,), or three per joint, (dof, 3);
             by default all joints lag as the one with the smallest K_v.
-
-    Raises:
-        InvalidInput: A value of the wrong type.
     """
 
     method = "pole_placement"
@@ -89,14 +90,15 @@ class InverseDynamics(CompensationOptions):
     It is most accurate for plans with limits of jerk. Its first and last set-points hold the arm at
     both ends of the plan. It requires an arm with masses, and a servo of order "second".
 
+    >>> options = ac.InverseDynamics(gravity_feedforward=True)
+    >>> options.method
+    'inverse_dynamics'
+
     Args:
         gravity_feedforward: True if the controller adds the gravity torque; by default True, in
             a job the value of its experiment.
         controller: The arm model of the controller, for example without a payload that was
             identified later; by default the nominal arm.
-
-    Raises:
-        InvalidInput: A value of the wrong type.
     """
 
     method = "inverse_dynamics"
@@ -107,7 +109,12 @@ class InverseDynamics(CompensationOptions):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NoCompensation(CompensationOptions):
-    """The trajectory itself, without time advance; options are those of `CompensationOptions`."""
+    """The trajectory itself, without time advance; options are those of `CompensationOptions`.
+
+    >>> sent = ac.compensate(planned, servo, ac.NoCompensation())
+    >>> bool(np.allclose(sent.q[-1], planned(planned.duration)))
+    True
+    """
 
     method = "none"
 
@@ -139,6 +146,10 @@ def compensate(
     set-points then fade to the end of the plan, and `SetPoints.truncated` bounds the resulting
     joint errors.
 
+    >>> sent = ac.compensate(planned, servo, ac.Inverse(), cycle=4e-3)
+    >>> sent.q.shape[1], sent.cycle
+    (2, 0.004)
+
     Args:
         trajectory: Trajectory that the joints should follow.
         servo: Servo model whose delay is compensated.
@@ -164,7 +175,7 @@ def compensate(
         UserWarning: No limits are given, and set-points exceed those of the plan; or compensation
             with this servo may be worse than none (`ServoModel.doubt`).
     """
-    set_points = teach(trajectory, servo, options, cycle=cycle, arm=arm)
+    set_points = unchecked_set_points(trajectory, servo, options, cycle=cycle, arm=arm)
     if limits is not None:
         check_commands(set_points, limits)
     elif excess := describe_excess(set_points):
@@ -174,7 +185,7 @@ def compensate(
     return set_points
 
 
-def teach(
+def unchecked_set_points(
     trajectory: Trajectory,
     servo: ServoModel,
     options: CompensationOptions,
@@ -251,18 +262,7 @@ def _set_points(
 def set_point_count(
     duration: float, servo: ServoModel, cycle: float, options: CompensationOptions
 ) -> float:
-    """Approximate number of set-points of a motion.
-
-    Args:
-        duration: Duration of the motion [s].
-        servo: Servo model whose delay is compensated, with values per joint.
-        cycle: Cycle [s].
-        options: As in `compensate`.
-
-    Raises:
-        InvalidInput: The poles are not valid.
-        CompensationError: The poles are not stable.
-    """
+    """Approximate number of set-points of a motion."""
     total = duration
     if not isinstance(options, NoCompensation):
         total += float(servo.dead_time.max()) + cycle

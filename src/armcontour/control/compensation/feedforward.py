@@ -1,7 +1,6 @@
-"""Set-points for a servo with feed-forward, and their transient after the motion.
+"""Set-points for a servo with feed-forward, and their transient after the motion."""
 
-See docs/concepts/compensation.md.
-"""
+# See docs/concepts/compensation.md.
 
 from __future__ import annotations
 
@@ -18,32 +17,22 @@ SETTLED = 1e-10
 # Simulated time after truncation, in time constants.
 SETTLING_OF_INTEGRATORS = 3.0
 # Largest number of corrections of the solution for cubics, and the error at which they end [rad].
-MOST_CORRECTIONS = 50
+MAX_CORRECTIONS = 50
 EXACT = 1e-13
 
 
 def for_feedforward(
     plain: FloatArray, cycle: float, servo: ServoModel, duration: float
 ) -> tuple[FloatArray, FloatArray | None]:
-    """Set-points with which a servo with feed-forward responds like one without.
-
-    In every cycle, the mean of the command including feed-forward equals the mean of the command
-    without it. These equations are solved forward from rest, which is stable for any feed-forward.
-    The transient after the motion is truncated if it is too long: set-points then fade to the end
-    of the plan.
-
-    Args:
-        plain: Set-points for the servo without feed-forward [rad], (n, dof); at rest before the
-            first and after the last one.
-        cycle: Cycle [s].
-        servo: Servo model with values per joint.
-        duration: Duration of the motion [s].
-
-    Returns:
-        Set-points [rad], (m, dof), with m >= n: their difference to the last one decays with the
-        time constant `velocity_feedforward / kp`. Also the largest error of each joint due to the
-        truncation [rad], (dof,); None without truncation.
-    """
+    """Set-points with which a servo with feed-forward responds like one without."""
+    # In every cycle, the mean of the command including feed-forward equals the mean of the command
+    # without it. These equations are solved forward from rest, which is stable for any
+    # feed-forward. The transient after the motion is truncated if it is too long: set-points then
+    # fade to the end of the plan.
+    # plain (n, dof) [rad].
+    # Returns set-points [rad], (m, dof), with m >= n: their difference to the last one decays with
+    # the time constant `velocity_feedforward / kp`. Also the largest error of each joint due to the
+    # truncation [rad], (dof,); None without truncation.
     allowed = max(int(longest_tail(duration) / cycle), 1)
     done = len(plain) - integrator_tail(servo, duration, cycle)
     rows = int(np.ceil(min(tail_duration(servo, duration) / cycle, allowed) + SETTLING))
@@ -54,7 +43,7 @@ def for_feedforward(
     start = plain[0]
     set_points = _solved(want - start, cycle, servo) + start
     if servo.interpolation == "cubic":
-        for _ in range(MOST_CORRECTIONS):
+        for _ in range(MAX_CORRECTIONS):
             error = want - _means(set_points, cycle, frictionless)
             set_points += _solved(error, cycle, servo)
             if np.abs(error).max() <= EXACT:
@@ -70,22 +59,15 @@ def for_feedforward(
 
 
 def tail_duration(servo: ServoModel, duration: float) -> float:
-    """Longest duration of the set-points after a motion with feed-forward [s].
-
-    Args:
-        servo: Servo model with values per joint.
-        duration: Duration of the motion [s].
-    """
+    """Longest duration of the set-points after a motion with feed-forward [s]."""
     longest = longest_tail(duration)
     return longest if servo.ki.any() else min(SETTLING * float(servo.lead[0].max()), longest)
 
 
 def _fade(tail: FloatArray, last: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """Fade set-points to the last one, in place; bounds of the errors of the joints [rad].
-
-    The exact tail moves no joint, so the error is the response to the removed part. After the tail
-    the set-points are constant, so the error only decays.
-    """
+    """Fade set-points to the last one, in place; bounds of the errors of the joints [rad]."""
+    # The exact tail moves no joint, so the error is the response to the removed part. After the
+    # tail the set-points are constant, so the error only decays.
     share = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, len(tail) + 1) / len(tail))
     removed = np.pad((last - tail) * share[:, None], ((1, 0), (0, 0)))
     tail += removed[1:]
@@ -111,10 +93,8 @@ def _means(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
 
 
 def _solved(means: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """Set-points for given means of the command over the intervals that end at them.
-
-    Means are relative to the position before the first set-point; cubics count as lines.
-    """
+    """Set-points for given means of the command over the intervals that end at them."""
+    # Means are relative to the position before the first set-point; cubics count as lines.
     from scipy.signal import lfilter
 
     set_points = np.empty_like(means)

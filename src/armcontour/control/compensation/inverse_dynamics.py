@@ -1,9 +1,8 @@
-"""Set-points by the inverse of the drives that move the arm's bodies.
+"""Set-points by the inverse of the drives that move the arm's bodies."""
 
-The command with which the drives follow the plan is known at every time, see
-`armcontour.robot.drives`. Set-points are those whose interpolation is nearest to this command, see
-docs/concepts/compensation.md.
-"""
+# The command with which the drives follow the plan is known at every time, see
+# `armcontour.robot.drives`. Set-points are those whose interpolation is nearest to this command,
+# see docs/concepts/compensation.md.
 
 from __future__ import annotations
 
@@ -36,23 +35,7 @@ def inverse_dynamics(
     gravity_feedforward: bool = True,
     controller: Arm | None = None,
 ) -> tuple[float, FloatArray]:
-    """Set-points by the inverse of `Drives`.
-
-    Args:
-        trajectory: Trajectory that the joints should follow.
-        servo: Servo model with values per joint.
-        cycle: Cycle [s].
-        arm: The nominal arm, with masses.
-        gravity_feedforward: Whether the controller adds the gravity torque.
-        controller: The arm model of the controller, as in `Drives`.
-
-    Returns:
-        Time of the first set-point [s], and set-points [rad], (n, dof).
-
-    Raises:
-        InvalidInput: There is no arm, it has no masses or other joints than the trajectory, or the
-            servo is of first order.
-    """
+    """Time of the first set-point [s], set-points [rad], (n, dof), by the inverse of `Drives`."""
     if arm is None:
         raise InvalidInput(
             "The method inverse_dynamics needs the masses of the robot: give compensate the arm."
@@ -97,13 +80,11 @@ def inverse_dynamics(
 def _nearest(
     points: FloatArray, halves: FloatArray, hold: FloatArray, final: FloatArray, interpolation: str
 ) -> FloatArray:
-    """Set-points whose interpolation has the same means as a command about every set-point.
-
-    For held set-points, these are means over their intervals. For lines and cubics, they have
-    triangular weights from the previous to the next set-point, so that lines are the least-squares
-    approximation of the command. Means are by Simpson's rule in each half: `points` are at the
-    set-points, `halves` half an interval before the first one and after each.
-    """
+    """Set-points whose interpolation has the same means as a command about every set-point."""
+    # For held set-points, these are means over their intervals. For lines and cubics, they have
+    # triangular weights from the previous to the next set-point, so that lines are the
+    # least-squares approximation of the command. Means are by Simpson's rule in each half: `points`
+    # are at the set-points, `halves` half an interval before the first one and after each.
     if interpolation == "step":
         return np.asarray((halves[:-1] + 4 * points + halves[1:]) / 6)
     mean = (halves[:-1] + points + halves[1:]) / 3

@@ -1,12 +1,11 @@
-"""The paper's compensator (26), as corrected: third order, by pole placement.
+"""The paper's compensator (26), as corrected: third order, by pole placement."""
 
-With `X = (K_v + g)(m1 + m2) + K_v² + m1 m2 + K_v g` its numerator factors, so that
-
-    F(s) = G(s)⁻¹ H(s),    H(s) = (X s - m1 m2 g) / ((s - m1)(s - m2)(s - g)).
-
-H is the response of compensator and servo together. H is applied to the trajectory exactly, and
-G⁻¹ to the result, whose derivatives are known. See docs/concepts/compensation.md.
-"""
+# With `X = (K_v + g)(m1 + m2) + K_v² + m1 m2 + K_v g` its numerator factors, so that
+#
+#     F(s) = G(s)⁻¹ H(s),    H(s) = (X s - m1 m2 g) / ((s - m1)(s - m2)(s - g)).
+#
+# H is the response of compensator and servo together. H is applied to the trajectory exactly, and
+# G⁻¹ to the result, whose derivatives are known. See docs/concepts/compensation.md.
 
 from __future__ import annotations
 
@@ -25,7 +24,7 @@ from armcontour.core.errors import CompensationError, InvalidInput
 from armcontour.core.kernels import compiled
 from armcontour.motion import Trajectory, quintic
 from armcontour.robot.servo import ServoModel
-from armcontour.robot.servo.model import GAINS, MOST_TIME_CONSTANTS
+from armcontour.robot.servo.model import GAINS, MAX_TIME_CONSTANTS
 
 # Largest step of the Taylor series of the filter's state, in shortest time constants of the filter.
 LARGEST_STEP = 0.25
@@ -44,19 +43,10 @@ def run_filter(
     fastest: FloatArray,
     start: FloatArray,
 ) -> FloatArray:
-    """States of `x''' / p³ + d2 x'' / p² + d1 x' / p + x = q` at the ends of all intervals.
-
-    Args:
-        width: Lengths of the intervals [s], (n,).
-        coefficients: Coefficients of the input in powers of x = u / width, (n, 6, dof).
-        damping: d1 and d2 of each joint, (dof, 2).
-        rate: p of each joint [1/s], (dof,).
-        fastest: Absolute value of the filter's largest pole of each joint [1/s], (dof,).
-        start: Input value before the first interval, at which the filter is at rest, (dof,).
-
-    Returns:
-        x, x' / p and x'' / p² at the n + 1 ends of the intervals, (n + 1, dof, 3).
-    """
+    """States of `x''' / p³ + d2 x'' / p² + d1 x' / p + x = q` at the ends of all intervals."""
+    # width (n,) [s], coefficients (n, 6, dof), damping (dof, 2), rate (dof,) [1/s], fastest (dof,)
+    # [1/s], start (dof,).
+    # Returns x, x' / p and x'' / p² at the n + 1 ends of the intervals, (n + 1, dof, 3).
     n, dof = len(width), len(rate)
     states = np.empty((n + 1, dof, 3))
     series = np.empty((TERMS + 1, 3))
@@ -110,16 +100,11 @@ ComplexArray = npt.NDArray[np.complex128]
 
 
 def default_poles(servo: ServoModel) -> ComplexArray:
-    """Poles for which F G is equal on all joints and has no negative impulse response.
-
-    The observer pole at -K_v cancels the zero, so that F G = p² / (s + p)² does not depend on the
-    joint's K_v. An equal lag of all joints causes no contour error. The demand is a weighted mean
-    of the plan's acceleration, so it never exceeds the plan's largest acceleration. p is the
-    smallest K_v of all joints.
-
-    Returns:
-        m1, m2 and g of each joint [1/s], (dof, 3).
-    """
+    """Poles [1/s], (dof, 3), with equal F G of all joints and no negative impulse response."""
+    # The observer pole at -K_v cancels the zero, so that F G = p² / (s + p)² does not depend on the
+    # joint's K_v. An equal lag of all joints causes no contour error. The demand is a weighted mean
+    # of the plan's acceleration, so it never exceeds the plan's largest acceleration. p is the
+    # smallest K_v of all joints.
     assert servo.kv is not None
     return pole_family(servo.kv, float(servo.kv.min()))
 
@@ -134,31 +119,16 @@ def pole_family(kv: FloatArray, p: float) -> ComplexArray:
 def pole_placement(
     trajectory: Trajectory, servo: ServoModel, cycle: float, poles: npt.ArrayLike | None = None
 ) -> tuple[float, FloatArray]:
-    """Set-points by pole placement, (26).
-
-    Args:
-        trajectory: Trajectory that the joints should follow.
-        servo: Servo model with values per joint.
-        cycle: Cycle [s].
-        poles: m1, m2 (real, or complex conjugates) and g [1/s], one triple or one per joint; by
-            default those of `default_poles`.
-
-    Returns:
-        Time of the first set-point [s], and set-points [rad], (n, dof).
-
-    Raises:
-        CompensationError: The poles are not stable.
-        InvalidInput: The poles have a wrong shape, are not conjugate, or are too fast for the
-            cycle; or a joint is not of order "second", or has friction or a cycle.
-    """
+    """Time of the first set-point [s], and set-points by pole placement, (26) [rad], (n, dof)."""
+    # Poles are m1, m2 (real, or complex conjugates) and g [1/s], one triple or one per joint.
     servo.check_orders("Pole placement, (26),")
     placed = default_poles(servo) if poles is None else check_poles(poles, trajectory.dof)
     fastest = float(np.abs(placed).max())
     checks.raise_if(
-        fastest * cycle > MOST_TIME_CONSTANTS,
+        fastest * cycle > MAX_TIME_CONSTANTS,
         f"A pole of {fastest:g} 1/s is {fastest * cycle:.3g} time constants in a command "
-        f"interval of {cycle:g} s, but at most {MOST_TIME_CONSTANTS:g} are computed: take poles "
-        f"up to {MOST_TIME_CONSTANTS / cycle:g} 1/s, or a shorter cycle.",
+        f"interval of {cycle:g} s, but at most {MAX_TIME_CONSTANTS:g} are computed: take poles "
+        f"up to {MAX_TIME_CONSTANTS / cycle:g} 1/s, or a shorter cycle.",
     )
     return advance_set_points(
         trajectory,
@@ -206,15 +176,8 @@ def run_poles(
     coefficients: FloatArray,
     start: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """States of the filter F G as in `run_filter`, the factor of their rates in F G, p, damping.
-
-    Args:
-        kv: Velocity loop gains [1/s], (dof,).
-        placed: Poles m1, m2 and g of each joint [1/s], (dof, 3).
-        width: As in `run_filter`, as are the others.
-        coefficients: See above.
-        start: See above.
-    """
+    """States of the filter F G as in `run_filter`, the factor of their rates in F G, p, damping."""
+    # kv (dof,) [1/s], placed (dof, 3) [1/s].
     x, (c0, c1, c2) = transfer(kv, placed)
     rate = np.cbrt(c0)
     damping = np.stack([c1 / rate**2, c2 / rate], axis=1)
@@ -225,15 +188,9 @@ def run_poles(
 def transfer(
     kv: FloatArray, placed: ComplexArray
 ) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray]]:
-    """Coefficients of `F G = (x s + c0) / (s³ + c2 s² + c1 s + c0)` of each joint.
-
-    Args:
-        kv: Velocity loop gains [1/s], (dof,).
-        placed: Poles m1, m2 and g of each joint [1/s], (dof, 3).
-
-    Returns:
-        x, (dof,), and (c0, c1, c2), (dof,) each.
-    """
+    """Coefficients of `F G = (x s + c0) / (s³ + c2 s² + c1 s + c0)` of each joint."""
+    # kv (dof,) [1/s], placed (dof, 3) [1/s].
+    # Returns x, (dof,), and (c0, c1, c2), (dof,) each.
     m1, m2, g = placed.T
     c0, c1, c2 = (-m1 * m2 * g).real, (m1 * m2 + (m1 + m2) * g).real, -(m1 + m2 + g).real
     x = ((kv + g) * (m1 + m2) + kv**2 + m1 * m2 + kv * g).real
@@ -241,16 +198,7 @@ def transfer(
 
 
 def check_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
-    """Checked poles of each joint [1/s], (dof, 3).
-
-    Args:
-        poles: m1, m2 and g [1/s], one triple or one per joint.
-        dof: Number of joints.
-
-    Raises:
-        CompensationError: The poles are not stable.
-        InvalidInput: The poles have a wrong shape, are not conjugate, or are outside GAINS.
-    """
+    """Checked poles m1, m2 and g of each joint [1/s], (dof, 3)."""
     try:
         placed = np.array(poles, dtype=np.complex128)
     except (TypeError, ValueError, OverflowError) as error:

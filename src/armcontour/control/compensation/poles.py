@@ -35,32 +35,18 @@ TIMES = 20_000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PoleBehaviour(Checked):
-    """Properties of F G, the response of compensator and servo together, for each joint.
+    """Properties of F G, the response of compensator and servo together, for each joint."""
 
-    Args:
-        lag: Time lag relative to a plan of constant velocity, without dead time [s], (dof,).
-        peaking: Largest magnitude of F G at any frequency, (dof,); 1 without resonance.
-        demand: Largest demand for a plan of acceleration at most 1, which is the integral of the
-            absolute impulse response, (dof,). If it is 1, a plan may use its whole limit.
-    """
-
+    # Time lag relative to a plan of constant velocity, without dead time [s], (dof,).
     lag: FloatArray
-    peaking: FloatArray
+    peaking: FloatArray  # Largest magnitude of F G at any frequency, (dof,); 1 without resonance
+    # Largest demand for a plan of acceleration at most 1, which is the integral of the absolute
+    # impulse response, (dof,). If it is 1, a plan may use its whole limit.
     demand: FloatArray
 
 
 def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:
-    """Lag, peaking and demand of a servo compensated with given poles.
-
-    Args:
-        servo: Servo model of order "second"; the number of its gains K_v is the number of joints.
-        poles: m1, m2 and g [1/s], one triple or one per joint.
-
-    Raises:
-        CompensationError: The poles are not stable.
-        InvalidInput: The poles have a wrong shape, or are not conjugate, or the servo is not of
-            order "second".
-    """
+    """Lag, peaking and demand of a servo of order "second" compensated with given poles [1/s]."""
     kv = np.atleast_1d(_second_order(servo))
     placed = check_poles(poles, len(kv))
     x, c = transfer(kv, placed)
@@ -156,16 +142,7 @@ def fastest_poles(
 def extreme_demands(
     servo: ServoModel, q: FloatArray, cycle: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Lowest and highest demand of each joint for set-points, without saturation.
-
-    Args:
-        servo: Servo model of order "second" with values per joint; dead time has no effect.
-        q: Set-points from rest [rad], (n, dof).
-        cycle: Cycle [s].
-
-    Returns:
-        Lowest and highest demand until the last set-point [rad/s²], (dof,) each.
-    """
+    """Lowest and highest demand of each joint for set-points, without saturation [rad/s²]."""
     kv = _second_order(servo)
     prompt = ServoModel(kp=servo.kp, kv=kv, interpolation=servo.interpolation, dead_time=0 * kv)
     run = ServoSimulation(q, cycle, prompt).run(0, len(q) - 1, q[0].copy(), np.zeros(len(kv)))

@@ -34,15 +34,9 @@ UNITS = ("rad", "rad/s", "rad/s²", "rad/s³")
 def within_limits(
     set_points: SetPoints, servo: ServoModel, limits: Limits, arm: Arm | None = None
 ) -> SetPoints:
-    """Replace set-points by the nearest ones within command limits.
-
-    If a limit is active, set-points begin earlier and end later, because a compensated command
-    accelerates and decelerates faster than its joint.
-
-    Raises:
-        InvalidInput: A limit that does not apply to commands.
-        CompensationError: The plan exceeds limits, or no set-points satisfy them.
-    """
+    """Replace set-points by the nearest ones within command limits."""
+    # If a limit is active, set-points begin earlier and end later, because a compensated command
+    # accelerates and decelerates faster than its joint.
     dof, cycle = set_points.q.shape[1], set_points.cycle
     limits = check_command_limits(limits, dof)
     bounds = command_bounds(limits, dof)

@@ -29,28 +29,16 @@ REACH = 12
 
 @dataclass(frozen=True, slots=True)
 class SetPointTimes:
-    """Times of the plan for which set-points are computed.
+    """Times of the plan for which set-points are computed."""
 
-    Args:
-        before: Number of set-points before the motion.
-        inside: Times of the set-points during the motion; times close to a break are at the break
-            [s].
-        after_end: Time from the end of the motion to the first set-point after it [s].
-    """
-
-    before: int
+    before: int  # Number of set-points before the motion
+    # Times of the set-points during the motion; times close to a break are at the break [s].
     inside: FloatArray
-    after_end: float
+    after_end: float  # Time from the end of the motion to the first set-point after it [s]
 
 
 def set_point_times(trajectory: Trajectory, cycle: float, offset: float = 0.0) -> SetPointTimes:
-    """Times of set-points from `offset` to the end of the motion.
-
-    Args:
-        trajectory: The planned trajectory.
-        cycle: Cycle [s].
-        offset: Time of the first set-point, not above 0 [s].
-    """
+    """Times of set-points from `offset` to the end of the motion."""
     duration = trajectory.duration
     count = int(np.ceil((duration - offset) / cycle * (1 - 1e-15) - SNAP))
     grid = offset + np.arange(max(count, 1), dtype=np.float64) * cycle
@@ -67,11 +55,9 @@ def set_point_times(trajectory: Trajectory, cycle: float, offset: float = 0.0) -
 
 
 def time_advances(servo: ServoModel, cycle: float) -> FloatArray:
-    """Time advance of each joint's set-points [s], (dof,).
-
-    The time advance is the dead time, plus half a cycle for interpolation "step", which
-    delays the command by that on average.
-    """
+    """Time advance of each joint's set-points [s], (dof,)."""
+    # The time advance is the dead time, plus half a cycle for interpolation "step", which delays
+    # the command by that on average.
     return servo.dead_time + (cycle / 2 if servo.interpolation == "step" else 0.0)
 
 
@@ -84,25 +70,13 @@ def advance_set_points(
     hold: FloatArray | None = None,
     from_rest: bool = False,
 ) -> tuple[float, FloatArray]:
-    """Set-points with a time advance per joint.
-
-    The set-point at time t belongs to the plan's time t + lead. The set-points start before time 0
-    by as many cycles as the largest time advance requires; a joint with a smaller time advance
-    first rests at the start of the plan.
-
-    Args:
-        trajectory: Trajectory that the joints should follow.
-        lead: Time advance of each joint [s], (dof,).
-        cycle: Cycle [s].
-        command: Function that computes the set-points of the joints with given indices, (k,), at
-            given times and after the end [rad], (n, k).
-        hold: Set-point that holds the arm at the start of the plan [rad], (dof,); by default the
-            start itself.
-        from_rest: Whether every joint has a set-point that holds it before the plan's time 0.
-
-    Returns:
-        Time of the first set-point, not above 0 [s], and set-points [rad], (n, dof).
-    """
+    """Time of the first set-point, and set-points with a time advance per joint [rad], (n, dof)."""
+    # The set-point at time t belongs to the plan's time t + lead. The set-points start before time
+    # 0 by as many cycles as the largest time advance requires; a joint with a smaller time advance
+    # first rests at the start of the plan. lead (dof,) [s].
+    # command: computes the set-points of joints with given indices, (k,), at given times [rad],
+    # (n, k). hold: set-point that holds the arm at the start [rad], (dof,), by default the start.
+    # from_rest: every joint has a set-point that holds it before time 0.
     whole = lead.max() / cycle
     early = int(np.floor(whole + SNAP)) + 1 if from_rest else int(np.ceil(whole - SNAP))
     start = trajectory(0.0) if hold is None else hold
@@ -122,21 +96,10 @@ def advance_set_points(
 
 
 def inverse(trajectory: Trajectory, servo: ServoModel, cycle: float) -> tuple[float, FloatArray]:
-    """Set-points by the inverse of the servo.
-
-    A set-point is the mean of the exact command over the cycle about its time, which is the command
-    of the plan's mean. The means of velocity and acceleration are differences of position and
-    velocity, so a jump of acceleration between two set-points affects both in proportion.
-
-    Args:
-        trajectory: Trajectory that the joints should follow.
-        servo: Servo model with values per joint.
-        cycle: Cycle [s].
-
-    Returns:
-        Time of the first set-point, which is the start of the plan [s], and set-points [rad],
-        (n, dof).
-    """
+    """Time of the first set-point, and set-points by the inverse of the servo [rad], (n, dof)."""
+    # A set-point is the mean of the exact command over the cycle about its time, which is the
+    # command of the plan's mean. The means of velocity and acceleration are differences of position
+    # and velocity, so a jump of acceleration between two set-points affects both in proportion.
     final = trajectory([trajectory.duration], side="left")
     tail = np.zeros((integrator_tail(servo, trajectory.duration, cycle), trajectory.dof))
 
@@ -160,13 +123,7 @@ def inverse(trajectory: Trajectory, servo: ServoModel, cycle: float) -> tuple[fl
 
 
 def integrator_tail(servo: ServoModel, duration: float, cycle: float) -> int:
-    """Number of set-points after a motion that empty the integrators of the servo.
-
-    Args:
-        servo: Servo model with values per joint.
-        duration: Duration of the motion [s].
-        cycle: Cycle [s].
-    """
+    """Number of set-points after a motion that empty the integrators of the servo."""
     return int(longest_tail(duration) / cycle) + 2 if servo.ki.any() else 0
 
 
@@ -178,11 +135,9 @@ def longest_tail(duration: float) -> float:
 def _means(
     trajectory: Trajectory, t: FloatArray, cycle: float, ahead: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Means of q, dq and ddq over the cycles about times, including the rest around the motion.
-
-    Means of q are by Simpson's rule, which is exact up to third order. Means of ddq are for
-    cycles that are shifted by `ahead` [s].
-    """
+    """Means of q, dq and ddq over the cycles about times, including the rest around the motion."""
+    # Means of q are by Simpson's rule, which is exact up to third order. Means of ddq are for
+    # cycles that are shifted by `ahead` [s].
     shifts = cycle / 2 * np.arange(-1, 2)
     if ahead:
         shifts = np.append(shifts, ahead + shifts[::2])
@@ -197,10 +152,8 @@ def _means(
 def _second_differences(
     u: FloatArray, trajectory: Trajectory, t: FloatArray, cycle: float
 ) -> FloatArray:
-    """Second differences of set-points, over up to REACH intervals of the same move, (n, dof).
-
-    They fade towards both ends of a move, because set-points at rest have no bias.
-    """
+    """Second differences of set-points, over up to REACH intervals of the same move, (n, dof)."""
+    # They fade towards both ends of a move, because set-points at rest have no bias.
     ends = trajectory.starts
     k = np.clip(np.searchsorted(ends, t, side="right"), 1, len(ends) - 1)
     inside = np.minimum(t - ends[k - 1], ends[k] - t) / cycle

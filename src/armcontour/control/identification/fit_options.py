@@ -35,9 +35,6 @@ class FitOptions(Options):
         interpolation: Interpolation of set-points in the controller, "linear" or "step"; by default
             that of the log, else linear.
         longest_dead_time: Largest dead time of the search [s].
-
-    Raises:
-        InvalidInput: A value of the wrong type or out of range.
     """
 
     method: ClassVar[str]
@@ -50,15 +47,15 @@ class FitOptions(Options):
 class ServoFit(FitOptions):
     """Options of `identify`: independent servos; also those of `FitOptions`.
 
+    >>> ac.ServoFit(model="first", longest_dead_time=0.05).model
+    'first'
+
     Args:
         model: "second" or "first" for models of this order only, or "auto".
         drive_cycle: Time between two computations of the drives' loops, from 0.25 to 8 ms [s]; by
             default the loops are continuous.
         kinematics: The arm at whose tool the contour error is computed; by default it is computed
             in joint space.
-
-    Raises:
-        InvalidInput: A value of the wrong type or out of range.
     """
 
     method = "servo"
@@ -72,14 +69,14 @@ class ServoFit(FitOptions):
 class BodyFit(FitOptions):
     """Options of `identify_bodies`: an arm with masses; also those of `FitOptions`.
 
+    >>> ac.BodyFit(gravity="nominal").drive_cycle
+    0.00025
+
     Args:
         gravity: Gravity feed-forward of the controller: torque of the "nominal" arm, of the arm
             with its true load ("loaded"), or "none"; by default the one that the logs support.
         drive_cycle: Time for which the drives keep their torque, up to 2 ms [s]: half of it must be
             small against the time constant of a velocity loop.
-
-    Raises:
-        InvalidInput: A value of the wrong type or out of range.
     """
 
     method = "bodies"
@@ -88,39 +85,31 @@ class BodyFit(FitOptions):
 
 
 def list_logs(logs: Log | Sequence[Log]) -> tuple[Log, ...]:
-    """The logs, each with a sample interval within INTERVALS.
-
-    Raises:
-        InvalidInput: No log, or an interval is too short or too long.
-    """
+    """The logs, each with a sample interval within INTERVALS."""
     every = checks.check_sequence("logs", (logs,) if isinstance(logs, Log) else logs, Log, "Logs")
     checks.raise_if(not every, "There is no log to identify from: give at least one.")
     low, high = INTERVALS
-    for x in every:
+    for log in every:
         # Times are rounded.
-        if not low * (1 - 1e-6) <= x.interval <= high * (1 + 1e-6):
+        if not low * (1 - 1e-6) <= log.interval <= high * (1 + 1e-6):
             raise InvalidInput(
-                f"{x.source} has a sample every {x.interval:.3g} s and lasts "
-                f"{x.t[-1] - x.t[0]:.3g} s, but logs of robots have one every {low:g} s to "
+                f"{log.source} has a sample every {log.interval:.3g} s and lasts "
+                f"{log.t[-1] - log.t[0]:.3g} s, but logs of robots have one every {low:g} s to "
                 f"{high:g} s: give the column of times its unit, such as t [s], or record at "
                 "another rate.",
-                needed=x.interval,
-                allowed=high if x.interval > high else low,
+                needed=log.interval,
+                allowed=high if log.interval > high else low,
             )
     return every
 
 
 def choose_interpolation(logs: Sequence[Log], required: str | None) -> str:
-    """The interpolation of set-points: the required one, else that of the logs, else linear.
-
-    Raises:
-        InvalidInput: The logs differ, or a log states another one.
-    """
-    for x in logs:
+    """The interpolation of set-points: the required one, else that of the logs, else linear."""
+    for log in logs:
         checks.raise_if(
-            required is not None and x.interpolation not in (None, required),
-            f"{x.source} states the interpolation {x.interpolation}, but {required} is required: "
-            "remove one of them.",
+            required is not None and log.interpolation not in (None, required),
+            f"{log.source} states the interpolation {log.interpolation}, but {required} is required"
+            ": remove one of them.",
         )
     kinds = {required or x.interpolation or "linear" for x in logs}
     if len(kinds) > 1:

@@ -93,25 +93,15 @@ class Search(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LogSegment:
-    """One joint in one log, or between two gaps of it; arrays are (n,).
+    """One joint in one log, or between two gaps of it; arrays are (n,)."""
 
-    Args:
-        log: Index of the log.
-        start: Index of its first sample in the log.
-        command: Command with times and set-points.
-        y: Measured positions [rad].
-        use: Samples that count.
-        weight: Weight of each sample, by the motion of the command.
-        part: Index of the part (for cross-validation) of each sample.
-    """
-
-    log: int
-    start: int
-    command: LoggedCommand
-    y: FloatArray
+    log: int  # Index of the log
+    start: int  # Index of its first sample in the log
+    command: LoggedCommand  # Command with times and set-points
+    y: FloatArray  # Measured positions [rad]
     use: BoolArray
-    weight: FloatArray
-    part: IntArray
+    weight: FloatArray  # Weight of each sample, by the motion of the command
+    part: IntArray  # Index of the part (for cross-validation) of each sample
 
     def after(self, lag: float) -> LogSegment:
         """The segment, with samples used after SKIPPED and a lag of the joint [s]."""
@@ -141,14 +131,8 @@ class LogSegment:
 def split_logs(
     logs: Sequence[Log], j: int, interpolation: str, lag: float = 0.0
 ) -> list[LogSegment]:
-    """Split logs at long gaps, weigh the samples of joint j by motion, and divide them into parts.
-
-    Args:
-        logs: The logs.
-        j: The joint, from 0.
-        interpolation: Interpolation of set-points.
-        lag: Time at the begin that does not count [s], in addition to SKIPPED.
-    """
+    """Split logs at long gaps, weigh the samples of joint j by motion, divide them into parts."""
+    # The first `lag` + SKIPPED seconds do not count.
     spans = []
     for i, log in enumerate(logs):
         t = log.t
@@ -185,12 +169,11 @@ def split_logs(
 
 
 class Problem:
-    """The least-squares problem of a model and log segments, solved by variable projection.
+    """The least-squares problem of a model and log segments, solved by variable projection."""
 
-    Unknowns are the parameters of the model, and for each segment the offset of the measurement and
-    the initial position, velocity and acceleration that the model has. Linear unknowns are solved
-    for in every step; only the others are searched.
-    """
+    # Unknowns are the parameters of the model, and for each segment the offset of the measurement
+    # and the initial position, velocity and acceleration that the model has. Linear unknowns are
+    # solved for in every step; only the others are searched.
 
     def __init__(self, model: Model, segments: Sequence[LogSegment], search: Search) -> None:
         self.model, self.segments, self.search = model, segments, search
@@ -207,9 +190,11 @@ class Problem:
         self.linear: BoolArray = np.concatenate([parameters, np.tile(begin, count)]).astype(bool)
         self.steps = np.where(self.linear, 1.0, STEP) * self.scale
 
-    def servo(self, x: FloatArray) -> JointServo:
+    def servo(self, unknowns: FloatArray) -> JointServo:
         """The servo of parameters (..., m)."""
-        values = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, x, 0.0)), x)
+        values = np.where(
+            self.logarithmic, np.exp(np.where(self.logarithmic, unknowns, 0.0)), unknowns
+        )
         parameters = {name: values[..., k] for k, name in enumerate(self.model.free)}
         return JointServo(**{"kp": np.inf, **parameters})
 
@@ -224,30 +209,28 @@ class Problem:
             begins += [offset, float(s.y[0] - offset), s.velocity, 0.0][: self.b]
         return np.asarray(np.clip(np.concatenate([parameters, begins]), self.low, self.high))
 
-    def select(self, x: FloatArray, indices: Sequence[int]) -> FloatArray:
+    def select(self, unknowns: FloatArray, indices: Sequence[int]) -> FloatArray:
         """The unknowns of a problem with some of the segments."""
-        begins = x[self.m :].reshape(-1, self.b)[list(indices)]
-        return np.concatenate([x[: self.m], begins.ravel()])
+        begins = unknowns[self.m :].reshape(-1, self.b)[list(indices)]
+        return np.concatenate([unknowns[: self.m], begins.ravel()])
 
     def linearize(
-        self, x: FloatArray, only: BoolArray | None = None
+        self, unknowns: FloatArray, only: BoolArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Residuals [mrad], and their derivatives by all unknowns or by those of a mask.
-
-        Residuals are simulated less measured positions of the samples that count.
-        """
+        """Residuals [mrad], and their derivatives by all unknowns or by those of a mask."""
+        # Residuals are simulated less measured positions of the samples that count.
         m, b = self.m, self.b
-        only = np.full(len(x), True) if only is None else only
+        only = np.full(len(unknowns), True) if only is None else only
         searched, later = np.flatnonzero(only[:m]), np.flatnonzero(only[m + 1 : m + b]) + 1
         after = 1 + len(searched)
         rows = after + len(later)
-        values = np.tile(x[:m], (rows, 1))
+        values = np.tile(unknowns[:m], (rows, 1))
         values[np.arange(1, after), searched] += self.steps[searched]
         servo, column, end = self.servo(values), np.cumsum(only), 0
         every = np.zeros((1 + int(column[-1]), sum(len(k) for k in self.used)))
         for i, (s, used) in enumerate(zip(self.segments, self.used, strict=True)):
             begin, first = np.zeros((rows, len(BEGIN_SCALES))), m + i * b
-            begin[:, :b] = x[first : first + b]
+            begin[:, :b] = unknowns[first : first + b]
             begin[np.arange(after, rows), later] += self.steps[m + later]
             _, q0, dq0, ddq0 = begin.T
             q = follow(s.command, servo, q0, dq0, self.search.drive_cycle, ddq0).take(used, axis=1)
@@ -256,30 +239,28 @@ class Problem:
             block[column[first + later]] = (q[after:] - q[0]) / self.steps[m + later, None]
             if only[first]:
                 block[column[first]] = 1.0
-            block[0] = q[0] + x[first] - s.y[used]
+            block[0] = q[0] + unknowns[first] - s.y[used]
         every *= MRAD
         if not np.isfinite(every.sum()):
             every = np.nan_to_num(every, nan=MOST)
         return np.clip(every[0], -MOST, MOST), every[1:].T
 
-    def residuals(self, x: FloatArray) -> FloatArray:
+    def residuals(self, unknowns: FloatArray) -> FloatArray:
         """Simulated less measured positions of the samples that count [mrad]."""
-        return self.linearize(x, np.full(len(x), False))[0]
+        return self.linearize(unknowns, np.full(len(unknowns), False))[0]
 
-    def project(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The unknowns with the best linear ones, and their residuals [mrad].
-
-        Returns:
-            Unknowns, residuals, and normalized derivatives by linear ones within their bounds.
-        """
+    def project(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The unknowns with the best linear ones, and their residuals [mrad]."""
+        # Returns unknowns, residuals, and normalized derivatives by linear ones within their
+        # bounds.
         linear = np.flatnonzero(self.linear)
-        start, slopes = self.linearize(x, self.linear)
+        start, slopes = self.linearize(unknowns, self.linear)
         if np.abs(start).max() >= MOST:  # Diverged: an offset must not hide it.
-            return x, start, slopes[:, :0]
+            return unknowns, start, slopes[:, :0]
         slopes, size = normalize(slopes * self.scale[linear], INVISIBLE)
         size /= self.scale[linear]
         square = np.einsum("ki,kj->ij", slopes, slopes)
-        low, high = ((y[linear] - x[linear]) * size for y in (self.low, self.high))
+        low, high = ((y[linear] - unknowns[linear]) * size for y in (self.low, self.high))
         within, step = np.full(len(linear), True), np.zeros(len(linear))
         for _ in range(len(LINEAR) + 1):
             inverse = invert(square[np.ix_(within, within)])[0]
@@ -291,31 +272,31 @@ class Problem:
             if not beyond.any():
                 break
             step, within = np.clip(step, low, high), within & ~beyond
-        best = x.copy()
-        best[linear] = np.clip(x[linear] + step / size, self.low[linear], self.high[linear])
+        best = unknowns.copy()
+        best[linear] = np.clip(unknowns[linear] + step / size, self.low[linear], self.high[linear])
         return best, start + np.einsum("ki,i->k", slopes, step), slopes[:, within]
 
-    def cost(self, x: FloatArray) -> float:
+    def cost(self, unknowns: FloatArray) -> float:
         """Half of the sum of squared residuals with the best linear unknowns [mrad²]."""
-        return float(np.sum(self.project(np.clip(x, self.low, self.high))[1] ** 2)) / 2
+        return float(np.sum(self.project(np.clip(unknowns, self.low, self.high))[1] ** 2)) / 2
 
     def solve(self, start: FloatArray, evaluations: int) -> Any:
         """Solve the problem from a start with at most `evaluations` evaluations."""
         searched = np.flatnonzero(~self.linear)
         begin = np.clip(start, self.low, self.high)
-        x, linear = begin, np.empty((0, 0))
+        unknowns, linear = begin, np.empty((0, 0))
 
         def residuals(z: FloatArray) -> FloatArray:
-            nonlocal x, linear
+            nonlocal unknowns, linear
             trial = begin.copy()
             trial[searched] = z
-            x, errors, linear = self.project(trial)
+            unknowns, errors, linear = self.project(trial)
             return errors
 
         def slopes(z: FloatArray) -> tuple[FloatArray, FloatArray]:
-            if (x[searched] != z).any():
+            if (unknowns[searched] != z).any():
                 residuals(z)
-            every = np.column_stack(self.linearize(x, ~self.linear))
+            every = np.column_stack(self.linearize(unknowns, ~self.linear))
             inverse = invert(np.einsum("ki,kj->ij", linear, linear))[0]
             for _ in range(2):
                 shares = inverse @ np.einsum("ki,kj->ij", linear, every)
@@ -325,7 +306,7 @@ class Problem:
         bounds = self.low[searched], self.high[searched]
         solution = solve(residuals, slopes, begin[searched], bounds, evaluations)
         residuals(solution.x)
-        solution.x = x
+        solution.x = unknowns
         return solution
 
 
@@ -407,15 +388,10 @@ def estimate_parameters(
     longest_cycle: float = 0.0,
     rivals: Sequence[JointServo] = (),
 ) -> dict[str, Estimate]:
-    """Estimates of the parameters of a fit, by name; no interval for those at a bound.
-
-    Args:
-        fit: The fit.
-        without: Servos that are fitted without one part of the logs each. Their scatter shows
-            effects that are not modelled, such as other joints.
-        longest_cycle: Longest cycle of the drive, if it is unknown [s].
-        rivals: Servos of other models with equal errors, if no model is complete.
-    """
+    """Estimates of the parameters of a fit, by name; no interval for those at a bound."""
+    # without: servos that are fitted without one part of the logs each. Their scatter shows effects
+    # that are not modelled, such as other joints. rivals: servos of other models with equal errors,
+    # if no model is complete. longest_cycle: longest cycle of the drive, if it is unknown [s].
     p, names, bounds = fit.problem, fit.problem.model.free, set().union(*fit.at_bounds())
     free = np.full(len(fit.x), True)
     free[: p.m] = [x not in bounds for x in names]
@@ -447,10 +423,8 @@ def estimate_parameters(
 
 
 def cycled_servo(servo: JointServo, drive_cycle: float) -> JointServo:
-    """The servo with a cycle [s] that moves as a continuous one, to first order in the cycle.
-
-    Held values and differences over a cycle have a delay of half a cycle.
-    """
+    """The servo with a cycle [s] that moves as a continuous one, to first order in the cycle."""
+    # Held values and differences over a cycle have a delay of half a cycle.
     half = HIGHER * drive_cycle / 2
     kp, ki = servo.kp / (1 + servo.kp * half), servo.ki / (1 + servo.ki * half)
     slow = 1 - (kp + ki) * half

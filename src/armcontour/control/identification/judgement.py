@@ -74,18 +74,10 @@ def judge(
     longest: float,
     arm: Arm | None,
 ) -> tuple[tuple[JointIdentification, ...], Judgement]:
-    """Choose the written model of each joint by the contour error, and judge the result.
-
-    Good models are written. For the other joints, the weak model, the delay or nothing is written,
-    depending on which has the smallest contour error.
-
-    Args:
-        logs: The logs.
-        joints: The identified joints.
-        interpolation: Interpolation of set-points.
-        longest: Longest dead time [s].
-        arm: The arm whose tool follows the contour; None for joint space.
-    """
+    """Choose the written model of each joint by the contour error, and judge the result."""
+    # Good models are written. For the other joints, the weak model, the delay or nothing is
+    # written, depending on which has the smallest contour error. Without an arm the contour is in
+    # joint space.
     delays = _joint_delays(logs, longest)
     motions = [_prepare(logs, i, joints, longest) for i in range(len(logs))]
     every = [np.concatenate([x.rest[y] for x in motions]) for y in ("none", "delay")]
@@ -102,8 +94,8 @@ def judge(
         return sum((x[0] / max(y[0], TINY)) ** 2 for x, y in pairs)
 
     choice = ["model" if x.written else "none" for x in joints]
-    for j, x in enumerate(joints):
-        if x.note:
+    for j, joint in enumerate(joints):
+        if joint.note:
             others = ("none", "delay") if delayed[j] <= WEAK * lags[j] else ("none",)
             choice = min((choice, *([*choice[:j], y, *choice[j + 1 :]] for y in others)), key=cost)
     done = deviations(choice)
@@ -124,12 +116,12 @@ def judge(
         errors=errors,
     )
     written = []
-    for j, (x, c) in enumerate(zip(joints, choice, strict=True)):
+    for j, (joint, c) in enumerate(zip(joints, choice, strict=True)):
         if c != "model":
             delay = rounded(delays[j] * (c == "delay"))
             servo = JointServo(np.inf, dead_time=delay)
-            x = write_servo(x, split_logs(logs, j, interpolation, delay), servo)
-        written.append(replace(x, contour_ratio=float(max(y[j] for y in shares))))
+            joint = write_servo(joint, split_logs(logs, j, interpolation, delay), servo)
+        written.append(replace(joint, contour_ratio=float(max(y[j] for y in shares))))
     return tuple(written), judgement
 
 
@@ -167,13 +159,8 @@ def _joint_delays(logs: Sequence[Log], longest: float) -> FloatArray:
 def find_delay(
     motions: Sequence[tuple[FloatArray, FloatArray, FloatArray]], low: float, high: float
 ) -> float:
-    """Delay of commands with the smallest sum of squared tracking errors, by Newton's method [s].
-
-    Args:
-        motions: Times [s], commands and positions, (n,), (n, k), (n, k).
-        low: Smallest delay [s].
-        high: Largest delay [s].
-    """
+    """Delay of commands with the smallest sum of squared tracking errors (Newton's method) [s]."""
+    # motions: times (n,) [s], commands (n, k) and positions (n, k).
     delay = 0.0
     for _ in range(STEPS):
         above = below = 0.0
@@ -197,24 +184,17 @@ def count_programs(logs: Sequence[Log]) -> int:
         return bool((np.ptp(difference, axis=0) <= SAME * ranges).all())
 
     programs: list[Log] = []
-    for x in logs:
-        programs += [] if any(is_same(x, y) for y in programs) else [x]
+    for log in logs:
+        programs += [] if any(is_same(log, y) for y in programs) else [log]
     return len(programs)
 
 
 def find_nearest(
     curve: FloatArray, points: FloatArray, reach: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Squared distances of points to a curve near them in time, and their nearest places on it.
-
-    Args:
-        curve: Points of the curve, (n, m).
-        points: Points at the same times, (n, m).
-        reach: Samples before and after its own within which the place of a point is.
-
-    Returns:
-        Squared distances, and places in samples, (n,) each.
-    """
+    """Squared distances of points to a curve, and nearest positions on it in samples, (n,)."""
+    # curve and points (n, m) are at the same times; the search covers `reach` samples before and
+    # after.
     n = len(curve)
     nearest, positions, rows = np.full(n, np.inf), np.zeros(n), np.arange(n)
     edges = np.diff(curve, axis=0)

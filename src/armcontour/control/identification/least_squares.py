@@ -45,19 +45,10 @@ def solve(
     evaluations: int,
     near: float = 1e-9,
 ) -> Any:
-    """Solve a bounded least-squares problem by `scipy.optimize.least_squares`.
-
-    An orthogonal transformation reduces the residuals to one number and zeros, so that the solver
-    does not decompose long matrices, which is slow with several BLAS threads.
-
-    Args:
-        residuals: Residuals (n,) of unknowns (m,); nan where there are none.
-        slopes: The residuals, and their derivatives (n, m).
-        start: Unknowns at the start.
-        bounds: Bounds of the unknowns.
-        evaluations: Largest number of evaluations.
-        near: Share of the sum of squares below which a reduction ends the search.
-    """
+    """Solve a bounded least-squares problem by `scipy.optimize.least_squares`."""
+    # An orthogonal transformation reduces the residuals to one number and zeros, so that the solver
+    # does not decompose long matrices, which is slow with several BLAS threads. Residuals may be
+    # nan. A reduction of the sum of squares by less than the share `near` ends the search.
     from scipy.optimize import least_squares
 
     def size(x: FloatArray) -> FloatArray:
@@ -78,42 +69,26 @@ def solve(
 
 
 class Precision(NamedTuple):
-    """Fisher information of the logs about the unknowns, scaled to 1 for each unknown.
+    """Fisher information of the logs about the unknowns, scaled to 1 for each unknown."""
 
-    Args:
-        information: Products of the scaled derivatives, (unknowns, unknowns).
-        scores: Covariance of derivatives times residuals, (unknowns, unknowns).
-        size: Units, (unknowns,).
-        freedom: Degrees of freedom of the covariance; infinite if it is known.
-    """
-
-    information: FloatArray
-    scores: FloatArray
-    size: FloatArray
-    freedom: float = math.inf
+    information: FloatArray  # Products of the scaled derivatives, (unknowns, unknowns)
+    scores: FloatArray  # Covariance of derivatives times residuals, (unknowns, unknowns)
+    size: FloatArray  # Units, (unknowns,)
+    freedom: float = math.inf  # Degrees of freedom of the covariance; infinite if it is known
 
     @classmethod
     def from_jacobian(cls, jacobian: FloatArray, variance: float = 1.0) -> Precision:
-        """The precision of a fit whose residuals are independent.
-
-        Args:
-            jacobian: Derivatives of the residuals, (samples, unknowns).
-            variance: Variance of the residuals.
-        """
+        """The precision of a fit whose residuals are independent."""
+        # jacobian (samples, unknowns).
         unit, size = normalize(jacobian)
         information = np.einsum("ki,kj->ij", unit, unit)
         return cls(information, variance * information, size)
 
     @classmethod
     def correlated(cls, jacobian: FloatArray, residuals: FloatArray) -> Precision:
-        """The precision of a fit whose residuals may be correlated.
-
-        The covariance of the sum of the scores is that of the lowest lines of their spectrum.
-
-        Args:
-            jacobian: Derivatives of the residuals, (samples, dof, unknowns).
-            residuals: Residuals, (samples, dof).
-        """
+        """The precision of a fit whose residuals may be correlated."""
+        # The covariance of the sum of the scores is that of the lowest lines of their spectrum.
+        # jacobian (samples, dof, unknowns), residuals (samples, dof).
         independent = cls.from_jacobian(jacobian.reshape(-1, jacobian.shape[2]))
         unit = jacobian / independent.size
         # Samples without information take no time.

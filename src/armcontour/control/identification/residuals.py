@@ -45,13 +45,7 @@ ROUNDED, STEP_ROUNDING, SLACK = 1e-9, 0.01, 0.2
 
 
 def describe_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray]) -> str:
-    """A sentence on the largest pattern in the residuals of joint j, and on the next recording.
-
-    Args:
-        logs: The logs.
-        j: The joint, from 0.
-        rests: Residuals at the samples of each log, nan where they do not count [rad].
-    """
+    """A sentence on the largest pattern in the residuals of joint j, and on the next recording."""
     every: dict[str, list[FloatArray]] = {}
     residuals, pitches = [], []
     for log, errors in zip(logs, rests, strict=True):
@@ -98,15 +92,9 @@ def fastest_motion(logs: Sequence[Log]) -> tuple[FloatArray, FloatArray]:
 
 
 def scale_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray]) -> FloatArray:
-    """RMS residual at rest [rad], per velocity [s] and per acceleration [s²], by regression.
-
-    The squared residuals are the sum of the squares of these three parts.
-
-    Args:
-        logs: The logs.
-        j: The joint, from 0.
-        rests: Residuals at the samples of each log, nan where they do not count [rad].
-    """
+    """RMS residual at rest [rad], per velocity [s] and per acceleration [s²], by regression."""
+    # The squared residuals are the sum of the squares of these three parts.
+    # rests [rad].
     from scipy.optimize import nnls
 
     rows, squares = [], []
@@ -158,23 +146,18 @@ def _explained(residual: FloatArray, columns: FloatArray) -> float:
     return 1.0 - float(remaining @ remaining) / max(float(residual @ residual), 1e-300)
 
 
-def _middle_frequency(x: FloatArray, interval: float) -> float:
+def _middle_frequency(signal: FloatArray, interval: float) -> float:
     """Frequency above which half of the power of a signal is [Hz]."""
-    power = np.cumsum(np.abs(np.fft.rfft(x - x.mean())) ** 2)
+    power = np.cumsum(np.abs(np.fft.rfft(signal - signal.mean())) ** 2)
     k = int(np.searchsorted(power, power[-1] / 2))
-    return float(np.fft.rfftfreq(len(x), interval)[k])
+    return float(np.fft.rfftfreq(len(signal), interval)[k])
 
 
 def is_white(residuals: FloatArray, step: float) -> bool:
-    """True if residuals are white noise, except for the effect of the encoder's resolution.
-
-    The power of the lowest frequencies is compared with that of the others, for 8, 16, ... lines of
-    the spectrum.
-
-    Args:
-        residuals: Residuals [rad], (n,).
-        step: Resolution of the encoder [rad], 0 if it is not seen.
-    """
+    """True if residuals are white noise, except for the effect of the encoder's resolution."""
+    # The power of the lowest frequencies is compared with that of the others, for 8, 16, ... lines
+    # of the spectrum.
+    # residuals (n,) [rad], step [rad].
     from scipy.stats import f
 
     # Quantization explains variance beyond the noise from sample to sample.

@@ -53,7 +53,7 @@ REFINED = (0.98, 1.06, 9)
 # Fewest samples in a row that are fitted: shorter segments only determine their initial state.
 FEWEST_BETWEEN = 20
 # With more segments, their free initial states would explain most of the motion.
-MOST_BETWEEN = 40
+MAX_BETWEEN = 40
 # Above this share of time at a limit, undetermined gains are not accepted as a model.
 HIDDEN = 0.5
 # Margin about clipped samples [s]: drives with a cycle react up to one cycle later.
@@ -62,21 +62,16 @@ MARGIN = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Saturation:
-    """Saturation of a joint.
+    """Saturation of a joint."""
 
-    Args:
-        kind: "acceleration" or "velocity".
-        limit, sd: The limit and its standard deviation [rad/s² or rad/s].
-        time, duration: Time at the limit and of the logs [s].
-        clipped: Samples of each segment that the limit affects.
-    """
-
-    kind: str
+    kind: str  # "acceleration" or "velocity"
+    # limit, sd: the limit and its standard deviation [rad/s² or rad/s].
     limit: float
     sd: float
+    # time, duration: time at the limit and of the logs [s].
     time: float
     duration: float
-    clipped: tuple[BoolArray, ...]
+    clipped: tuple[BoolArray, ...]  # Samples of each segment that the limit affects
 
     @property
     def hides(self) -> bool:
@@ -90,11 +85,9 @@ class Saturation:
 
 
 def find_saturation(segments: Sequence[LogSegment]) -> Saturation | None:
-    """Find plateaus of acceleration or velocity at which the loop commands a larger value.
-
-    The commanded acceleration is linear in position, velocity and command, and is fitted to the
-    other samples. So motion that is planned at a limit and follows its command is not saturation.
-    """
+    """Find plateaus of acceleration or velocity at which the loop commands a larger value."""
+    # The commanded acceleration is linear in position, velocity and command, and is fitted to the
+    # other samples. So motion that is planned at a limit and follows its command is not saturation.
     motion = _MeasuredMotion(segments)
     for order, kind in ((2, "acceleration"), (1, "velocity")):
         # The test of a velocity plateau needs the acceleration, too.
@@ -104,10 +97,10 @@ def find_saturation(segments: Sequence[LogSegment]) -> Saturation | None:
         k = max(windows)
         values, noise = motion.derive(order, k), motion.noise(order, k)
         limit, plateaus = _find_plateaus(values, noise, motion.interval)
-        demand = motion.demand(k, ~_widen(plateaus, 2 * k))
-        if demand is None:
+        prediction = motion.predict_acceleration(k, ~_widen(plateaus, 2 * k))
+        if prediction is None:
             continue
-        acceleration, (demanded, error) = motion.derive(2, k), demand
+        acceleration, (demanded, error) = motion.derive(2, k), prediction
         excess = np.sign(values) * (demanded - acceleration)
         top = float(np.percentile(np.abs(acceleration), TOP))
         threshold = max(EXCESS * top, ERRORS * error)
@@ -134,19 +127,17 @@ def find_saturation(segments: Sequence[LogSegment]) -> Saturation | None:
 def select_between(
     segments: Sequence[LogSegment], saturation: Saturation, search: Search
 ) -> Selected | None:
-    """Select the model of a joint from the samples that its limit does not affect.
-
-    Position and velocity are free after each saturated interval. A fit of all samples with the
-    limit is preferred if its error between these intervals is no larger and its K_p is more
-    certain. None if the limit affects too many samples, or too many intervals.
-    """
+    """Select the model of a joint from the samples that its limit does not affect."""
+    # Position and velocity are free after each saturated interval. A fit of all samples with the
+    # limit is preferred if its error between these intervals is no larger and its K_p is more
+    # certain. None if the limit affects too many samples, or too many intervals.
     between = [
         s.cut(i, j)
         for s, clipped in zip(segments, saturation.clipped, strict=True)
         for i, j in _spans(~clipped)
         if np.sum(s.use[i:j]) >= FEWEST_BETWEEN
     ]
-    if not between or len(between) > MOST_BETWEEN:
+    if not between or len(between) > MAX_BETWEEN:
         return None
     free = select(between, search, limited=False)
     if free is None:
@@ -216,11 +207,9 @@ class _MeasuredMotion:
                 return k
         return 0
 
-    def demand(self, k: int, free: BoolArray) -> tuple[FloatArray, float] | None:
-        """Acceleration that the loop commands [rad/s²], (n,), and its RMS error at free samples.
-
-        None if there are too few free samples for the fit.
-        """
+    def predict_acceleration(self, k: int, free: BoolArray) -> tuple[FloatArray, float] | None:
+        """Acceleration that the loop commands [rad/s²], (n,), and its RMS error at free samples."""
+        # None if there are too few free samples for the fit.
         if np.sum(free) < FEWEST_FREE:
             return None
         acceleration, best = self.derive(2, k), None

@@ -43,7 +43,7 @@ OPTIONAL = (ACCELERATION, FEED, FRICTION)
 # A richer model is selected if the median over the parts of its error, divided by that of the
 # poorer one, is below GAIN (with an acceleration limit below LIMIT_GAIN), and if its error is
 # smaller on this share of the parts.
-GAIN, LIMIT_GAIN, MOST_PARTS = 0.9, 0.5, 0.6
+GAIN, LIMIT_GAIN, MAX_PARTS = 0.9, 0.5, 0.6
 # A richer model is not better if its error on the fitted data is above this share.
 SAME = 0.97
 # A poorer model is worse if its cost on the fitted data is above this multiple.
@@ -75,27 +75,16 @@ STARTS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Selected:
-    """A fitted model and its predictions of parts to which it was not fitted.
+    """A fitted model and its predictions of parts to which it was not fitted."""
 
-    Args:
-        fit: The fit to all samples.
-        segments: The segments of the predictions.
-        unseen: Predicted positions [rad]; each sample by a fit without its part.
-        errors: Mean squared errors of the parts, weighted by motion [rad²], (parts,).
-        motions: Weights of the parts, (parts,).
-        limit: Acceleration limit that is estimated apart from the fit.
-        without: Servos that are fitted without one part each.
-        rivals: Servos of other models whose error is hardly larger.
-    """
-
-    fit: Fit
-    segments: Sequence[LogSegment]
-    unseen: list[FloatArray]
-    errors: FloatArray
-    motions: FloatArray
-    limit: Estimate | None = None
-    without: Sequence[JointServo] = ()
-    rivals: Sequence[JointServo] = ()
+    fit: Fit  # The fit to all samples
+    segments: Sequence[LogSegment]  # The segments of the predictions
+    unseen: list[FloatArray]  # Predicted positions [rad]; each sample by a fit without its part
+    errors: FloatArray  # Mean squared errors of the parts, weighted by motion [rad²], (parts,)
+    motions: FloatArray  # Weights of the parts, (parts,)
+    limit: Estimate | None = None  # Acceleration limit that is estimated apart from the fit
+    without: Sequence[JointServo] = ()  # Servos that are fitted without one part each
+    rivals: Sequence[JointServo] = ()  # Servos of other models whose error is hardly larger
 
     @property
     def servo(self) -> JointServo:
@@ -117,7 +106,7 @@ class Selected:
         limited = LIMIT in self.fit.problem.model.free
         ratio = float(np.median(self.errors / np.maximum(other.errors, 1e-300))) ** 0.5
         some = float(np.mean(self.errors < other.errors))
-        return ratio < (LIMIT_GAIN if limited else GAIN) and some >= MOST_PARTS
+        return ratio < (LIMIT_GAIN if limited else GAIN) and some >= MAX_PARTS
 
 
 def find_lag(segments: Sequence[LogSegment], longest: float) -> float:
@@ -204,13 +193,13 @@ class _Trials:
 
     def prune(self) -> None:
         """Remove optional parameters that do not improve the best model."""
-        for x in OPTIONAL:
+        for name in OPTIONAL:
             assert self.best is not None
             best = self.best.fit
             order, free = best.problem.model
-            remaining = tuple(y for y in free if y != x)
+            remaining = tuple(y for y in free if y != name)
             # Acceleration feed-forward needs velocity feed-forward.
-            if remaining == free or (x == FEED and ACCELERATION in free):
+            if remaining == free or (name == FEED and ACCELERATION in free):
                 continue
             problem = Problem(Model(order, remaining), self.segments, self.search)
             result = fit(problem, [problem.guess(best.servo._asdict(), best.servo.dead_time)])

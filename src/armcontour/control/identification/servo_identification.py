@@ -251,11 +251,11 @@ class Identification(IdentifiedJoints):
                 "give a log of the same joints."
             )
         positions, used = log.command.copy(), np.full(log.command.shape, False)
-        for j, x in enumerate(self.joints):
-            delay = float(x.servo.dead_time)
+        for j, joint in enumerate(self.joints):
+            delay = float(joint.servo.dead_time)
             for s in split_logs([log], j, self.interpolation, delay):
                 rows = slice(s.start, s.start + len(s.y))
-                positions[rows, j] = predict(s, x.servo, x.order, self.drive_cycle)
+                positions[rows, j] = predict(s, joint.servo, joint.order, self.drive_cycle)
                 used[rows, j] = s.use
         return Prediction(log=log, positions=positions, used=used)
 
@@ -268,16 +268,8 @@ def write_servo(
     drive_cycle: float = 0.0,
     unseen: float = 0.0,
 ) -> JointIdentification:
-    """The joint with a servo that is written, and the errors of this servo on the logs.
-
-    Args:
-        joint: The joint.
-        segments: The joint in the logs.
-        servo: The servo that is written.
-        order: Its order.
-        drive_cycle: Cycle of the drives [s].
-        unseen: Largest error on parts that were not fitted [rad].
-    """
+    """The joint with a servo that is written, and the errors of this servo on the logs."""
+    # unseen: largest error on parts that were not fitted [rad].
     rms, largest = math.nan, math.pi
     if segments:
         errors = np.concatenate(

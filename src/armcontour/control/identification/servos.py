@@ -83,6 +83,10 @@ def identify(
     of the encoder. A weak model, with at most 80 %, is written if that reduces the contour error
     where it was not fitted; otherwise the delay of the joint is, or nothing.
 
+    >>> found = ac.identify(ac.read_log("log.csv"))
+    >>> found.determined, found.joints[0].order
+    (True, 'delay')
+
     Args:
         logs: A log, with set-points and measured positions, or several logs of the same robot.
         options: Options, such as `ServoFit(model="second")`.
@@ -94,11 +98,11 @@ def identify(
     """
     every = list_logs(logs)
     first, arm = every[0], options.kinematics
-    for x in every[1:]:
-        if x.joint_names != first.joint_names:
+    for log in every[1:]:
+        if log.joint_names != first.joint_names:
             raise InvalidInput(
-                f"{first.source} and {x.source} do not go together: joint_names is "
-                f"{show(str(first.joint_names))} in one and {show(str(x.joint_names))} in the "
+                f"{first.source} and {log.source} do not go together: joint_names is "
+                f"{show(str(first.joint_names))} in one and {show(str(log.joint_names))} in the "
                 "other."
             )
     if arm is not None and arm.dof != first.dof:
@@ -107,10 +111,10 @@ def identify(
             "the arm of the log."
         )
     interpolation = choose_interpolation(every, options.interpolation)
-    for x in every:
+    for log in every:
         if arm is not None:
-            check_distance(x, arm)
-        check_speeds(x)
+            check_distance(log, arm)
+        check_speeds(log)
     report, joints = subprogress(progress), []
     longest, orders = dead_times(every, options.longest_dead_time)[1], MODELS[options.model]
     search = Search(longest, options.drive_cycle or 0.0, orders)
@@ -130,11 +134,7 @@ def identify(
 def identify_joint(
     logs: Sequence[Log], j: int, interpolation: str, search: Search
 ) -> JointIdentification:
-    """Identify the joint j (from 0) of some logs.
-
-    Raises:
-        InvalidInput: Command and measurement cannot belong together.
-    """
+    """Identify the joint j (from 0) of some logs."""
     name = logs[0].joint_names[j]
     segments = split_logs(logs, j, interpolation)
     lag = find_lag(segments, search.longest)
@@ -230,10 +230,8 @@ def _error(segments: Sequence[LogSegment], selected: Selected) -> float:
 
 
 def _judge(errors: Sequence[FloatArray], segments: Sequence[LogSegment]) -> tuple[float, float]:
-    """Error and tracking error of the log with the largest share, RMS [rad].
-
-    Errors of a single log are weighted by motion, because the joint may rest in parts of it.
-    """
+    """Error and tracking error of the log with the largest share, RMS [rad]."""
+    # Errors of a single log are weighted by motion, because the joint may rest in parts of it.
     logs = sorted({s.log for s in segments if s.weight.any()})
     single, pairs, lags = int(len(logs) == 1), [], _lags(segments)
     for k in logs:
@@ -254,8 +252,8 @@ def _rms(
 ) -> tuple[float, float]:
     """RMS of values over the used samples about their means: unweighted, weighted by motion."""
     sums = np.zeros(4)
-    for x, s in zip(values, segments, strict=True):
-        square = (x - (np.mean(x[s.use]) if centred else 0.0)) ** 2
+    for row, s in zip(values, segments, strict=True):
+        square = (row - (np.mean(row[s.use]) if centred else 0.0)) ** 2
         weight = s.weight * s.use
         sums += [square @ s.use, s.use.sum(), square @ weight, weight.sum()]
     return float(np.sqrt(sums[0] / sums[1])), float(np.sqrt(sums[2] / max(sums[3], 1e-300)))
@@ -278,7 +276,7 @@ def _explain_no_model(segments: Sequence[LogSegment]) -> str:
     return ""
 
 
-def changes_velocity(t: FloatArray, x: FloatArray) -> bool:
+def changes_velocity(t: FloatArray, positions: FloatArray) -> bool:
     """True if positions [rad] over times [s], (n,), differ from a line by more than noise."""
-    errors = x - np.polyval(np.polyfit(t, x, 1), t)
-    return bool(np.std(errors) > STILL * white_noise(x) and np.ptp(errors) > LEAST_BEND)
+    errors = positions - np.polyval(np.polyfit(t, positions, 1), t)
+    return bool(np.std(errors) > STILL * white_noise(positions) and np.ptp(errors) > LEAST_BEND)

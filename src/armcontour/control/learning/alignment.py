@@ -40,22 +40,17 @@ OTHERS, SHARE, NOISES = 1e-4, 0.05, 10.0
 FAR = 0.05
 # Smallest outlier relative to the noise and to the range of samples between these quantiles, number
 # of passes, and largest share of outliers.
-OUTLIER, SPIKE, RANGE, PASSES, MOST_OUTLIERS = 10.0, 0.1, (0.05, 0.95), 5, 0.02
+OUTLIER, SPIKE, RANGE, PASSES, MAX_OUTLIERS = 10.0, 0.1, (0.05, 0.95), 5, 0.02
 # An encoder has a new offset if the median deviation from the previous run is at least this many
 # standard deviations, and at least this [rad].
 SHIFTED, LEAST_SHIFT = 6.0, 1e-4
 
 
 def replace_outliers(values: FloatArray, noise: FloatArray) -> tuple[FloatArray, int]:
-    """Samples with outliers replaced by interpolation, and the number of outliers.
-
-    An outlier differs from the cubic through its two neighbours on each side by OUTLIER times the
-    noise and by SPIKE times the quantile range. If there are too many, none is replaced.
-
-    Args:
-        values: Deviations of the joints [rad], (n, dof).
-        noise: Standard deviation of their white noise [rad], (dof,).
-    """
+    """Samples with outliers replaced by interpolation, and the number of outliers."""
+    # An outlier differs from the cubic through its two neighbours on each side by OUTLIER times the
+    # noise and by SPIKE times the quantile range. If there are too many, none is replaced.
+    # values (n, dof) [rad], noise (dof,) [rad].
     cleaned, bad = values.copy(), np.zeros(values.shape, dtype=np.bool_)
     low, high = np.quantile(values, RANGE, axis=0)
     allowed = np.maximum(OUTLIER * noise, SPIKE * (high - low))
@@ -72,51 +67,31 @@ def replace_outliers(values: FloatArray, noise: FloatArray) -> tuple[FloatArray,
             rows = np.arange(len(values))
             good = ~bad[:, j]
             cleaned[:, j] = np.interp(rows, rows[good], values[good, j])
-    if bad.mean() > MOST_OUTLIERS:
+    if bad.mean() > MAX_OUTLIERS:
         return values, 0
     return cleaned, int(bad.any(axis=1).sum())
 
 
 class Aligned(NamedTuple):
-    """A recording in time of the plan.
+    """A recording in time of the plan."""
 
-    Attributes:
-        offset: Time of the plan when the clock of the recording was at 0 [s].
-        rate: Seconds of the plan in a second of the recording.
-        expected: Expected joint positions at the model's times [rad], (n, dof).
-        measured: Measured joint positions at these times [rad], (n, dof).
-        noise: Standard deviation of their white noise [rad], (dof,).
-        shift: Offset of each encoder since the run before [rad], (dof,); not in `measured`.
-        outliers: Number of samples that were ignored.
-    """
-
-    offset: float
-    rate: float
-    expected: FloatArray
-    measured: FloatArray
-    noise: FloatArray
+    offset: float  # Time of the plan when the clock of the recording was at 0 [s]
+    rate: float  # Seconds of the plan in a second of the recording
+    expected: FloatArray  # Expected joint positions at the model's times [rad], (n, dof)
+    measured: FloatArray  # Measured joint positions at these times [rad], (n, dof)
+    noise: FloatArray  # Standard deviation of their white noise [rad], (dof,)
+    # Offset of each encoder since the run before [rad], (dof,); not in `measured`.
     shift: FloatArray
-    outliers: int
+    outliers: int  # Number of samples that were ignored
 
 
 def align(
     recording: Recording, lifted: Lifted, set_points: SetPoints, expected: FloatArray | None = None
 ) -> Aligned:
-    """Align a recording with the plan by its set-points, or else by the expected motion.
-
-    In the latter case, dead time that is not in the servo model becomes part of the offset.
-
-    Args:
-        recording: What was measured.
-        lifted: The model.
-        set_points: Set-points of the run.
-        expected: Joint positions that the run before lets expect at the model's times [rad],
-            (n, dof); those of the model by default, which do not show offsets of encoders.
-
-    Raises:
-        InvalidInput: The recording is too coarse or too short, or does not hold this motion; with
-            what it is instead, if that is found.
-    """
+    """Align a recording with the plan by its set-points, or else by the expected motion."""
+    # In the latter case, dead time that is not in the servo model becomes part of the offset.
+    # `expected` are the joint positions at the model's times that the run before lets expect [rad],
+    # (n, dof); by default those of the model, which do not show offsets of encoders.
     source, duration = recording.source, lifted.plan.duration
     servo = lifted.nominal.servo
     loops = servo.kp if servo.kv is None else np.where(np.isinf(servo.kv), servo.kp, servo.kv)
@@ -183,11 +158,7 @@ def align(
 
 
 def check_set_points(run: LearningRun) -> None:
-    """Check that the logged set-points are those of the run.
-
-    Raises:
-        InvalidInput: They differ from those of the set-points by more than noise explains.
-    """
+    """Check that the logged set-points are those of the run."""
     error, noise = rms(run.error), rms(run.noise)
     allowed = max(OTHERS, SHARE * error, NOISES * noise)
     if run.set_points_off > allowed:
@@ -203,16 +174,9 @@ def check_set_points(run: LearningRun) -> None:
 
 
 def set_points_off(t: FloatArray, command: FloatArray | None, set_points: SetPoints) -> float:
-    """RMS difference of recorded and executed set-points [rad]; 0 if none are recorded.
-
-    Controllers record set-points held or interpolated, with small offsets in time. The resulting
-    differences alternate within a cycle, so they are averaged over AVERAGED cycles.
-
-    Args:
-        t: Times of the recording, in time of the plan [s], (m,).
-        command: Recorded set-points [rad], (m, dof).
-        set_points: The set-points that the robot should have executed.
-    """
+    """RMS difference of recorded and executed set-points [rad]; 0 if none are recorded."""
+    # Controllers record set-points held or interpolated, with small offsets in time. The resulting
+    # differences alternate within a cycle, so they are averaged over AVERAGED cycles.
     if command is None:
         return 0.0
     differences = command - interpolate(t, set_points.t, set_points.q)
@@ -225,18 +189,8 @@ def set_points_off(t: FloatArray, command: FloatArray | None, set_points: SetPoi
 def fit_to(
     t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
 ) -> tuple[float, float]:
-    """Fit the clock of values to a reference: time of the plan is `offset + rate t`.
-
-    Args:
-        t: Times of the recording [s], (m,).
-        values: Values of the recording, (m, dof).
-        times: Regular times of the plan [s], (n,).
-        reference: Values of the plan, (n, dof).
-
-    Returns:
-        Time of the plan when the recording's clock is at 0 [s], and seconds of the plan in a second
-        of the recording.
-    """
+    """Offset and rate of the plan's time `offset + rate t`, by fitting values to a reference."""
+    # t (m,) [s], values (m, dof), regular times (n,) [s], reference (n, dof).
     curve = CubicSpline(times, reference)
     slope = curve.derivative()
     middle, rate = float(t.mean()), 1.0
@@ -263,14 +217,7 @@ def fit_to(
 def coarse_offset(
     t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
 ) -> float:
-    """Approximate offset with the best fit of values to a reference [s].
-
-    Args:
-        t: Times of the recording [s], (m,).
-        values: Values of the recording, (m, dof).
-        times: Regular times of the plan [s], (n,).
-        reference: Values of the plan, (n, dof).
-    """
+    """Approximate offset with the best fit of values to a reference [s]; see `fit_to`."""
     from scipy.signal import fftconvolve
 
     step = max(float(np.median(np.diff(t))), float(times[1] - times[0]))
@@ -295,25 +242,11 @@ def add_tool(
     error: FloatArray,
     clock: tuple[float, float] | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Joint errors that explain the measurements of encoders and a tracker.
-
-    Deviations that only the tracker measures, such as deflections of links, are converted to joint
-    errors by damped least squares, with damping from the noise.
-
-    Args:
-        tool: Times [s], (m,), and positions of the tool point in the frame of the path [m],
-            (m, dimension).
-        lifted: The model.
-        error: Errors of the joints by encoders [rad], (n, dof).
-        clock: Offset and rate of the tracker's clock; None fits them to the motion.
-
-    Returns:
-        Errors of the joints [rad], (n, dof), and the standard deviation of the white noise that the
-        tracker adds to them [rad], (dof,).
-
-    Raises:
-        InvalidInput: The positions are not those of this tool along this motion.
-    """
+    """Joint errors that explain encoders and a tracker [rad], (n, dof), and noise, (dof,)."""
+    # Deviations that only the tracker measures, such as deflections of links, are converted to
+    # joint errors by damped least squares, with damping from the noise. tool: times (m,) [s] and
+    # tool points in the frame of the path (m, dimension) [m]. A clock (offset and rate) of None is
+    # fitted to the motion.
     arm = lifted.nominal.arm
     t, points = checks.check_numbers("tool times", tool[0], "s"), checks.points("tool", tool[1])
     form = t.ndim == 1 and len(t) >= 5 and points.shape == (len(t), arm.dimension)

@@ -25,56 +25,38 @@ WORTH = 1.05
 
 
 def model_error(noise: FloatArray, error: FloatArray) -> FloatArray:
-    """Variance of the part of an error that the model need not explain [rad²], (dof,).
-
-    Args:
-        noise: Standard deviation of the white noise in the error [rad], (dof,).
-        error: Errors of the joints [rad], (n, dof).
-    """
+    """Variance of the part of an error that the model need not explain [rad²], (dof,)."""
+    # noise (dof,) [rad], error (n, dof) [rad].
     return np.asarray(noise**2 + MODEL**2 * (error**2).mean(axis=0))
 
 
 def smooth_error(
     lifted: Lifted, error: FloatArray, noise: FloatArray, moved: FloatArray | float = 0.0
 ) -> FloatArray:
-    """The part of an error that a disturbance of the drives explains [rad], (n, dof).
-
-    The disturbance is modelled as a random walk. Its remainder after learning is not, because it
-    has peaks at reversals and corners.
-
-    Args:
-        lifted: The model.
-        error: Errors of the joints [rad], (n, dof).
-        noise: Standard deviation of the white noise in the error [rad], (dof,).
-        moved: Response to the change of the set-points since the first run [rad], (n, dof).
-    """
+    """The part of an error that a disturbance of the drives explains [rad], (n, dof)."""
+    # The disturbance is modelled as a random walk. Its remainder after learning is not, because it
+    # has peaks at reversals and corners.
+    # error (n, dof) [rad], noise (dof,) [rad], moved (n, dof) [rad].
     remaining = error - moved
     variance = float(np.mean(model_error(noise, remaining)))
     return np.asarray(lifted.smooth(remaining, lifted.choose_penalty(remaining, variance)) + moved)
 
 
 class ErrorEstimate:
-    """Joint estimate from several runs.
+    """Joint estimate from several runs, in order."""
 
-    Args:
-        lifted: The model.
-        runs: The runs, in order.
-
-    Attributes:
-        spread: Standard deviation of the errors that differ between runs [rad], (dof,).
-        best: Index of the run whose set-points have the smallest repeating error.
-        q: Set-points with the smallest error, estimated from all runs [rad], (count, dof).
-        error: Their repeating error [rad], (n, dof).
-        repeats: RMS error of the best run that repeats [m].
-        differs: RMS error that differs between runs [m].
-        noise: RMS error that does not repeat, with noise of the measurement and of the loops [m].
-        removed: The part of `error` that a change of the set-points removes [rad], (n, dof).
-        response_error: Relative error of the model's response, by the last run that was predicted.
-        independent: Number of independent values of the noise in a run.
-        step: The share of a change that minimises the error for this error of the response.
-        expected: RMS error of another run of the best set-points [m].
-        resolution: Standard deviation of a run's RMS error by noise [m].
-    """
+    # spread: standard deviation of the errors that differ between runs [rad], (dof,).
+    # best: index of the run whose set-points have the smallest repeating error.
+    # q, error: set-points with the smallest error, estimated from all runs, (count, dof), and their
+    # repeating error, (n, dof) [rad]; removed: the part of it that a change of the set-points
+    # removes.
+    # repeats, differs: RMS error of the best run that repeats, and that differs between runs [m].
+    # noise: RMS error that does not repeat, with noise of the measurement and of the loops [m].
+    # response_error: relative error of the model's response, by the last run that was predicted.
+    # independent: number of independent values of the noise in a run.
+    # step: the share of a change that minimises the error for this error of the response.
+    # expected, resolution: RMS error of another run of the best set-points, and its standard
+    # deviation by noise [m].
 
     def __init__(self, lifted: Lifted, runs: tuple[LearningRun, ...]) -> None:
         self.lifted, self.runs = lifted, runs
@@ -108,12 +90,10 @@ class ErrorEstimate:
         self.resolution = float(self.noise / np.sqrt(self.independent))
 
     def _find_spread(self) -> FloatArray:
-        """The standard deviation of errors that differ between runs [rad], (dof,).
-
-        The squared difference of two runs is twice the variance of the error that does not repeat,
-        plus a share (at least UNTESTED**2) of the squared response to the difference of their
-        set-points. Two runs of different set-points cannot separate these.
-        """
+        """The standard deviation of errors that differ between runs [rad], (dof,)."""
+        # The squared difference of two runs is twice the variance of the error that does not
+        # repeat, plus a share (at least UNTESTED**2) of the squared response to the difference of
+        # their set-points. Two runs of different set-points cannot separate these.
         pairs = list(combinations(range(len(self.runs)), 2))
         spread = np.zeros(self.lifted.dof)
         if len(pairs) == 1 and np.any(self._moves[1]):
@@ -162,11 +142,8 @@ class ErrorEstimate:
         return np.asarray(self.q + slow)
 
     def _mean_at(self, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Repeating error for set-points with this response, by all runs, and the weights of runs.
-
-        Weights (runs, dof) are inverse variances of noise and model error; the error is in rad,
-        (n, dof).
-        """
+        """Repeating error for set-points with this response [rad], and weights of runs."""
+        # Weights (runs, dof) are inverse variances of noise and model error.
         variance = UNTESTED**2 * ((moved - self._moves) ** 2).mean(axis=1)
         weights = 1 / np.maximum(self.spread**2 + self._white + variance, 1e-300)
         weights /= weights.sum(axis=0)
@@ -174,10 +151,8 @@ class ErrorEstimate:
         return mean, weights
 
     def _compare(self) -> float:
-        """Relative error of the model's response, by the last run that is not the best one.
-
-        White noise, the error that does not repeat, and noise in the loops are excluded.
-        """
+        """Relative error of the model's response, by the last run that is not the best one."""
+        # White noise, the error that does not repeat, and noise in the loops are excluded.
         lifted, best = self.lifted, self.best
         for k in reversed(range(len(self.runs))):
             moved = self._moves[k] - self._moves[best]
@@ -193,16 +168,12 @@ class ErrorEstimate:
         return UNTESTED
 
     def _combine(self) -> tuple[FloatArray, FloatArray, float]:
-        """Combination of the runs' set-points with the smallest error.
-
-        The error of a linear robot is an affine function of the set-points: a weighted mean of
-        runs (weights may be negative) has the weighted mean of their errors. Every joint has its
-        own weights; the model adds the coupling of joints. Noise and non-linearity keep the
-        weights small. The error that does not repeat is averaged.
-
-        Returns:
-            The set-points [rad], their error [rad], and the variance of its noise [rad²].
-        """
+        """Combination of the runs' set-points with the smallest error."""
+        # The error of a linear robot is an affine function of the set-points: a weighted mean of
+        # runs (weights may be negative) has the weighted mean of their errors. Every joint has its
+        # own weights; the model adds the coupling of joints. Noise and non-linearity keep the
+        # weights small. The error that does not repeat is averaged.
+        # Returns the set-points [rad], their error [rad], and the variance of its noise [rad²].
         best, errors, spread = self.best, self._errors, self.spread**2
         moved = self._moves - self._moves[best]
         # Errors that differ between runs are not an effect of set-points.

@@ -54,14 +54,14 @@ DRIVE_CYCLE = 2.5e-4
 # Position loop gain of a joint whose servo has none [1/s], typical of industrial drives.
 TYPICAL_GAIN = 25.0
 # Learning ends after this many setbacks; each halves the step.
-MOST_SETBACKS = 3
+MAX_SETBACKS = 3
 HALF = 0.5
 # Largest acceleration of set-points relative to that before learning, if it exceeds the limit of
 # the joint. Joints that hardly move count as accelerating by RESTING times the fastest one.
 ROUGHER, RESTING = 2.0, 0.25
-# Learning ends at this setback if the relative error of the response exceeds MOST_OFF. The servo
+# Learning ends at this setback if the relative error of the response exceeds MAX_OFF. The servo
 # model is the cause unless learning has reduced the first error to the share PROVEN.
-SETBACKS_OFF, MOST_OFF, PROVEN = 2, 1.0, 0.5
+SETBACKS_OFF, MAX_OFF, PROVEN = 2, 1.0, 0.5
 # Learning ends if limits of the set-points allow less than this share of the change.
 NO_GAIN = 0.05
 # Median share of the error that remains after the first lesson with a fitted servo.
@@ -86,6 +86,10 @@ def learn(
 
     For the run after that, pass the returned lesson and its log. Logs of several runs of the same
     set-points show which errors repeat; three runs of learned set-points show this, too.
+
+    >>> improved = ac.learn(set_points, executed, arm=arm, servo=servo)
+    >>> improved.q.shape[1], len(improved.runs)
+    (2, 1)
 
     Args:
         set_points: The set-points of the last run: a `LearningResult` with the runs before it, or
@@ -183,11 +187,9 @@ def _evaluate_runs(
 
 
 def _linear(servo: ServoModel, arm: Arm) -> ServoModel:
-    """Linear servo model with values per joint.
-
-    Friction is removed, because it is learned. A pure delay becomes order "first" with velocity
-    feed-forward 1. On rigid bodies, a drive cycle becomes a dead time of half a cycle.
-    """
+    """Linear servo model with values per joint."""
+    # Friction is removed, because it is learned. A pure delay becomes order "first" with velocity
+    # feed-forward 1. On rigid bodies, a drive cycle becomes a dead time of half a cycle.
     servo = servo.replace(friction=0.0).for_joints(arm.dof)
     if servo.drive_cycle and arm.has_bodies and servo.replace(drive_cycle=0.0).is_plain("second"):
         dead_time = np.minimum(servo.dead_time + servo.drive_cycle / 2, LONGEST_DEAD_TIME)
@@ -205,11 +207,9 @@ def _linear(servo: ServoModel, arm: Arm) -> ServoModel:
 def _fit_model(
     set_points: SetPoints, logs: Sequence[Executed], nominal: Nominal
 ) -> tuple[SetPoints, Lifted, tuple[float, float]]:
-    """Fit the servo to the mean of the first logs: set-points, model, and misfits.
-
-    If the robot has more dead time than its model, set-points are shifted by whole cycles: only
-    their times in the plan change.
-    """
+    """Fit the servo to the mean of the first logs: set-points, model, and misfits."""
+    # If the robot has more dead time than its model, set-points are shifted by whole cycles: only
+    # their times in the plan change.
     lifted = Lifted(set_points, nominal)
     errors, noises, interval = [], [], np.inf
     for log in logs:
@@ -334,14 +334,14 @@ def _reason_to_finish(estimate: ErrorEstimate, setbacks: int, is_setback: bool) 
     """The reason why further lessons are not expected to reduce the error, else empty."""
     if estimate.is_noise:
         return "what remains is noise"
-    if is_setback and setbacks >= SETBACKS_OFF and estimate.response_error > MOST_OFF:
+    if is_setback and setbacks >= SETBACKS_OFF and estimate.response_error > MAX_OFF:
         if estimate.runs[estimate.best].rms < PROVEN * estimate.runs[0].rms:
             return "what remains does not repeat"
         return (
             "the last change made the error larger, and its effect differs by "
             f"{estimate.response_error:.0%} from that of the servo model, so identify the servo"
         )
-    if setbacks >= MOST_SETBACKS:
+    if setbacks >= MAX_SETBACKS:
         return f"{setbacks} changes made the error larger"
     return ""
 
@@ -358,10 +358,8 @@ def _keep_limits(
     limits: Limits,
     fastest: FloatArray,
 ) -> tuple[FloatArray, str]:
-    """Nearest set-points within the limits, (n, dof), and the most restrictive limit.
-
-    A joint without a solution keeps its set-points of the best run.
-    """
+    """Nearest set-points within the limits, (n, dof), and the most restrictive limit."""
+    # A joint without a solution keeps its set-points of the best run.
     selected = Limits.only(
         joint_velocity=limits.joint_velocity,
         joint_acceleration=fastest,

@@ -21,11 +21,11 @@ from armcontour.motion import Execution, Log, SetPoints
 from armcontour.robot.servo import ServoModel
 
 # Largest number of runs whose errors are printed.
-MOST_LISTED = 10
+MAX_LISTED = 10
 # Set-points of an execution differ from the exported ones by less than this [rad].
 SAME = 1e-9
 # Largest share of a recording that may be gaps.
-MOST_MISSED = 0.1
+MAX_MISSED = 0.1
 
 
 @checks.explain_calls
@@ -81,11 +81,7 @@ class Recording(Checked):
 
 
 def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Recording:
-    """Convert an execution or a log to a recording, with checks.
-
-    Raises:
-        InvalidInput: Wrong type, another number of joints, or other set-points.
-    """
+    """Convert an execution or a log to a recording, with checks."""
     if isinstance(executed, Execution):
         executed_points = executed.set_points
         same = (
@@ -130,7 +126,7 @@ def _check_gaps(recording: Recording) -> None:
     if bursts := describe_bursts(t, source):
         raise InvalidInput(bursts)
     missed = float(steps[steps > GAP * recording.interval].sum())
-    allowed = MOST_MISSED * float(np.ptp(t))
+    allowed = MAX_MISSED * float(np.ptp(t))
     if missed > allowed:
         i = int(np.argmax(steps))
         raise InvalidInput(

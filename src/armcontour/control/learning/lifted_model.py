@@ -1,7 +1,6 @@
-"""`Lifted`: response of the whole motion to a change of all set-points, and the best change.
+"""`Lifted`: response of the whole motion to a change of all set-points, and the best change."""
 
-"Lifted" means that a run is one vector: `x = P du`, with one entry for every joint and time.
-"""
+# "Lifted" means that a run is one vector: `x = P du`, with one entry for every joint and time.
 
 from __future__ import annotations
 
@@ -35,7 +34,7 @@ PENALTIES, FIRST = (-8, 6), 1e-3
 # Iterations of the interpolation in gaps of a log, and the relative error of the model there.
 BRIDGES, BRIDGED = 10, 1e-3
 # Size of the cache of factorizations: as many as a search ends with.
-MOST_FACTORS = 3
+MAX_FACTORS = 3
 
 
 class ToolError(NamedTuple):
@@ -53,10 +52,9 @@ class ToolError(NamedTuple):
 
 
 class Nominal(NamedTuple):
-    """The nominal robot of a lifted model, with the fields of `Drives`.
+    """The nominal robot of a lifted model, with the fields of `Drives`."""
 
-    With masses, and servos all of order "second", rigid bodies respond, else the servos alone.
-    """
+    # With masses, and servos all of order "second", rigid bodies respond, else the servos alone.
 
     arm: Arm
     servo: ServoModel
@@ -71,10 +69,9 @@ class Nominal(NamedTuple):
 
 
 class _Term(NamedTuple):
-    """Interpolated set-points at shifted times [s], times a factor (one, or one per joint).
+    """Interpolated set-points at shifted times [s], times a factor (one, or one per joint)."""
 
-    `integrated` is False for acceleration feed-forward, which the integrators do not receive.
-    """
+    # `integrated` is False for acceleration feed-forward, which the integrators do not receive.
 
     factor: FloatArray | float
     interpolation: str
@@ -83,24 +80,13 @@ class _Term(NamedTuple):
 
 
 class Lifted:
-    """The lifted response of the nominal closed loop along a plan.
+    """The lifted response of the nominal closed loop along a plan."""
 
-    The joints rest in equilibrium at the first set-point.
-
-    Args:
-        set_points: Set-points; their times and plan count, not their values.
-        nominal: The nominal robot.
-        t: Regular times of the plan [s], (n,); by default at most 1 ms apart.
-        near: A model of the same set-points and robot with another servo and these times, or
-            times in between, which shares its motion and its linearisation.
-
-    Attributes:
-        t: Regular times of the plan [s], (n,).
-        planned: Planned joint positions at these times [rad], (n, dof).
-
-    Raises:
-        InvalidInput: The motion is too long, or the gains do not fit the arm.
-    """
+    # The joints rest in equilibrium at the first set-point. Times and plan of the set-points count,
+    # not their values. t: regular times of the plan [s], (n,), by default at most 1 ms apart;
+    # planned: planned joint positions then [rad], (n, dof). near: a model of the same set-points
+    # and robot with another servo, with these times or times in between, which shares its motion
+    # and its linearisation.
 
     _motion: tuple[FloatArray, FloatArray, FloatArray]
 
@@ -175,11 +161,9 @@ class Lifted:
         return terms
 
     def _rate_terms(self, factor: FloatArray | float, shift: float) -> list[_Term]:
-        """Terms of a multiple of the command's velocity, mean over one step [1/s].
-
-        For interpolation "step" it is the velocity of the line one interval before. Drives with a
-        cycle take the difference to the command of the cycle before.
-        """
+        """Terms of a multiple of the command's velocity, mean over one step [1/s]."""
+        # For interpolation "step" it is the velocity of the line one interval before. Drives with a
+        # cycle take the difference to the command of the cycle before.
         kind, drive_cycle = self.nominal.servo.interpolation, self.nominal.servo.drive_cycle
         if kind == "step" and not drive_cycle:
             kind, shift = "linear", shift - self.cycle
@@ -213,19 +197,11 @@ class Lifted:
         return np.asarray(integrated + self.equivalent_input(unseen))
 
     def equivalent_input(self, command: FloatArray) -> FloatArray:
-        """The command with the same response as one that the integrators do not receive.
-
-        Args:
-            command: Command at the times, 0 before the first one [rad], (n, dof).
-        """
+        """The command with the same response as one that the integrators do not receive [rad]."""
         return without_integral(np.zeros_like(command), command, self._prompt, self.step)
 
     def rates(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Velocities of the command: of the set-points, and with feed-forward [rad/s], (n, dof).
-
-        Args:
-            q: Set-points [rad], (count, dof).
-        """
+        """Velocities of the command: of the set-points, and with feed-forward [rad/s], (n, dof)."""
         plain = self._command(q, self._rate_terms(1.0, 0.0))
         after, before = (
             self._command(q, [y._replace(shift=y.shift + x * self.step / 2) for y in self._terms])
@@ -234,51 +210,28 @@ class Lifted:
         return plain, (after - before) / self.step
 
     def respond(self, change: FloatArray) -> FloatArray:
-        """Change of the joints by a change of the set-points [rad], (n, dof).
-
-        Args:
-            change: Change of the set-points [rad], (count, dof).
-        """
+        """Change of the joints by a change of the set-points, (count, dof) [rad], (n, dof)."""
         return self.respond_to(self.reaching(change))
 
     def reaching(self, change: FloatArray) -> FloatArray:
-        """The change of the command that reaches the drives at the times [rad], (n, dof).
-
-        Args:
-            change: Change of the set-points [rad], (count, dof).
-        """
+        """Change of the command at the drives by a change of the set-points [rad], (n, dof)."""
         return self._command(change, self._terms)
 
     def respond_to(self, command: FloatArray) -> FloatArray:
-        """Change of the joints by a change of the command that reaches the drives [rad].
-
-        Args:
-            command: Change of the command at the times [rad], (n, dof) or (n, dof, cases).
-        """
+        """Change of the joints by one of the command at the drives [rad], (n, dof[, cases])."""
         cases = command.reshape(len(self.t) * self.dof, -1)
         return np.asarray(self._solve.solve(self._means @ cases)).reshape(command.shape)
 
     def expected(self, q: FloatArray) -> FloatArray:
-        """Joint positions of the nominal robot at the times for set-points [rad], (n, dof).
-
-        Args:
-            q: Set-points [rad], (count, dof).
-        """
+        """Joint positions of the nominal robot at the times for set-points [rad], (n, dof)."""
         return self.planned + self.respond_to(self.reaching(q) - self._needed)
 
     def correct(self, error: FloatArray, penalty: float) -> tuple[FloatArray, FloatArray]:
-        """The change of the set-points that removes an error, and the response of the joints.
-
-        It minimises `|error + P du|² + penalty |L du|²`, where L are differences of consecutive
-        set-points.
-
-        Args:
-            error: Errors of the joints at the times [rad], (n, dof) or (n, dof, cases).
-            penalty: Squared ratio of the noise to the differences of set-points.
-
-        Returns:
-            Changes of the set-points [rad], (count, dof) or (count, dof, cases), and of the joints.
-        """
+        """Change of the set-points that removes an error, and the response of the joints [rad]."""
+        # It minimises `|error + P du|² + penalty |L du|²`, where L are differences of consecutive
+        # set-points. error (n, dof) or (n, dof, cases); the change has (count, dof) or
+        # (count, dof, cases). `penalty` is the squared ratio of the noise to the differences of
+        # set-points.
         factors, order, _ = self._factored(penalty)
         rows, cases = len(self.t) * self.dof, error.shape[2:]
         flat = error.reshape(rows, *cases)
@@ -290,23 +243,16 @@ class Lifted:
         return change, (-flat - self._left.T @ solution[:rows]).reshape(error.shape)
 
     def smooth(self, error: FloatArray, penalty: float) -> FloatArray:
-        """The part of an error that a disturbance of the drives explains [rad], (n, dof).
-
-        Args:
-            error: Errors of the joints at the times [rad], (n, dof).
-            penalty: As in `correct`.
-        """
+        """The part of an error that a disturbance of the drives explains [rad], (n, dof)."""
         return -self.correct(error, penalty)[1]
 
     def _factored(self, penalty: float) -> tuple[Any, IntArray, float]:
-        """Factors of the optimality conditions, the order of time, and the log of the determinant.
-
-        The conditions are those of a minimum over x and du with the multipliers y of
-        `A x = B du`, with `x = -error - A' y` eliminated: [[AA', B], [B', -penalty L'L]]. They are
-        quasi-definite, so no pivoting is needed.
-        """
+        """Factors of the optimality conditions, the order of time, and the log determinant."""
+        # The conditions are those of a minimum over x and du with the multipliers y of
+        # `A x = B du`, with `x = -error - A' y` eliminated: [[AA', B], [B', -penalty L'L]]. They
+        # are quasi-definite, so no pivoting is needed.
         if penalty not in self._factors:
-            while len(self._factors) >= MOST_FACTORS:
+            while len(self._factors) >= MAX_FACTORS:
                 del self._factors[next(iter(self._factors))]
             conditions, jumps, order = self._conditions
             factors = splu(
@@ -348,14 +294,9 @@ class Lifted:
         return conditions, jumps, order
 
     def choose_penalty(self, error: FloatArray, variance: float, first: float = 0.0) -> float:
-        """The penalty (a power of ten) with the largest likelihood of an error.
-
-        Args:
-            error: Errors of the joints [rad], (n, dof).
-            variance: Variance of the noise in them [rad²].
-            first: The penalty from which the search starts, a power of ten; by default that of the
-                last search.
-        """
+        """The penalty (a power of ten) with the largest likelihood of an error [rad], (n, dof)."""
+        # variance: that of the noise [rad²]. The search starts at `first`, by default the last
+        # penalty.
         surprise = cache(lambda k: self.surprise(error, 10.0**k, max(variance, 1e-300)))
         power, last = round(np.log10(first or self._penalty)), None
         while power != last:
@@ -366,16 +307,9 @@ class Lifted:
         return self._penalty
 
     def surprise(self, error: FloatArray, penalty: float, variance: float) -> float:
-        """-2 log of the probability density of an error, up to a constant.
-
-        The error is that of set-points whose differences are normal with the variance
-        `variance / penalty`, and white noise.
-
-        Args:
-            error: Errors of the joints at the times [rad], (n, dof).
-            penalty: As in `correct`.
-            variance: Variance of the noise [rad²].
-        """
+        """-2 log of the probability density of an error [rad], (n, dof), up to a constant."""
+        # The error is that of set-points whose differences are normal with the variance
+        # `variance / penalty`, and white noise of the variance `variance` [rad²].
         change, response = self.correct(error, penalty)
         squares = np.sum((error + response) ** 2) + penalty * np.sum(np.diff(change, axis=0) ** 2)
         # The determinant is that of `P'P + penalty L'L` up to a constant factor.
@@ -384,13 +318,8 @@ class Lifted:
         return float(squares / variance + size - rank * np.log(penalty))
 
     def equivalent_command(self, error: FloatArray) -> FloatArray:
-        """The change of the command that reaches the drives and explains an error [rad], (n, dof).
-
-        It is a mean over neighbouring times, with the weights 1/4, 1/2 and 1/4.
-
-        Args:
-            error: Errors of the joints at the times [rad], (n, dof).
-        """
+        """Change of the command at the drives that explains an error [rad], (n, dof)."""
+        # It is a mean over neighbouring times, with the weights 1/4, 1/2 and 1/4.
         from scipy.signal import lfilter
 
         command = (self._left @ error.ravel()).reshape(error.shape)
@@ -402,38 +331,20 @@ class Lifted:
         return np.asarray(command)
 
     def between(self, t: FloatArray, values: FloatArray) -> FloatArray:
-        """Values at the model's times, at other times, (m, dof); constant before and after them.
-
-        Args:
-            t: Times of the plan [s], (m,).
-            values: Values at the model's times, (n, dof).
-        """
+        """Values at the model's times, interpolated at times t, (m, dof); constant outside."""
         return np.asarray(CubicSpline(self.t, values)(np.clip(t, self.t[0], self.t[-1])))
 
     def at_times(self, t: FloatArray, q: FloatArray, expected: FloatArray) -> FloatArray:
-        """Joint positions at the model's times, of joint positions at other times [rad], (n, dof).
-
-        Their difference from the expected motion is interpolated, which is smoother than the
-        motion. It is constant before and after the samples.
-
-        Args:
-            t: Times of the plan [s], (m,).
-            q: Joint positions [rad], (m, dof).
-            expected: Expected joint positions at the model's times [rad], (n, dof).
-        """
+        """Joint positions q at times t, interpolated at the model's times [rad], (n, dof)."""
+        # Their difference from the expected motion is interpolated, which is smoother than the
+        # motion. It is constant before and after the samples.
         difference = q - self.between(t, expected)
         return expected + np.asarray(CubicSpline(t, difference)(np.clip(self.t, t[0], t[-1])))
 
     def bridge(self, t: FloatArray, deviation: FloatArray, noise: FloatArray) -> FloatArray:
-        """Deviations at the model's times, of deviations at the times of a log [rad], (n, dof).
-
-        In gaps of the log, they are estimated by expectation maximization with the model.
-
-        Args:
-            t: Times of the plan [s], (m,).
-            deviation: Deviations from the expected motion [rad], (m, dof).
-            noise: Standard deviation of their white noise [rad], (dof,).
-        """
+        """Deviations at times t [s] of a log, (m, dof), at the model's times [rad], (n, dof)."""
+        # In gaps of the log, they are estimated by expectation maximization with the model. noise:
+        # standard deviation of their white noise [rad], (dof,).
         bridged = np.asarray(CubicSpline(t, deviation)(np.clip(self.t, t[0], t[-1])))
         after = np.clip(np.searchsorted(t, self.t), 1, len(t) - 1)
         wide = np.diff(t)[after - 1] > GAP * np.median(np.diff(t))
@@ -448,14 +359,9 @@ class Lifted:
         return bridged
 
     def judge(self, error: FloatArray) -> ToolError:
-        """Errors of the tool due to errors of the joints.
-
-        A path is evaluated from its first set-point to the end of the times, contours of a program
-        while the process is on. Distances are to the nearest point of the path.
-
-        Args:
-            error: Errors of the joints [rad], (n, dof).
-        """
+        """Errors of the tool due to errors of the joints [rad], (n, dof)."""
+        # A path is evaluated from its first set-point to the end of the times, contours of a
+        # program while the process is on. Distances are to the nearest point of the path.
         planned, tool = (self.nominal.arm.tool_position(self.planned + x) for x in (0.0, error))
         deviations = np.linalg.norm(tool - planned, axis=1)
         distances = [

@@ -14,9 +14,9 @@ from armcontour.robot.servo.model import GAINS, LONGEST_DEAD_TIME
 # Usual time between two times of the response in the first fits [s].
 STEP = 4e-3
 # Largest factor between a fitted gain and that of the model.
-MOST_FACTOR = 5.0
+MAX_FACTOR = 5.0
 # Smallest feed-forward of a joint with acceleration feed-forward, and largest of any.
-LEAST_F, MOST_F = 1e-3, 1.5
+LEAST_F, MAX_F = 1e-3, 1.5
 # Fits start from the feed-forward of the model and from these values.
 STARTS = (0.0, 0.9)
 # Longest dead time [s]; no controller for contouring has more.
@@ -31,7 +31,7 @@ NO_DISTURBANCE = 1e4
 # Evaluations of the fit from each start; number and evaluations of the fits from the best one.
 FIRST, ROUNDS, NEXT = 8, 2, 20
 # Damping of the Levenberg-Marquardt method, relative to the diagonal: at first, and at most.
-DAMPING, MOST_DAMPING = 1e-3, 1e6
+DAMPING, MAX_DAMPING = 1e-3, 1e6
 # A search ends if a step gains less than this in twice the log likelihood.
 SETTLED = 1e-1
 # Gain of twice the log likelihood per joint that is required to accept a fitted servo.
@@ -46,25 +46,15 @@ def fit_servo(
     noise: FloatArray,
     interval: float,
 ) -> tuple[ServoModel, tuple[float, float]]:
-    """Servo model that the log of a run supports; that of `lifted` if no other is more probable.
-
-    The deviation from the expected motion is white noise, friction of each joint, and
-    the response to an unknown disturbance, a random walk of the command (`Lifted.surprise`). The
-    penalty, which describes the size of the disturbance, is estimated together with the servo.
-
-    Args:
-        set_points: Set-points of the run.
-        lifted: Response with the nominal servo.
-        error: Measured deviation from the expected motion at these times [rad], (n, dof).
-        variance: Variance of the white noise in them [rad²].
-        noise: Standard deviation of the measurement noise [rad], (dof,). Joints that move less
-            than MOVES times this, or than STILL, keep the nominal servo.
-        interval: Time between two samples of the log [s].
-
-    Returns:
-        The servo, and the RMS deviation of the joints from the motion with the nominal servo and
-        with this one, without friction and offsets [rad]; both 0 if it is the nominal servo.
-    """
+    """Servo model that the log of a run supports; that of `lifted` if no other is more probable."""
+    # The deviation from the expected motion is white noise, friction of each joint, and the
+    # response to an unknown disturbance, a random walk of the command (`Lifted.surprise`). The
+    # penalty, which describes the size of the disturbance, is estimated together with the servo.
+    # error (n, dof) [rad] with white noise of the variance `variance` [rad²]; noise (dof,):
+    # standard deviation of the measurement [rad]. Joints that move less than MOVES times this, or
+    # than STILL, keep the nominal servo. interval: time between samples of the log [s].
+    # Returns the servo, and the RMS deviation of the joints from the motion with the nominal servo
+    # and with this one, without friction and offsets [rad]; both 0 if it is the nominal servo.
     # More than two times per interval of the log give no further information.
     spans = STEP, min(interval / 2, STEP)
     steps = [max(int(x / lifted.step * (1 + 1e-9)), 1) for x in spans]
@@ -106,13 +96,12 @@ def fit_servo(
 
 
 class _ServoProblem:
-    """Residuals of a log, whitened by the nominal response, and their derivatives.
+    """Residuals of a log, whitened by the nominal response, and their derivatives."""
 
-    A joint obeys `q + b dq + c T = u + a du` with b = 1 / K_p, c = 1 / (K_p K_v), a = f / K_p and
-    T, its torque divided by its inertia. Parameters are, per joint, the changes of
-    `K_p b` and `K_p a` with the nominal K_p, friction, and, for order "second", the change of
-    `K_p K_v c`; and one change of all dead times. Offsets are part of the disturbance.
-    """
+    # A joint obeys `q + b dq + c T = u + a du` with b = 1 / K_p, c = 1 / (K_p K_v), a = f / K_p and
+    # T, its torque divided by its inertia. Parameters are, per joint, the changes of `K_p b` and
+    # `K_p a` with the nominal K_p, friction, and, for order "second", the change of `K_p K_v c`;
+    # and one change of all dead times. Offsets are part of the disturbance.
 
     def __init__(
         self,
@@ -133,9 +122,9 @@ class _ServoProblem:
         self.spread = np.append(each.ravel(), DELAY_PRIOR)
         self._last: tuple[FloatArray, Lifted, FloatArray, FloatArray] | None = None
 
-    def servo(self, x: FloatArray) -> ServoModel:
+    def servo(self, parameters: FloatArray) -> ServoModel:
         """The servo with these parameters."""
-        b, a, _, *c = x[:-1].reshape(-1, self.dof)
+        b, a, _, *c = parameters[:-1].reshape(-1, self.dof)
         nominal = self.nominal
         # A servo with acceleration feed-forward has velocity feed-forward, too.
         smallest = np.where(nominal.acceleration_feedforward > 0, LEAST_F, 0.0)
@@ -149,26 +138,28 @@ class _ServoProblem:
             kp=np.clip(nominal.kp / (1 + b), low, np.maximum(nominal.kp, high)),
             kv=kv,
             velocity_feedforward=np.clip(
-                (nominal.velocity_feedforward + a) / (1 + b), smallest, MOST_F
+                (nominal.velocity_feedforward + a) / (1 + b), smallest, MAX_F
             ),
-            dead_time=np.clip(nominal.dead_time + x[-1], 0.0, LONGEST_DEAD_TIME),
+            dead_time=np.clip(nominal.dead_time + parameters[-1], 0.0, LONGEST_DEAD_TIME),
         )
 
-    def response(self, x: FloatArray) -> tuple[Lifted, FloatArray, FloatArray]:
+    def response(self, parameters: FloatArray) -> tuple[Lifted, FloatArray, FloatArray]:
         """The response of the servo with these parameters, its motion, and that due to friction."""
-        if self._last is None or not np.array_equal(x, self._last[0]):
+        if self._last is None or not np.array_equal(parameters, self._last[0]):
             response = self.lifted
-            if x.any():
-                nominal = response.nominal._replace(servo=self.servo(x))
+            if parameters.any():
+                nominal = response.nominal._replace(servo=self.servo(parameters))
                 response = Lifted(self.set_points, nominal, response.t, near=response)
             expected = response.expected(self.set_points.q)
-            self._last = x.copy(), response, expected, self._friction(expected)
+            self._last = parameters.copy(), response, expected, self._friction(expected)
         return self._last[1:]
 
-    def unexplained(self, x: FloatArray) -> FloatArray:
+    def unexplained(self, parameters: FloatArray) -> FloatArray:
         """Deviations not explained by the parameters [rad], (n, dof)."""
-        _, expected, friction = self.response(x)
-        return np.asarray(self.measured - expected - friction * x[:-1].reshape(-1, self.dof)[2])
+        _, expected, friction = self.response(parameters)
+        return np.asarray(
+            self.measured - expected - friction * parameters[:-1].reshape(-1, self.dof)[2]
+        )
 
     def _friction(self, expected: FloatArray) -> FloatArray:
         speed = np.gradient(expected, self.lifted.step, axis=0)
@@ -183,14 +174,16 @@ class _ServoProblem:
         whitened = np.concatenate([error + response, jumps]).reshape(-1, error.shape[2])
         return np.asarray(whitened / self.deviation)
 
-    def residuals(self, x: FloatArray) -> FloatArray:
+    def residuals(self, parameters: FloatArray) -> FloatArray:
         """Whitened deviations, and parameters relative to their standard deviations."""
-        return np.append(self.whiten(self.unexplained(x)[:, :, None]), x / self.spread)
+        return np.append(
+            self.whiten(self.unexplained(parameters)[:, :, None]), parameters / self.spread
+        )
 
-    def derivatives(self, x: FloatArray) -> FloatArray:
+    def derivatives(self, parameters: FloatArray) -> FloatArray:
         """Derivatives of `residuals` by the parameters."""
         nominal, dof = self.nominal, self.dof
-        lifted, expected, friction = self.response(x)
+        lifted, expected, friction = self.response(parameters)
         rate, with_feedforward = lifted.rates(self.set_points.q)
         dq = np.gradient(expected, lifted.step, axis=0)
         causes = [-dq / nominal.kp, rate / nominal.kp]
@@ -209,38 +202,38 @@ class _ServoProblem:
         )
         return np.vstack([-self.whiten(parts), np.diag(1 / self.spread)])
 
-    def solve(self, x: FloatArray, steps: int) -> FloatArray:
+    def solve(self, parameters: FloatArray, steps: int) -> FloatArray:
         """The most probable parameters, searched from x by the Levenberg-Marquardt method."""
-        smallest, largest, free = 1 / MOST_FACTOR - 1, MOST_FACTOR - 1, np.inf
-        lower = np.repeat([smallest, 0.0, -free, smallest], self.dof)[: len(x) - 1]
+        smallest, largest, free = 1 / MAX_FACTOR - 1, MAX_FACTOR - 1, np.inf
+        lower = np.repeat([smallest, 0.0, -free, smallest], self.dof)[: len(parameters) - 1]
         lower[self.dof : 2 * self.dof] = -self.nominal.velocity_feedforward
-        upper = np.repeat([largest, MOST_FACTOR, free, largest], self.dof)[: len(x) - 1]
+        upper = np.repeat([largest, MAX_FACTOR, free, largest], self.dof)[: len(parameters) - 1]
         lower = np.append(lower, -self.nominal.dead_time.min()) - 1e-9
         upper = np.append(upper, LONGEST_DELAY) + 1e-9
-        residuals = self.residuals(x)
+        residuals = self.residuals(parameters)
         cost, damping = float(residuals @ residuals), DAMPING
         for _ in range(steps):
-            slope = self.derivatives(x)
+            slope = self.derivatives(parameters)
             square, down = slope.T @ slope, slope.T @ residuals
-            while damping < MOST_DAMPING:
+            while damping < MAX_DAMPING:
                 factor = np.linalg.cholesky(square + damping * np.diag(np.diag(square))).T
                 target = -np.linalg.solve(factor.T, down)
-                step = lsq_linear(factor, target, (lower - x, upper - x)).x
+                step = lsq_linear(factor, target, (lower - parameters, upper - parameters)).x
                 if -step @ (2 * down + square @ step) < SETTLED:
-                    return x
-                there = x + step
+                    return parameters
+                there = parameters + step
                 residuals = self.residuals(there)
                 trial_cost = float(residuals @ residuals)
                 if trial_cost < cost:
                     break
                 damping *= 10
             else:
-                return x
-            gained, x, cost, damping = cost - trial_cost, there, trial_cost, damping / 10
+                return parameters
+            gained, parameters, cost, damping = cost - trial_cost, there, trial_cost, damping / 10
             if gained < SETTLED:
-                return x
-        return x
+                return parameters
+        return parameters
 
-    def cost(self, x: FloatArray) -> float:
+    def cost(self, parameters: FloatArray) -> float:
         """-2 log likelihood, up to a constant."""
-        return float(np.sum(self.residuals(x) ** 2))
+        return float(np.sum(self.residuals(parameters) ** 2))

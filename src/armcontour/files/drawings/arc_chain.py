@@ -33,24 +33,17 @@ WIDE = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ArcChain:
-    """Lines and elliptical arcs, each of which starts at the end of the one before.
+    """Lines and elliptical arcs, each of which starts at the end of the one before."""
 
-    Arc i is `starts[i] + cosines[i] (cos t - 1) + sines[i] sin t` for t from 0 to `angles[i]`. A
-    line has the angle 0.
+    # Arc i is `starts[i] + cosines[i] (cos t - 1) + sines[i] sin t` for t from 0 to `angles[i]`. A
+    # line has the angle 0.
 
-    Args:
-        starts: Start points, (n, dimension).
-        ends: End points as the drawing gives them, not computed from the arcs, (n, dimension).
-        cosines: Vectors from the centres to the start points, (n, dimension).
-        sines: Conjugate semi-diameters of the ellipses, (n, dimension).
-        angles: Swept angles of the arcs [rad], (n,).
-    """
-
-    starts: FloatArray
+    starts: FloatArray  # Start points, (n, dimension)
+    # End points as the drawing gives them, not computed from the arcs, (n, dimension).
     ends: FloatArray
-    cosines: FloatArray
-    sines: FloatArray
-    angles: FloatArray
+    cosines: FloatArray  # Vectors from the centres to the start points, (n, dimension)
+    sines: FloatArray  # Conjugate semi-diameters of the ellipses, (n, dimension)
+    angles: FloatArray  # Swept angles of the arcs [rad], (n,)
 
     @classmethod
     def straight(cls, points: FloatArray) -> ArcChain:
@@ -73,15 +66,7 @@ class ArcChain:
         angle: float,
         ends: FloatArray | None = None,
     ) -> ArcChain:
-        """The chain of one arc around a centre.
-
-        Args:
-            centre: Centre of the ellipse, (dimension,).
-            cosine: Vector from the centre to the start, (dimension,).
-            sine: Conjugate semi-diameter, (dimension,).
-            angle: Swept angle [rad].
-            ends: Start and end point, (2, dimension); by default computed from the arc.
-        """
+        """The chain of one arc; `sine` is the conjugate semi-diameter of `cosine`."""
         if ends is None:
             start = centre + cosine
             end = centre + np.cos(angle) * cosine + np.sin(angle) * sine
@@ -156,14 +141,7 @@ class ArcChain:
         return np.concatenate(points)
 
     def to_segments(self, tolerance: float) -> Segments | None:
-        """Segments of the chain: lines and circular arcs as drawn, other arcs by tangent arcs.
-
-        Args:
-            tolerance: Largest distance between an elliptical arc and its tangent arcs [m].
-
-        Returns:
-            The segments; None if the chain has no length.
-        """
+        """Lines and circular arcs as drawn, others as tangent arcs; None without length."""
         chain = self._without_points()
         if not len(chain.angles):
             return None
@@ -243,11 +221,9 @@ class ArcChain:
         return fit_arcs(curve, np.append(i + k / quarters[i], n), tolerance)
 
     def _as_drawn(self) -> Segments:
-        """Segments of lines and circular arcs, which need not meet.
-
-        An arc is drawn by its radius; if it would miss its end point, it is drawn through both end
-        points with its swept angle.
-        """
+        """Segments of lines and circular arcs, which need not meet."""
+        # An arc is drawn by its radius; if it would miss its end point, it is drawn through both
+        # end points with its swept angle.
         arc = self.angles > 0
         chords = self.ends - self.starts
         sizes = np.linalg.norm(chords, axis=1)
@@ -285,15 +261,7 @@ class ArcChain:
 
 
 def draw_plain(chains: Sequence[ArcChain], tolerance: float) -> list[Segments | None]:
-    """Segments of chains that consist of lines and circular arcs, computed in one step.
-
-    Args:
-        chains: The chains, which need not meet.
-        tolerance: As in `ArcChain.to_segments` [m].
-
-    Returns:
-        The result of `ArcChain.to_segments`; None for chains with other curves.
-    """
+    """`ArcChain.to_segments` of many chains in one step; None for chains with other curves."""
     tables: list[Segments | None] = [None] * len(chains)
     count = np.array([len(x.angles) for x in chains], dtype=np.intp)
     if not count.any():

@@ -69,7 +69,7 @@ UNITS = {
 # malicious.
 DEEPEST = 50
 EXPLODE = "explode it into lines and arcs in the CAD program"
-MOST_COPIES = 200_000
+MAX_COPIES = 200_000
 OFF, FROZEN = "off", "frozen"
 # Reasons for omitted entities.
 HIDDEN = "Skipped on layers that are off or frozen"
@@ -105,12 +105,10 @@ ADDRESS = re.compile(r"\(#\d+\)")
 def read_dxf(
     data: bytes, *, source: str, options: ReadOptions, progress: Progress | None = None
 ) -> Program:
-    """Read the contours of a DXF drawing.
-
-    Lines and arcs are kept; ellipses and splines become arcs within the chord tolerance. If all
-    points have z = 0, the program is in the plane, otherwise in space. A contour is named after
-    the handle of its first entity; in a block, the handle of the INSERT comes before.
-    """
+    """Read the contours of a DXF drawing."""
+    # Lines and arcs are kept; ellipses and splines become arcs within the chord tolerance. If all
+    # points have z = 0, the program is in the plane, otherwise in space. A contour is named after
+    # the handle of its first entity; in a block, the handle of the INSERT comes before.
     with silence_log(), np.errstate(all="ignore"):
         document, notes = open_document(data, source, skip=options.skips)
         walk = DxfWalk(document, partial(line_of_handle, data), source, options, progress)
@@ -158,15 +156,7 @@ def _flattened(entities: list[EntityOutlines], source: str) -> list[EntityOutlin
 
 
 class DxfWalk(Walk):
-    """Traversal of a document's entities, which records the entities that it omits.
-
-    Args:
-        document: ezdxf's document.
-        line_of: Returns the line of a handle in the file as text, such as " in line 12".
-        source: Name of the file.
-        options: Settings of the reader.
-        progress: Called from time to time with the share of the file that is read.
-    """
+    """Traversal of a document's entities, which records the entities that it omits."""
 
     part = " in its model space"
 
@@ -195,11 +185,7 @@ class DxfWalk(Walk):
         return f"has no contour on the layer {requested}: it has entities on {layers}"
 
     def shapes(self, unit: float) -> Iterator[EntityOutlines]:
-        """Yield the shapes of all entities of the model space, in the order of the document.
-
-        Args:
-            unit: Length of the drawing's unit [m].
-        """
+        """Yield the shapes of all entities of the model space, in the order of the document."""
         try:
             for layer in self.document.layers:
                 state = FROZEN if layer.is_frozen() else OFF if layer.is_off() else ""
@@ -251,7 +237,9 @@ class DxfWalk(Walk):
         if kind == "MLINE":
             for k, part in enumerate(entity.virtual_entities()):
                 yield from self._shape(part, kind, f"{name}[{k + 1}]", layer, block)
-        elif kind in SHAPES and not _is_mesh(entity):
+        elif kind in SHAPES and not (
+            kind == "POLYLINE" and not (entity.is_2d_polyline or entity.is_3d_polyline)
+        ):
             yield from self._shape(entity, kind, name, layer, block)
         elif kind == "TEXT" and self.texts:
             self.leave_out(THROUGH_FONT, kind)
@@ -319,8 +307,8 @@ class DxfWalk(Walk):
             raise Unreadable(f"places the block {called!r} in itself")
         if not block.inside:
             self._copies += self._copies_of(entity)
-            if self._copies > MOST_COPIES:
-                raise Unreadable(f"raises the number of copies of entities above {MOST_COPIES}")
+            if self._copies > MAX_COPIES:
+                raise Unreadable(f"raises the number of copies of entities above {MAX_COPIES}")
         base = np.array(tuple(content.block.dxf.base_point), dtype=np.float64)
         affine, offsets = insert_transforms(entity, base)
         columns = insert_grid(entity)[1]
@@ -405,17 +393,8 @@ def _color_names(entity: Any, number: int) -> frozenset[str]:
     return frozenset({str(number), hex_of(*aci2rgb(number))})
 
 
-def _is_mesh(entity: Any) -> bool:
-    """True if a POLYLINE is a mesh and not a curve."""
-    return entity.dxftype() == "POLYLINE" and not (entity.is_2d_polyline or entity.is_3d_polyline)
-
-
 def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[str]]:
-    """Open the document in a DXF file.
-
-    Returns:
-        ezdxf's document, and a sentence on the damage if the file had to be repaired.
-    """
+    """The document in a DXF file, and a sentence on the damage if ezdxf had to repair it."""
     try:
         import ezdxf  # noqa: F401
     except ImportError:
@@ -428,13 +407,18 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
     sections = data.startswith(BINARY) or b"SECTION" in data
     raise_if(not sections, f"{source} is no DXF file: it has no section.")
     # A broken file makes ezdxf raise exceptions of any class.
-    notes = [] if _has_end(data) else [CUT_OFF]
+    # The last line of an ASCII file is its end mark.
+    is_whole = data.startswith(BINARY) or data.rstrip(b"\0\x1a \t\r\n").endswith(b"EOF")
+    notes = [] if is_whole else [CUT_OFF]
     try:
         return _read(data), notes
     except Exception as error:
         first = error
     try:
-        document, changes = _repair(data)
+        from ezdxf import recover
+
+        document, auditor = recover.read(io.BytesIO(data))
+        changes = len(auditor.errors) + len(auditor.fixes)
         if notes and not changes:
             # The remaining part of a truncated file is intact.
             return document, notes
@@ -464,11 +448,6 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
     ]
 
 
-def _has_end(data: bytes) -> bool:
-    """True if the last line of an ASCII file is its end mark."""
-    return data.startswith(BINARY) or data.rstrip(b"\0\x1a \t\r\n").endswith(b"EOF")
-
-
 def _read(data: bytes) -> Any:
     """Ezdxf's document of an intact file."""
     from ezdxf.document import Drawing
@@ -490,14 +469,6 @@ def _reason(error: Exception) -> str:
     if isinstance(error, DXFError):
         return f"{ADDRESS.sub('', error_line(error))}."
     return "its structure is damaged. Open it in a CAD program, and save it again."
-
-
-def _repair(data: bytes) -> tuple[Any, int]:
-    """Ezdxf's document of a damaged file, and the number of repairs."""
-    from ezdxf import recover
-
-    document, auditor = recover.read(io.BytesIO(data))
-    return document, len(auditor.errors) + len(auditor.fixes)
 
 
 def _without_broken(data: bytes) -> tuple[bytes, list[str]]:

@@ -15,7 +15,7 @@ from armcontour.files.drawings.walk import Clip
 # An arc with a smaller swept angle [rad] is a full circle with rounded angles.
 NO_SWEEP = 1e-8
 HIGHEST_DEGREE = 25
-MOST_POINTS = 100_000
+MAX_POINTS = 100_000
 # Flag of a polyline's vertex that is not drawn: a control point of a spline's frame.
 FRAME_POINT = 16
 # Flag of a closed spline.
@@ -122,10 +122,8 @@ def _polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> Shape
 
 
 def _bulge_polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> ArcChain:
-    """Lines and arcs of an open polyline with bulges.
-
-    A bulge is the tangent of a quarter of the arc's swept angle.
-    """
+    """Lines and arcs of an open polyline with bulges."""
+    # A bulge is the tangent of a quarter of the arc's swept angle.
     chord = np.diff(points, axis=0)
     bent = (np.abs(bulges) > NO_BULGE) & (np.abs(chord).max(axis=1, initial=0.0) > 0)
     b = np.where(bent, bulges, 1.0)[:, None]
@@ -206,9 +204,9 @@ def _scale_ends(ends: Any, by: float) -> Any:
 
 
 def _check_point_count(n: int) -> None:
-    """Check that a spline has at most `MOST_POINTS` points."""
-    if n > MOST_POINTS:
-        raise Unreadable(f"has {n} points, more than the {MOST_POINTS} that are read")
+    """Check that a spline has at most `MAX_POINTS` points."""
+    if n > MAX_POINTS:
+        raise Unreadable(f"has {n} points, more than the {MAX_POINTS} that are read")
 
 
 # Attributes that the DXF format requires, and for which ezdxf has default values.
@@ -271,15 +269,7 @@ def insert_grid(entity: Any) -> tuple[int, int]:
 
 
 def insert_transforms(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray]:
-    """The affine map by which an INSERT places a block, and the offsets of its copies.
-
-    Args:
-        entity: The INSERT.
-        base: Base point of the block, (3,).
-
-    Returns:
-        The map of the first copy, and the offsets of all copies from the first, (n, 3).
-    """
+    """Affine map of the first copy of an INSERT, and the offsets of all copies from it, (n, 3)."""
     dxf = entity.dxf
     axes = plane_axes(dxf.extrusion)
     turn = np.radians(float(_numbers("rotation", dxf.rotation)))

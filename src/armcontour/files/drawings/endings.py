@@ -16,11 +16,7 @@ READERS = {
 
 
 def find_reader(file: str | FilePath) -> tuple[FilePath, str]:
-    """The path and the extension of a file that has a reader.
-
-    Raises:
-        InvalidInput: The argument is not the path of a file, or no reader has the extension.
-    """
+    """The path and the extension of a file that has a reader."""
     if not isinstance(file, str | FilePath):
         raise InvalidInput(f"read_path needs the path of a file, not {type(file).__name__}.")
     location = FilePath(file)

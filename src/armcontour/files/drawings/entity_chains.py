@@ -24,7 +24,7 @@ NO_GAP = 0.5 * REPEATED_POINT
 # Ends closer than this fraction of the tolerance touch.
 TOUCHING = 0.01
 # Number of candidates for joining to an end: those with the smallest turns, or the nearest ones.
-MOST_CANDIDATES = 8
+MAX_CANDIDATES = 8
 # Turns that differ by less than this [rad] are equal: then the order of the pieces decides.
 SAME_TURN = 1e-6
 # Added distance between ends on different layers [m], larger than any tolerance.
@@ -33,19 +33,12 @@ LAYERS_APART = 1e9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DrawnEntity:
-    """One entity of a drawing.
-
-    Args:
-        path: Path of the entity.
-        name: Name of the entity in the drawing.
-        layer: Layer of the entity.
-        apart: A number; pieces with different numbers are never chained.
-    """
+    """One entity of a drawing."""
 
     path: Path
-    name: str
+    name: str  # Name of the entity in the drawing
     layer: str
-    apart: int = 0
+    apart: int = 0  # A number; pieces with different numbers are never chained
 
 
 def chain_pieces(
@@ -62,17 +55,13 @@ def chain_pieces(
 
     Pieces that lie exactly on others of their layer are omitted, and so are open contours shorter
     than the tolerance, whose ends are one point.
-
-    Args:
-        pieces: Pieces without orientation, all in the plane or all in space.
-        tolerance: Ends closer than this are one point [m].
-
-    Returns:
-        The contours, and sentences on the pieces that were omitted.
     """
     if not pieces:
         return [], []
-    table = EntitySegments.from_paths([x.path for x in pieces])
+    table = EntitySegments(
+        segments=Segments.join([x.path.segments for x in pieces]),
+        first=np.concatenate([[0], np.cumsum([len(x.path) for x in pieces])]),
+    )
     layers = _layer_numbers(pieces)
     repeated = _find_repeated(pieces, table, layers)
     lengths = table.lengths
@@ -175,22 +164,11 @@ def _notes(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EntitySegments:
-    """The segments of all pieces in sequence.
-
-    Args:
-        segments: The segments.
-        first: Index of the first segment of each piece, then the number of segments,
-            (pieces + 1,).
-    """
+    """The segments of all pieces in sequence."""
 
     segments: Segments
+    # Index of the first segment of each piece, then the number of segments, (pieces + 1,).
     first: IntArray
-
-    @classmethod
-    def from_paths(cls, paths: Sequence[Path]) -> EntitySegments:
-        """The table of the segments of paths, one piece per path."""
-        first = np.concatenate([[0], np.cumsum([len(path) for path in paths])])
-        return cls(segments=Segments.join([path.segments for path in paths]), first=first)
 
     @property
     def starts(self) -> FloatArray:
@@ -226,13 +204,8 @@ class EntitySegments:
         return self.segments.evaluate(i, np.clip(half - breaks[i], 0.0, self.segments.lengths[i]))
 
     def join(self, entries: Sequence[int], closed: bool, tolerance: float) -> Path:
-        """The path through pieces in the given order, with the gaps between them closed.
-
-        Args:
-            entries: For each piece 2 i if piece i is followed forwards, 2 i + 1 if backwards.
-            closed: Whether the last piece joins the first one.
-            tolerance: Largest displacement of a point [m].
-        """
+        """The path through pieces in a given order, with the gaps between them closed."""
+        # Entry 2 i is piece i forwards, 2 i + 1 piece i backwards.
         entered = np.asarray(entries, dtype=np.intp)
         piece, backwards = entered // 2, entered % 2 == 1
         count = self.first[piece + 1] - self.first[piece]
@@ -251,11 +224,9 @@ class EntitySegments:
 
 
 def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance: float) -> Segments:
-    """Close gaps between segments: both neighbours are moved to the middle of the gap.
-
-    An arc that would move by more than the tolerance stays; lines connect it to the middle of the
-    gap.
-    """
+    """Close gaps between segments: both neighbours are moved to the middle of the gap."""
+    # An arc that would move by more than the tolerance stays; lines connect it to the middle of the
+    # gap.
     to_start, to_end = rows.starts.copy(), ends.copy()
     middle = (ends[vertices - 1] + rows.starts[vertices]) / 2
     to_start[vertices] = to_end[vertices - 1] = middle
@@ -333,35 +304,20 @@ def _stretch(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EntityEnds:
-    """The two ends of every piece: end 2 i is the start of piece i, end 2 i + 1 its last point.
+    """The two ends of every piece: end 2 i is the start of piece i, end 2 i + 1 its last point."""
 
-    Args:
-        points: Points of the ends [m], (2 n, dimension).
-        inwards: Unit tangents at the ends that point into the piece, same shape.
-        layers: Number of the layer of each end, (2 n,).
-        lengths: Lengths of the pieces [m], (n,).
-        closed: Whether both ends of a piece are one point, (n,).
-        free: Whether an end may be joined, (2 n,).
-    """
-
-    points: FloatArray
-    inwards: FloatArray
-    layers: IntArray
-    lengths: FloatArray
-    closed: BoolArray
-    free: BoolArray
+    points: FloatArray  # Points of the ends [m], (2 n, dimension)
+    inwards: FloatArray  # Unit tangents at the ends that point into the piece, same shape
+    layers: IntArray  # Number of the layer of each end, (2 n,)
+    lengths: FloatArray  # Lengths of the pieces [m], (n,)
+    closed: BoolArray  # Whether both ends of a piece are one point, (n,)
+    free: BoolArray  # Whether an end may be joined, (2 n,)
 
     @classmethod
     def from_segments(
         cls, pieces: EntitySegments, layers: IntArray, left_out: BoolArray
     ) -> EntityEnds:
-        """The ends of the pieces.
-
-        Args:
-            pieces: The pieces.
-            layers: Number of the layer of each piece, (n,).
-            left_out: Pieces whose ends are never joined, (n,).
-        """
+        """The ends of the pieces."""
 
         def both(a: FloatArray, b: FloatArray) -> FloatArray:
             return np.stack([a, b], axis=1).reshape(-1, a.shape[1])
@@ -379,14 +335,8 @@ class EntityEnds:
 
 
 def find_partners(ends: EntityEnds, tolerance: float) -> IntArray:
-    """The end to which each end is joined, (2 n,); -1 if it stays free.
-
-    Ends at the same point are joined first, then ends that touch, then ends with a gap.
-
-    Args:
-        ends: Ends of all pieces.
-        tolerance: Ends closer than this may be joined [m].
-    """
+    """The end to which each end is joined, (2 n,); -1 if it stays free."""
+    # Ends at the same point are joined first, then ends that touch, then ends with a gap.
     partner = np.full(len(ends.points), -1, dtype=np.intp)
     for near in (REPEATED_POINT, TOUCHING * tolerance, tolerance):
         free = np.flatnonzero(ends.free & (partner < 0))
@@ -434,14 +384,14 @@ def _smallest_turns(vertex: IntArray, inwards: FloatArray) -> tuple[IntArray, In
     # Tangents differ by at most 2 and the coordinates of two vertices by at least 4, so a
     # neighbour within 3 is at the same vertex.
     points, opposite = (np.column_stack([4.0 * vertex, x]) for x in (inwards, -inwards))
-    count = min(MOST_CANDIDATES + 1, len(vertex))
+    count = min(MAX_CANDIDATES + 1, len(vertex))
     return _drop_missing(nearest_points(opposite, points, count, 3.0), len(vertex))
 
 
 def _near(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
     """Pairs of ends that are close to each other, the nearest ones of each end, (m, 2)."""
     points = np.column_stack([ends.layers[free] * LAYERS_APART, ends.points[free]])
-    count = min(MOST_CANDIDATES + 1, len(free))
+    count = min(MAX_CANDIDATES + 1, len(free))
     return _pairs(free, *_drop_missing(nearest_points(points, points, count, near), len(free)))
 
 

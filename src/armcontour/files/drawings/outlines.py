@@ -27,15 +27,11 @@ SAME = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BezierSpline:
-    """Rational Bézier curves of one degree in sequence, each from the end of the one before.
+    """Rational Bézier curves of one degree in sequence, each from the end of the one before."""
 
-    Args:
-        points: Control points; neighbouring curves share one, (curves * degree + 1, dimension).
-        weights: Weights of the control points, same length; None if all are equal.
-        degree: Degree of the curves.
-    """
-
+    # Control points; neighbouring curves share one, (curves * degree + 1, dimension).
     points: FloatArray
+    # Weights of the control points, same length; None if all are equal.
     weights: FloatArray | None = None
     degree: int = 3
 
@@ -43,14 +39,9 @@ class BezierSpline:
     def from_knots(
         cls, points: FloatArray, weights: FloatArray, knots: FloatArray, degree: int
     ) -> BezierSpline | None:
-        """The Bézier curves of a rational B-spline; None if it has a gap.
-
-        Args:
-            points: Control points, (n, dimension).
-            weights: Weights of the control points, above zero, (n,).
-            knots: Ascending knots, the middle ones not all equal, (n + degree + 1,).
-            degree: Degree of the polynomials.
-        """
+        """The Bézier curves of a rational B-spline; None if it has a gap."""
+        # Weights are above zero, (n,); knots ascend, and the middle ones are not all equal, (n +
+        # degree + 1,).
         weights = weights / weights.max()
         whole = np.column_stack([weights[:, None] * points, weights])
         parts = _bezier_points(whole, knots, degree)
@@ -107,11 +98,9 @@ class BezierSpline:
 
 
 def _bezier_points(points: FloatArray, knots: FloatArray, degree: int) -> FloatArray:
-    """Control points of the Bézier curves of a B-spline, (curves, degree + 1, dimension).
-
-    They are the values of the curves' polar forms at the ends of their knot intervals (de Boor's
-    algorithm with another parameter in each step).
-    """
+    """Control points of the Bézier curves of a B-spline, (curves, degree + 1, dimension)."""
+    # They are the values of the curves' polar forms at the ends of their knot intervals (de Boor's
+    # algorithm with another parameter in each step).
     n = len(points)
     k = degree + np.flatnonzero(np.diff(knots[degree : n + 1]) > 0)
     a, b = knots[k], knots[k + 1]
@@ -121,8 +110,8 @@ def _bezier_points(points: FloatArray, knots: FloatArray, degree: int) -> FloatA
         for r in range(1, degree + 1):
             i = k[:, None] + np.arange(r - degree, 1)
             low, high = knots[i], knots[i + degree + 1 - r]
-            x = (b if r <= j else a)[:, None]
-            fraction = ((x - low) / (high - low))[..., None]
+            parameter = (b if r <= j else a)[:, None]
+            fraction = ((parameter - low) / (high - low))[..., None]
             p = (1 - fraction) * p[:, :-1] + fraction * p[:, 1:]
         controls[:, j] = p[:, 0]
     return controls
@@ -131,12 +120,7 @@ def _bezier_points(points: FloatArray, knots: FloatArray, degree: int) -> FloatA
 def fit_splines(
     splines: Sequence[BezierSpline], tolerance: float
 ) -> Iterator[tuple[int, Segments]]:
-    """Yield the number of each spline and tangent arcs within a tolerance [m] of it.
-
-    Args:
-        splines: Splines that have a length.
-        tolerance: Largest distance between a spline and its arcs [m].
-    """
+    """Yield the number of each spline, and tangent arcs within a tolerance [m] of it."""
     alike: dict[tuple[int, bool, int], list[int]] = defaultdict(list)
     for i, spline in enumerate(splines):
         alike[spline.degree, spline.weights is None, spline.points.shape[1]].append(i)
@@ -165,11 +149,7 @@ def _fit_alike(
 
 
 class _Table:
-    """Splines of one degree as curves for `fit_many`; curve k of each has the parameters k to k+1.
-
-    Args:
-        splines: The splines, all with weights or all without.
-    """
+    """Splines of one degree as curves for `fit_many`; curve k has the parameters k to k + 1."""
 
     def __init__(self, splines: Sequence[BezierSpline]) -> None:
         self.degree = splines[0].degree
@@ -227,15 +207,10 @@ Shape = ArcChain | BezierSpline
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
-    """Shapes in sequence.
+    """Shapes in sequence."""
 
-    Args:
-        shapes: The shapes, each of which starts at the end of the one before.
-        closed: Whether the last shape must end where the first one starts.
-    """
-
-    shapes: Sequence[Shape]
-    closed: bool = False
+    shapes: Sequence[Shape]  # The shapes, each of which starts at the end of the one before
+    closed: bool = False  # Whether the last shape must end where the first one starts
 
     def place(self, to: Affine) -> Outline:
         """The image of the outline under an affine map."""
@@ -247,12 +222,7 @@ class Outline:
         return np.concatenate([x.reach for x in self.shapes])
 
     def parts(self, tolerance: float, join: float) -> list[Segments | BezierSpline]:
-        """Segments of its chains, and its splines, each from the end of the part before.
-
-        Args:
-            tolerance: As in `paths_of` [m].
-            join: As in `paths_of` [m].
-        """
+        """Segments of its chains, and its splines, each from the end of the part before."""
         parts: list[Segments | BezierSpline] = []
         for shape in self.closed_up(join):
             moved = shape
@@ -272,11 +242,7 @@ class Outline:
         return parts
 
     def closed_up(self, join: float) -> Sequence[Shape]:
-        """The shapes, of a closed outline with its gap closed: by moving the end, or by a line.
-
-        Args:
-            join: As in `paths_of` [m].
-        """
+        """The shapes, of a closed outline with its gap closed: by moving the end, or by a line."""
         if not self.closed:
             return self.shapes
         *others, last = self.shapes
@@ -295,16 +261,9 @@ def paths_of(
     join: float = 0.0,
     tell: Callable[[float], None] = lambda done: None,
 ) -> list[Path | None]:
-    """The paths of outlines; None for an outline that has no length.
-
-    Lines stay lines, and arcs of circles arcs; other curves become tangent arcs.
-
-    Args:
-        outlines: The outlines. The curves of all of them are fitted together, which is faster.
-        tolerance: Largest distance between a curve and its arcs [m].
-        join: Largest gap of a closed outline that is closed by moving its end [m].
-        tell: Called from time to time with the fraction that is done.
-    """
+    """The paths of outlines, in one fit, which is faster; None for an outline without length."""
+    # Lines stay lines, and arcs of circles arcs; other curves become tangent arcs within
+    # `tolerance`. A gap of a closed outline up to `join` is closed by moving its end.
     plain = _draw_plain(outlines, tolerance, join)
     parts: list[list[Segments | BezierSpline]] = []
     for i, outline in enumerate(outlines):

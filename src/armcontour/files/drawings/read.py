@@ -49,6 +49,10 @@ def read_path(
     Lines and arcs are kept, other curves become tangent arcs. The path of a program with one
     contour is `program.path`.
 
+    >>> program = ac.read_path("part.csv", frame=ac.Frame((0.0, 0.1, 0.0)))
+    >>> len(program.contours)
+    1
+
     Args:
         file: The file; the extension decides how it is read.
         options: How to read it, such as ReadOptions(units="mm", layers=["CUT"]).
@@ -88,7 +92,7 @@ def read_path(
             "give `units: mm` or --units mm."
         )
         program = replace(program, notes=(*program.notes, note))
-    if options.flat:
+    if options.ignore_z:
         program = program.without_z()
     if options.continuity == "curvature":
         tolerance = options.chord_tolerance - options.fit_tolerance

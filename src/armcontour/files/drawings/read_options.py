@@ -85,11 +85,10 @@ def fraction_reporter(progress: Progress | None, source: str) -> Tell:
 
 @dataclass(slots=True)
 class Labels:
-    """Converts names of entities and layers to names that contours can have.
+    """Converts names of entities and layers to names that contours can have."""
 
-    A name that is too long is cut, and characters that are not printable become escapes: some CAD
-    programs write such names, and the user cannot change them. Different names stay different.
-    """
+    # A name that is too long is cut, and characters that are not printable become escapes: some CAD
+    # programs write such names, and the user cannot change them. Different names stay different.
 
     _changed: dict[str, str] = field(default_factory=dict)
     _alike: Counter[str] = field(default_factory=Counter)
@@ -143,7 +142,7 @@ def hex_of(red: int, green: int, blue: int) -> str:
 # two points. Such a drawing has a wrong unit.
 FARTHEST = 1e6
 # Largest number of a tool: tables have some hundred, and G-code eight digits at most.
-MOST_TOOLS = 99_999_999
+MAX_TOOLS = 99_999_999
 UNKNOWN = ("refuse", "skip")
 TEXTS = ("leave_out", "contours")
 # Share of the chord tolerance that arcs take where transitions between them take the rest.
@@ -157,6 +156,10 @@ WORD = re.compile(r"[GM]\d{1,4}(\.\d)?|[ABCDEHLPQSTUVW]")
 class ReadOptions(Checked):
     """Options for reading a drawing, G-code or a table of waypoints.
 
+    >>> options = ac.ReadOptions(units="mm", layers=["CUT"])
+    >>> options.units
+    'mm'
+
     Args:
         units: Unit of the file's lengths, such as "mm", or its length in metres; replaces the unit
             that a drawing gives. None takes that unit. A table column with its own
@@ -168,7 +171,7 @@ class ReadOptions(Checked):
             12" (G-code).
         colors: Colours of DXF entities, or of strokes in SVG, to read: names, "#rrggbb", and for
             DXF also AutoCAD's numbers.
-        flat: Whether to remove z and the tool orientation of the file.
+        ignore_z: Whether to remove z and the tool orientation of the file.
         chord_tolerance: Largest distance between a curve and the arcs that replace it [m].
         join_tolerance: Distance below which two ends are one point [m].
         mend_vertices: Largest rounding error of coordinates [m]: vertices whose turn such an error
@@ -198,7 +201,7 @@ class ReadOptions(Checked):
     layers: Annotated[Sequence[str] | Mapping[str, SegmentLimits] | None, About("--layer")] = None
     names: Annotated[Sequence[str] | None, About("--contour")] = None
     colors: Annotated[Sequence[str | int] | None, About("--color")] = None
-    flat: Annotated[bool, About("--flat")] = False
+    ignore_z: Annotated[bool, About("--ignore-z")] = False
     chord_tolerance: Tolerance = 1e-5
     join_tolerance: Tolerance = 1e-5
     mend_vertices: Distance = 2e-6
@@ -212,7 +215,12 @@ class ReadOptions(Checked):
     texts: Annotated[str, Choice(TEXTS), About("--texts")] = "leave_out"
     tools: Annotated[
         Mapping[int, Length] | None,
-        About("--tool", "G-code", "Number and diameter of a tool, for G41: '1: 3 mm'.", "to_tools"),
+        About(
+            "--tool-diameter",
+            "G-code",
+            "Number and diameter of a tool, for G41: '1: 3 mm'.",
+            "to_tools",
+        ),
     ] = None
     continuity: Continuity = "tangent"
 
@@ -291,16 +299,14 @@ class ReadOptions(Checked):
     def unscaled_tools(self) -> dict[int, float]:
         """Diameters of tools by their numbers, in metres of the file before it is scaled."""
         return {
-            checks.check_int("number of a tool", number, 0, MOST_TOOLS): diameter / self.scale
+            checks.check_int("number of a tool", number, 0, MAX_TOOLS): diameter / self.scale
             for number, diameter in (self.tools or {}).items()
         }
 
 
 def repair_vertices(program: Program, options: ReadOptions) -> Program:
-    """The program with vertices made tangent that rounded coordinates can have bent.
-
-    Contours with a tool orientation stay.
-    """
+    """The program with vertices made tangent that rounded coordinates can have bent."""
+    # Contours with a tool orientation stay.
     moves: list[Move] = list(program.moves)
     tolerances, changed = options.layer_tolerances, []
     for i, move in enumerate(moves):

@@ -85,9 +85,9 @@ NOTHING = ("", "none", "inherit", "initial", "unset")
 _URL = re.compile(r"url\(\s*['\"]?#([^'\")]+)['\"]?\s*\)")
 HIDDEN = "Skipped because hidden"
 # Largest number of segments, a curve counted as one; no drawing of contours has more.
-MOST_SEGMENTS = 500_000
+MAX_SEGMENTS = 500_000
 # Largest number of elements drawn by reference; a file with more is malicious.
-MOST_REPEATED = 100_000
+MAX_REPEATED = 100_000
 # Largest depth of references in references.
 DEEPEST_USE = 50
 
@@ -180,31 +180,17 @@ def _up(height: float, unit: float) -> Affine:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _SvgInherited(Inherited):
-    """The properties that an element inherits from the elements around it.
+    """The properties that an element inherits from the elements around it."""
 
-    Args:
-        view: Viewport in the element's coordinates; None if it is not known.
-        inkscape: Whether the layer is one of Inkscape.
-        hidden: Whether the element is hidden.
-        used_by: The use element that refers directly to this element.
-        font: Size of the font in user units.
-    """
-
-    view: ViewBox | None
-    inkscape: bool = False
-    hidden: bool = False
-    used_by: Element | None = None
-    font: float = FONT
+    view: ViewBox | None  # Viewport in the element's coordinates; None if it is not known
+    inkscape: bool = False  # Whether the layer is one of Inkscape
+    hidden: bool = False  # Whether the element is hidden
+    used_by: Element | None = None  # The use element that refers directly to this element
+    font: float = FONT  # Size of the font in user units
 
 
 class SvgWalk(Walk):
-    """Traversal of a drawing's elements, which records the elements that it omits.
-
-    Args:
-        root: The outermost element.
-        options: Settings of the reader.
-        progress: Called from time to time with the share of the file that is read.
-    """
+    """Traversal of a drawing's elements, which records the elements that it omits."""
 
     apart = True
 
@@ -234,8 +220,8 @@ class SvgWalk(Walk):
             visited += 1
             self.tell(WALKED * min(visited / len(self._all), 1.0))
             self._repeated += bool(around.inside)
-            if self._repeated > MOST_REPEATED:
-                element.refuse(f"use repeats more than {MOST_REPEATED} elements by here")
+            if self._repeated > MAX_REPEATED:
+                element.refuse(f"use repeats more than {MAX_REPEATED} elements by here")
             if element.tag in SHAPES:
                 counts[element.tag] += 1
             inner = self._enter(element, around)
@@ -254,9 +240,9 @@ class SvgWalk(Walk):
 
         def spend(segments: int) -> None:
             self._segments += segments
-            if self._segments > MOST_SEGMENTS:
+            if self._segments > MAX_SEGMENTS:
                 element.refuse(
-                    f"the drawing has more than {MOST_SEGMENTS} segments by here: split it"
+                    f"the drawing has more than {MAX_SEGMENTS} segments by here: split it"
                 )
 
         outlines = []
@@ -429,11 +415,9 @@ class SvgWalk(Walk):
 
 
 def _extent(element: Element, user: Element | None, key: str, whole: float | None) -> float | None:
-    """Width or height of a viewport; None if it is not known.
-
-    The value is taken from the use element, else from the element, else it is that of the outer
-    viewport.
-    """
+    """Width or height of a viewport; None if it is not known."""
+    # The value is taken from the use element, else from the element, else it is that of the outer
+    # viewport.
     for source in (user, element):
         if source is not None and source.get(key) not in ("", "auto"):
             return length_of(source, key)
@@ -441,10 +425,8 @@ def _extent(element: Element, user: Element | None, key: str, whole: float | Non
 
 
 def _layer(element: Element, around: _SvgInherited) -> _SvgInherited:
-    """The inherited properties with the layer of a group.
-
-    A layer is a layer of Inkscape, or else the innermost group with a name.
-    """
+    """The inherited properties with the layer of a group."""
+    # A layer is a layer of Inkscape, or else the innermost group with a name.
     if element.tag != "g":
         return around
     name = element.get("inkscape:label") or element.get("id")

@@ -24,29 +24,22 @@ PREFIXES = {
     SVG: "",
 }
 # Largest number of elements; no drawing of contours has more.
-MOST_ELEMENTS = 500_000
+MAX_ELEMENTS = 500_000
 # Largest number of characters that entities may add to a file; namespaces need some thousand.
-MOST_EXPANDED = 1_000_000
+MAX_EXPANDED = 1_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Element:
-    """An element of an SVG file.
+    """An element of an SVG file."""
 
-    Args:
-        tag: Name of the element without a namespace; "" if it belongs to another namespace.
-        attributes: Attributes by name, those of the namespaces in `PREFIXES` with their prefix.
-        source: Name of the file.
-        line: Line of the file in which the element starts.
-        children: Elements in this element.
-        text: Parts of the element's text; stored for style sheets only.
-    """
-
-    tag: str
+    tag: str  # Name of the element without a namespace; "" if it belongs to another namespace
+    # Attributes by name, those of the namespaces in `PREFIXES` with their prefix.
     attributes: Mapping[str, str]
     source: str
-    line: int
+    line: int  # Line of the file in which the element starts
     children: list[Element] = field(default_factory=list)
+    # Parts of the element's text; stored for style sheets only.
     text: list[str] = field(default_factory=list)
 
     @property
@@ -79,11 +72,9 @@ class Element:
 
 
 def tree_of(data: bytes, source: str) -> Element:
-    """The outermost element of an SVG file, with all elements in it.
-
-    Entities must be plain text in the file, and together add at most `MOST_EXPANDED` characters, as
-    a short file could expand to any size. Other files are never loaded.
-    """
+    """The outermost element of an SVG file, with all elements in it."""
+    # Entities must be plain text in the file, and together add at most `MAX_EXPANDED` characters,
+    # as a short file could expand to any size. Other files are never loaded.
     from xml.parsers import expat
 
     if data[:2] == b"\x1f\x8b":
@@ -155,17 +146,17 @@ class _Builder:
             )
         # Counted before the parser expands it; the file's encoding must contain ASCII.
         self._expanded += len(value) * self._data.count(f"&{name};".encode())
-        if self._expanded > MOST_EXPANDED or b"<!ENTITY" not in self._data:
+        if self._expanded > MAX_EXPANDED or b"<!ENTITY" not in self._data:
             raise InvalidInput(
-                f"{location} would make the file longer by more than {MOST_EXPANDED} characters, "
+                f"{location} would make the file longer by more than {MAX_EXPANDED} characters, "
                 "or by an unknown number: save it as plain SVG."
             )
 
     def _start(self, name: str, attributes: dict[str, str], line: int) -> None:
         """Add an element to the innermost open element."""
         self._count += 1
-        if self._count > MOST_ELEMENTS:
-            raise InvalidInput(f"{self.source} has more than {MOST_ELEMENTS} elements: split it.")
+        if self._count > MAX_ELEMENTS:
+            raise InvalidInput(f"{self.source} has more than {MAX_ELEMENTS} elements: split it.")
         space, _, local = name.rpartition("\n")
         read = {}
         for key, value in attributes.items():
@@ -217,10 +208,10 @@ EACH_NUMBER = re.compile(NUMBER)
 _LENGTH = re.compile(rf"({NUMBER})\s*([A-Za-z]*|%)")
 _TRANSFORM = re.compile(r"[\s,]*+([A-Za-z]++)\s*+\(([^()]*+)\)")
 # Largest number of transforms in one list; no drawing has more.
-MOST_TRANSFORMS = 1000
+MAX_TRANSFORMS = 1000
 _ALIGN = re.compile(r"(?:defer\s+)?(?:(none)|x(Min|Mid|Max)Y(Min|Mid|Max))(?:\s+(meet|slice))?")
 # Largest number of numbers in one list; no drawing of contours has more.
-MOST_NUMBERS = 4_000_000
+MAX_NUMBERS = 4_000_000
 # Possible numbers of arguments of each transform.
 COUNTS = {
     "matrix": (6,),
@@ -263,14 +254,14 @@ def numbers_of(element: Element, key: str, text: str) -> list[float]:
 
 
 def limit_matches(matches: Iterable[re.Match[str]]) -> Iterable[re.Match[str]]:
-    """The first matches, at most one more than `MOST_NUMBERS`."""
-    return itertools.islice(matches, MOST_NUMBERS + 1)
+    """The first matches, at most one more than `MAX_NUMBERS`."""
+    return itertools.islice(matches, MAX_NUMBERS + 1)
 
 
 def check_numbers(element: Element, key: str, values: list[float]) -> list[float]:
     """Return the numbers of a list if they are finite and not too many; `key` is for messages."""
-    if len(values) > MOST_NUMBERS:
-        element.refuse(f"{key} has more than {MOST_NUMBERS} numbers: split it")
+    if len(values) > MAX_NUMBERS:
+        element.refuse(f"{key} has more than {MAX_NUMBERS} numbers: split it")
     if not all(map(math.isfinite, values)):
         element.refuse(f"{key} has a number that is too large")
     return values
@@ -346,7 +337,7 @@ def transform_of(element: Element) -> Affine:
     whole, position, count = IDENTITY, 0, 0
     while position < len(text):
         match = _TRANSFORM.match(text, position)
-        if match is None or match[1] not in COUNTS or count >= MOST_TRANSFORMS:
+        if match is None or match[1] not in COUNTS or count >= MAX_TRANSFORMS:
             if not text[position:].strip(" \t\r\n,"):
                 break
             element.refuse(

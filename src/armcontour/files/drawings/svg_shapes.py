@@ -14,7 +14,7 @@ from armcontour.files.drawings.arc_chain import WELL_KNOWN, ArcChain
 from armcontour.files.drawings.outlines import BezierSpline, Outline, Shape
 from armcontour.files.drawings.svg_elements import (
     EACH_NUMBER,
-    MOST_NUMBERS,
+    MAX_NUMBERS,
     NUMBER,
     NUMBERS,
     Element,
@@ -95,7 +95,7 @@ def _arcs(element: Element, chunk: str, position: int) -> list[float]:
     """The arguments of a command A, whose text `chunk` starts at character `position` (from 0)."""
     values: list[float] = []
     end = 0
-    while (match := _ARC.match(chunk, end)) and len(values) <= MOST_NUMBERS:
+    while (match := _ARC.match(chunk, end)) and len(values) <= MAX_NUMBERS:
         values += [float(x) for x in match.groups()]
         end = match.end()
     if match is None and chunk[end:].strip(" \t\r\n,"):
@@ -113,26 +113,17 @@ def _refuse(element: Element, chunk: str, position: int, end: int) -> None:
 
 @dataclass(slots=True, eq=False)
 class Pen:
-    """Executes the commands of a path one after the other; points are complex numbers.
-
-    Args:
-        element: The path.
-        outlines: Outlines of the completed subpaths.
-        shapes: Shapes of the current subpath.
-        here: The current point.
-        start: Start point of the current subpath.
-        drawn: Points of lines, or control points of Bézier curves, that are not yet a shape.
-        curved: Whether the points of `drawn` are control points of Bézier curves.
-        before: The previous command, in capitals, and its last control point.
-    """
+    """Executes the commands of a path one after the other; points are complex numbers."""
 
     element: Element
-    outlines: list[Outline] = field(default_factory=list)
-    shapes: list[Shape] = field(default_factory=list)
+    outlines: list[Outline] = field(default_factory=list)  # Outlines of the completed subpaths
+    shapes: list[Shape] = field(default_factory=list)  # Shapes of the current subpath
     here: complex = 0j
-    start: complex = 0j
+    start: complex = 0j  # Start point of the current subpath
+    # Points of lines, or control points of Bézier curves, that are not yet a shape.
     drawn: list[complex] = field(default_factory=list)
-    curved: bool = False
+    curved: bool = False  # Whether the points of `drawn` are control points of Bézier curves
+    # The previous command, in capitals, and its last control point.
     before: tuple[str, complex] = ("", 0j)
 
     def obey(self, letter: str, numbers: Sequence[float]) -> None:
@@ -237,10 +228,8 @@ def _arc_between(
     large: bool,
     sweep: bool,
 ) -> ArcChain:
-    """The elliptical arc between two points as defined by SVG's command A.
-
-    Radii that are too small are increased until the ellipse passes through both points.
-    """
+    """The elliptical arc between two points as defined by SVG's command A."""
+    # Radii that are too small are increased until the ellipse passes through both points.
     c, s = math.cos(tilt), math.sin(tilt)
     axes = np.array([[c, -s], [s, c]]) * radii
     # The vector between the points, in coordinates in which the ellipse is a unit circle.
@@ -278,18 +267,13 @@ def _line(element: Element, spend: Spend) -> list[Outline]:
 
 def _polyline(element: Element, spend: Spend) -> list[Outline]:
     """The outline of a polyline or polygon; empty if it has fewer than two points."""
-    points = _read_points(element, spend)
-    closed = element.tag == "polygon"
-    return [Outline([ArcChain.straight(points)], closed)] if len(points) > 1 else []
-
-
-def _read_points(element: Element, spend: Spend) -> FloatArray:
-    """The attribute points of an element, (n, 2)."""
     values = numbers_of(element, "points", element.get("points"))
     if len(values) % 2:
         element.refuse(f"points are pairs of x and y, but there are {len(values)} numbers")
     spend(len(values) // 2)
-    return np.array(values).reshape(-1, 2)
+    points = np.array(values).reshape(-1, 2)
+    closed = element.tag == "polygon"
+    return [Outline([ArcChain.straight(points)], closed)] if len(points) > 1 else []
 
 
 def _rect(element: Element, spend: Spend) -> list[Outline]:

@@ -31,15 +31,10 @@ from armcontour.program.moves import describe_not_run
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Clip:
-    """A polygon at which entities are cut.
+    """A polygon at which entities are cut."""
 
-    Args:
-        corners: Its corners, (n, dimension); the inside has a winding number other than 0.
-        outside: Whether the clip keeps the outside instead of the inside.
-    """
-
-    corners: FloatArray
-    outside: bool = False
+    corners: FloatArray  # Its corners, (n, dimension); the inside has a winding number other than 0
+    outside: bool = False  # Whether the clip keeps the outside instead of the inside
 
     def place(self, to: Affine) -> Clip:
         """The image of the clip under an affine map."""
@@ -47,15 +42,9 @@ class Clip:
 
 
 def clip_path(path: Path, *clips: Clip) -> list[Path]:
-    """The parts of a path in the plane that all clips keep, in their order.
-
-    Lines and arcs are cut where they cross the edges; a closed path that begins inside goes on
-    through its start.
-
-    Args:
-        path: A path in the plane.
-        clips: The clips in the plane [m]; points on their edges belong to them.
-    """
+    """The parts of a path in the plane that all clips keep, in their order."""
+    # Lines and arcs are cut where they cross the edges; a closed path that begins inside goes on
+    # through its start.
     parts = [path]
     for clip in clips:
         parts = [x for part in parts for x in _clip_once(part, clip)]
@@ -144,52 +133,29 @@ NO_SIZE = "Skipped because of no size"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Inherited:
-    """Properties that the entities in a group, block or reference inherit.
+    """Properties that the entities in a group, block or reference inherit."""
 
-    Args:
-        to: Map from their coordinates to the page or the world [m].
-        layer: Layer of entities without a layer.
-        name: Name of the reference or INSERT around them.
-        inside: Targets of the references or INSERTs around them.
-        color: Names of their colour.
-        clips: Clips around them [m].
-    """
-
-    to: Affine
-    layer: str = ""
-    name: str = ""
-    inside: tuple[object, ...] = ()
+    to: Affine  # Map from their coordinates to the page or the world [m]
+    layer: str = ""  # Layer of entities without a layer
+    name: str = ""  # Name of the reference or INSERT around them
+    inside: tuple[object, ...] = ()  # Targets of the references or INSERTs around them
     color: frozenset[str] = frozenset()
-    clips: tuple[Clip, ...] = ()
+    clips: tuple[Clip, ...] = ()  # Clips around them [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EntityOutlines:
-    """The outlines of one entity in metres.
-
-    Args:
-        outlines: The outlines.
-        where: Name of the entity for messages.
-        name: Name of its contours.
-        layer: Layer of its contours.
-        clips: Clips around it [m].
-    """
+    """The outlines of one entity in metres."""
 
     outlines: Sequence[Outline]
-    where: str
+    where: str  # Name of the entity for messages
     name: str
     layer: str
-    clips: tuple[Clip, ...] = ()
+    clips: tuple[Clip, ...] = ()  # Clips around it [m]
 
 
 class Walk:
-    """Base of the traversals of drawings: selection of entities, notes, and contours.
-
-    Args:
-        source: Name of the file.
-        options: Settings of the reader.
-        progress: Called from time to time with the share of the file that is read.
-    """
+    """Base of the traversals of drawings: selection of entities, notes, and contours."""
 
     # True if the parts of one entity are never chained and share its name.
     apart = False

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -47,14 +47,11 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
     the reading or m, speeds in that unit per second, angles in rad. Speed and tolerance of a row
     belong to the line that ends at the row. A new name in `contour` or `layer` starts a new
     contour.
-
-    Raises:
-        InvalidInput: A table of another form; names the line or row and the column.
     """
     table, notes = _read(data, source, options)
     values = _quantities(table, options)
     orientation = _orientation(table, values)
-    texts = {key: _fill_down(table, key) for key in ("contour", "layer")}
+    texts = {key: list(_fill_down(_texts(table, key))) for key in ("contour", "layer")}
     events = _texts(table, "event")
     bounds = [0, *_changes(texts), len(table.lines)]
     contours, remarks = [], list[str]()
@@ -127,11 +124,12 @@ def _quantities(table: CsvTable[str], options: ReadOptions) -> dict[str, FloatAr
     keys, values = [x for x in table.columns if x not in TEXTS], {}
     for key, numbers in zip(keys, table.read(keys)[0].T, strict=True):
         column = table.columns[key]
+        unit = UNITS.get(key, "") if column.unit is None else column.unit
         if column.unit is None and UNITS.get(key) in ("m", "m/s"):
             numbers = numbers * (options.unit or 1.0)
         for bad, must in (
             (np.isnan(numbers) & (key in POINT), "must not be empty"),
-            (np.abs(numbers) > FARTHEST, f"must be within {_told_limit(table, key)}"),
+            (np.abs(numbers) > FARTHEST, f"must be within {FARTHEST / column.factor:g} {unit}"),
             ((numbers <= 0) & (key == "speed"), "must be above zero"),
             ((numbers < 0) & (key == "tolerance"), "must not be negative"),
         ):
@@ -141,13 +139,6 @@ def _quantities(table: CsvTable[str], options: ReadOptions) -> dict[str, FloatAr
                 raise InvalidInput(f"{table.place(i, key)}: {must}{but}.", index=i)
         values[key] = numbers
     return values
-
-
-def _told_limit(table: CsvTable[str], key: str) -> str:
-    """The largest number of a column, in its unit."""
-    column = table.columns[key]
-    unit = UNITS.get(key, "") if column.unit is None else column.unit
-    return f"{FARTHEST / column.factor:g} {unit}"
 
 
 def _orientation(
@@ -188,13 +179,12 @@ def _texts(table: CsvTable[str], key: str) -> list[str]:
     return [x for _, (texts,) in table.texts([key]) for x in texts]
 
 
-def _fill_down(table: CsvTable[str], key: str) -> list[str]:
-    """A column of text in which every empty cell repeats the cell above."""
-    texts, last = [], ""
-    for text in _texts(table, key):
+def _fill_down(texts: Iterable[str]) -> Iterator[str]:
+    """The texts of a column, in which an empty cell repeats the cell above."""
+    last = ""
+    for text in texts:
         last = text or last
-        texts.append(last)
-    return texts
+        yield last
 
 
 def _changes(texts: Mapping[str, Sequence[str]]) -> list[int]:

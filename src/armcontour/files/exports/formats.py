@@ -225,6 +225,9 @@ def export(
     Times, also those of events, count from the first set-point. An earlier file is replaced; if
     writing fails, it stays.
 
+    >>> ac.export(set_points, "set_points.csv")
+    >>> ac.export(planned, "plan.csv", arm=arm, cycle=0.01)
+
     Args:
         data: Set-points, or a trajectory for a controller that needs no compensation.
         file: The destination; for a bag a folder like those of `ros2 bag record`.
@@ -289,10 +292,8 @@ def check_outputs(
 def write_destination(
     file: FilePath, write: Callable[[FilePath], None], *, folder: bool = False
 ) -> None:
-    """Write a file or folder to a temporary path, then move it to the destination.
-
-    If writing fails, an earlier file at the destination stays.
-    """
+    """Write a file or folder to a temporary path, then move it to the destination."""
+    # If writing fails, an earlier file at the destination stays.
     try:
         _check_destination(file, folder)
         staging.write_atomically(file, write)

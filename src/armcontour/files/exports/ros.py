@@ -28,11 +28,9 @@ LONGEST = 2**31 - 1
 
 
 def write_ros_yaml(table: SetPointTable, file: FilePath) -> None:
-    """Write the table as the YAML of a trajectory_msgs/msg/JointTrajectory.
-
-    The text is valid for `ros2 topic pub` and has the form of `ros2 topic echo`. The message has
-    no field for events, so each event is a comment at the top in JSON, `# event: {...}`.
-    """
+    """Write the table as the YAML of a trajectory_msgs/msg/JointTrajectory."""
+    # The text is valid for `ros2 topic pub` and has the form of `ros2 topic echo`. The message has
+    # no field for events, so each event is a comment at the top in JSON, `# event: {...}`.
     fields = {"positions": table.q, "velocities": table.dq, "accelerations": table.ddq}
     present = {name: x for name, x in fields.items() if x is not None}
     lines = [
@@ -56,12 +54,10 @@ def write_ros_yaml(table: SetPointTable, file: FilePath) -> None:
 
 
 def write_mcap(table: SetPointTable, file: FilePath) -> None:
-    """Write a bag with storage MCAP: a folder with the trajectory message and the events.
-
-    The trajectory message is at time 0 of the bag. Each event is a std_msgs/msg/String of JSON on
-    the topic /armcontour/events at its own time, so playing the bag publishes the events in step
-    with the motion.
-    """
+    """Write a bag with storage MCAP: a folder with the trajectory message and the events."""
+    # The trajectory message is at time 0 of the bag. Each event is a std_msgs/msg/String of JSON on
+    # the topic /armcontour/events at its own time, so playing the bag publishes the events in step
+    # with the motion.
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore

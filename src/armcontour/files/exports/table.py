@@ -37,13 +37,15 @@ ON_THE_POINT = 1e-9
 # Set-points this near to their plan are equal to it [rad]: results have 12 decimals.
 SAME_PLACE = 2e-12
 # Largest number of samples of a trajectory: more do not fit in memory together with the export.
-MOST_SAMPLES = 20_000_000
+MAX_SAMPLES = 20_000_000
 # Decimals of a number; the rounding error is at most half of the last digit.
 DECIMALS = 12
 FIXED = f"%.{DECIMALS}f"
 # Number of values per formatting step: more take more memory and are not faster.
 CHUNK = 1 << 16
 UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "torque": "N m"}
+# Attributes of events in JSON, and `point`.
+EVENT_KEYS = ("name", "value", "t", "due", "s")
 # Rows per block of the tool motion.
 AT_ONCE = 1 << 14
 
@@ -248,10 +250,8 @@ def tabulate(
 
 
 def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
-    """Tool points, and with `motion` the orientations and speeds of the tool.
-
-    The rows are computed in blocks: the matrices of millions of rows take gigabytes.
-    """
+    """Tool points, and with `motion` the orientations and speeds of the tool."""
+    # The rows are computed in blocks: the matrices of millions of rows take gigabytes.
     blocks: dict[str, list[FloatArray]] = {}
     for i in range(0, len(samples.q), AT_ONCE):
         rows = slice(i, i + AT_ONCE)
@@ -272,13 +272,7 @@ def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
 
 
 def check_export_cycle(cycle: float, duration: float, name: str) -> None:
-    """Check that a cycle is not longer than the motion.
-
-    Args:
-        cycle: The cycle [s].
-        duration: The duration of the motion [s].
-        name: Name of the program, for the message.
-    """
+    """Check that a cycle is not longer than the motion."""
     # A cycle may be longer than a tiny motion.
     if cycle > max(duration, LONGEST_CLOCK):
         raise InvalidInput(
@@ -293,12 +287,12 @@ def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> f
     """The cycle at which a trajectory is sampled [s]."""
     step = DEFAULT_CYCLE if cycle is None else checks.positive("cycle", cycle, "s")
     check_export_cycle(step, trajectory.duration, name)
-    if trajectory.duration > MOST_SAMPLES * step:
+    if trajectory.duration > MAX_SAMPLES * step:
         raise InvalidInput(
             f"{name!r} takes {trajectory.duration:.6g} s, which every {step:g} s are more than the "
-            f"{MOST_SAMPLES} samples that are written: give a longer cycle.",
+            f"{MAX_SAMPLES} samples that are written: give a longer cycle.",
             needed=trajectory.duration / step,
-            allowed=float(MOST_SAMPLES),
+            allowed=float(MAX_SAMPLES),
         )
     return step
 
@@ -333,12 +327,7 @@ def regular_times(count: int, cycle: float) -> FloatArray:
 
 
 def differentiate(q: FloatArray, cycle: float) -> Samples:
-    """Set-points with the derivatives of the clamped cubic spline through them.
-
-    Args:
-        q: Set-points [rad], (n, dof).
-        cycle: Time between set-points [s].
-    """
+    """Set-points with the derivatives of the clamped cubic spline through them."""
     t = regular_times(len(q), cycle)
     if len(q) == 1:
         return Samples(t=t, q=q, dq=np.zeros_like(q), ddq=np.zeros_like(q))
@@ -380,16 +369,10 @@ def _clean(event: TimedEvent) -> TimedEvent:
 def joint_columns(
     t: FloatArray, joint_names: Sequence[str], **quantities: FloatArray | None
 ) -> tuple[list[str], list[FloatArray]]:
-    """Titles and columns of joints over time: `t [s]`, then `q 1 [rad]`, `q 2 [rad]`, ...
-
-    A joint has its name in the titles, or its number where its name is "joint" and a number. All
-    files of joints have these titles, and are read by them again.
-
-    Args:
-        t: Times [s], (n,).
-        joint_names: One per joint.
-        quantities: By their names in `UNITS`, (n, dof) each; None is omitted.
-    """
+    """Titles and columns of joints over time: `t [s]`, then `q 1 [rad]`, `q 2 [rad]`, ..."""
+    # A joint has its name in the titles, or its number where its name is "joint" and a number. All
+    # files of joints have these titles, and are read by them again. A quantity that is None is
+    # omitted.
     called = [x.removeprefix("joint ") for x in joint_names]
     if len(set(called)) < len(called):
         called = list(joint_names)
@@ -404,14 +387,7 @@ def joint_columns(
 def csv_pieces(
     header: Sequence[str], columns: Sequence[FloatArray], cells: Mapping[int, str] | None = None
 ) -> Iterator[str]:
-    """Yield numbers as CSV with 12 decimals, in blocks of rows.
-
-    Args:
-        header: Titles of all columns, with units.
-        columns: Arrays (n,) or (n, columns), which are joined to one table.
-        cells: Texts of a last column by their rows; empty in the other rows. None without that
-            column.
-    """
+    """Yield numbers as CSV with 12 decimals in blocks of rows; `cells` are a last column."""
     yield _csv_line(header)
     row = ",".join([FIXED] * sum(1 if x.ndim == 1 else x.shape[1] for x in columns))
     lines = {k: row + _csv_line(["", x]).replace("%", "%%") for k, x in (cells or {}).items()}
@@ -428,13 +404,7 @@ def _csv_line(cells: Sequence[str]) -> str:
 def format_rows(
     row: str, *columns: FloatArray, lines: Mapping[int, str] | None = None
 ) -> Iterator[str]:
-    """Yield all rows as text, in blocks of rows.
-
-    Args:
-        row: Format of one row.
-        columns: Numbers, (n,) or (n, columns), which are joined to one table.
-        lines: Other formats of some rows, by their rows.
-    """
+    """Yield all rows as text, in blocks; `lines` has other formats of some rows."""
     at_once = max(1, CHUNK // max(1, row.count("%")))
     for i in range(0, len(columns[0]), at_once):
         values = np.column_stack([x[i : i + at_once] for x in columns])
@@ -460,24 +430,14 @@ def format_event(event: TimedEvent) -> str:
 
 def event_data(event: TimedEvent) -> dict[str, Any]:
     """An event as a dictionary for JSON, in SI units."""
-    return {
-        "name": event.name,
-        "value": event.value,
-        "t": event.t,
-        "due": event.due,
-        "s": event.s,
-        "point": list(event.point),
-    }
+    return {x: getattr(event, x) for x in EVENT_KEYS} | {"point": list(event.point)}
 
 
 def write_csv(table: SetPointTable, file: FilePath) -> None:
-    """Write columns t, then q, dq and ddq of all joints, and `events` if there are any, as CSV.
-
-    If the table has the speed of the tool, its point, orientation and speed are columns too; so
-    are analog outputs, `analog power`.
-    An event is in the row of the last point at or before it and has its own time:
-    `tool=on@0.104000000000; gas=2.5@0.104500000000`.
-    """
+    """Write columns t, then q, dq and ddq of all joints, and `events` if there are any, as CSV."""
+    # If the table has the speed of the tool, its point, orientation and speed are columns too; so
+    # are analog outputs, `analog power`. An event is in the row of the last point at or before it
+    # and has its own time: `tool=on@0.104000000000; gas=2.5@0.104500000000`.
     header, columns = _columns(table)
     cells = _event_cells(table) if table.events else None
     if cells is not None:

@@ -28,7 +28,7 @@ INSTEAD = {"abb": "comments", "kuka": "comments", "urscript": "messages (textmsg
 ANALOG_EXAMPLES: dict[str, int | str] = {"abb": "aoPower", "kuka": 1, "urscript": "AO0"}
 # Points of a program of about 1 MB; longer programs are not confirmed on any controller. Advice for
 # long programs, by format.
-MOST_POINTS = 10_000
+MAX_POINTS = 10_000
 FEWER = {
     **dict.fromkeys(SHIPPED, "use a longer cycle (--cycle)"),
     "urscript": "stream the set-points over RTDE (--export csv)",
@@ -36,7 +36,7 @@ FEWER = {
 # Last digit of joint positions in programs [rad]; other formats have 12 decimals or more.
 LAST_DIGIT = {"urscript": 1e-6, **dict.fromkeys(SHIPPED, math.radians(1e-6))}
 # Number of events that one sentence lists.
-MOST_NAMES = 4
+MAX_NAMES = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,31 +54,21 @@ class OutputSwitch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Point:
-    """A row of the table in templates.
+    """A row of the table in templates."""
 
-    Args:
-        number: Number of the point, from 1.
-        t: Time from the first point [s].
-        q, q_deg: Joint positions [rad], [deg].
-        dq, ddq: Joint velocities [rad/s] and accelerations [rad/s²]; None if the table has none.
-        tool: Tool point [m]; None without an arm.
-        tool_rotation: Tool orientation as a quaternion x, y, z, w; None unless exported.
-        tool_speed: Speed of the tool point [m/s]; None unless exported.
-        analog: Values of analog outputs by their names.
-        events: Events from this point to the next one.
-    """
-
-    number: int
-    t: float
-    q: tuple[float, ...]
+    number: int  # Number of the point, from 1
+    t: float  # Time from the first point [s]
+    q: tuple[float, ...]  # Joint positions [rad], [deg]
     q_deg: tuple[float, ...]
+    # Joint velocities [rad/s] and accelerations [rad/s²]; None if the table has none.
     dq: tuple[float, ...] | None
     ddq: tuple[float, ...] | None
-    tool: tuple[float, ...] | None
+    tool: tuple[float, ...] | None  # Tool point [m]; None without an arm
+    # Tool orientation as a quaternion x, y, z, w; None unless exported.
     tool_rotation: tuple[float, ...] | None
-    tool_speed: float | None
-    analog: Mapping[str, float]
-    events: tuple[OutputSwitch, ...]
+    tool_speed: float | None  # Speed of the tool point [m/s]; None unless exported
+    analog: Mapping[str, float]  # Values of analog outputs by their names
+    events: tuple[OutputSwitch, ...]  # Events from this point to the next one
 
 
 class _Refused(Exception):
@@ -121,21 +111,18 @@ def describe_program(
     outputs: Mapping[str, int | str] | None,
     name_output: Callable[[str, int | str], str],
 ) -> list[str]:
-    """Sentences on programs of urscript and of the package's templates: outputs not set, and size.
-
-    The templates of users may switch events without outputs.
-    """
+    """Sentences on a program of urscript or a template: outputs not set, and size."""
     sentences, named_outputs = _describe_rounding(table, name), outputs or {}
-    if name in FEWER and len(table.t) > MOST_POINTS:
+    if name in FEWER and len(table.t) > MAX_POINTS:
         sentences.append(
             f"the program has {len(table.t)} points, and a controller may not hold more than "
-            f"{MOST_POINTS}: {FEWER[str(name)]}, or split the job."
+            f"{MAX_POINTS}: {FEWER[str(name)]}, or split the job."
         )
     unset = [x for x in table.analog if x not in named_outputs]
     if unset and name in ANALOG_EXAMPLES:
         example = name_output(unset[0], ANALOG_EXAMPLES[str(name)])
         sentences.append(
-            f"the program does not set {list_some(unset, MOST_NAMES)}, as no analog output is "
+            f"the program does not set {list_some(unset, MAX_NAMES)}, as no analog output is "
             f"named. Name an output, such as {example}."
         )
     if name not in EXAMPLES:
@@ -146,13 +133,13 @@ def describe_program(
     if switches:
         example = name_output(next(iter(switches)), EXAMPLES[name])
         sentences.append(
-            f"nothing is switched for {list_some(list(switches), MOST_NAMES)}, as no output is "
+            f"nothing is switched for {list_some(list(switches), MAX_NAMES)}, as no output is "
             f"named: the program has {INSTEAD[name]} in these places. Name an output, such as "
             f"{example}."
         )
     if valued:
         sentences.append(
-            f"nothing is switched for {list_some(list(valued), MOST_NAMES)}, whose values are not "
+            f"nothing is switched for {list_some(list(valued), MAX_NAMES)}, whose values are not "
             f"on or off: the program has {INSTEAD[name]} in these places. Such values need a "
             "template of your own."
         )
@@ -280,7 +267,10 @@ def _points(table: SetPointTable) -> tuple[Point, ...]:
         None if table.tool_speed is None else table.tool_speed[:, None],
     )
     analog = {key: values.tolist() for key, values in table.analog.items()}
-    rows = zip(*(_tuples(x, count) for x in arrays), strict=True)
+    none: list[tuple[float, ...] | None] = [None] * count
+    rows = zip(
+        *(none if x is None else [tuple(y) for y in x.tolist()] for x in arrays), strict=True
+    )
     return tuple(
         Point(
             number=i + 1,
@@ -299,11 +289,6 @@ def _points(table: SetPointTable) -> tuple[Point, ...]:
             zip(table.t.tolist(), rows, strict=True)
         )
     )
-
-
-def _tuples(values: Any, count: int) -> list[tuple[float, ...] | None]:
-    """The rows of an array as tuples; `count` times None if there is no array."""
-    return [None] * count if values is None else [tuple(x) for x in values.tolist()]
 
 
 def _each(function: Any, value: Any) -> Any:

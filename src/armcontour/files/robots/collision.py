@@ -15,18 +15,16 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, from_rpy
 from armcontour.core.text import list_some, make_printable, shorten, show
 from armcontour.files.mesh_file import MESHES, read_mesh
-from armcontour.files.robots.description import attribute, origin_of, three
-from armcontour.files.robots.tree import MOST_NAMED, Tree, parse_xml
+from armcontour.files.robots.tree import MAX_NAMED, Tree, parse_xml
+from armcontour.files.robots.urdf_chain import attribute, origin_of, three
 from armcontour.files.robots.xacro_file import find_near
 from armcontour.robot.scene import Box, Capsule, Cylinder, LeftOut, LinkShape, Shape, Sphere
 
 
 def read_left_out(file: str | FilePath, links: Collection[str]) -> tuple[LeftOut, ...]:
-    """Read the pairs of links without distance checks from an SRDF file, with the file's reasons.
-
-    Typical reasons are that a pair never touched in random configurations ("Never") or always
-    touched ("Default").
-    """
+    """Pairs of links without distance checks in an SRDF file, with its reasons."""
+    # Typical reasons are that a pair never touched in random configurations ("Never") or always
+    # touched ("Default").
     location = FilePath(file)
     robot = parse_xml(str(location), file_access.read_bytes(location, "SRDF file"))
     if robot.tag != "robot":
@@ -40,8 +38,8 @@ def read_left_out(file: str | FilePath, links: Collection[str]) -> tuple[LeftOut
     if every and not every & set(links):
         raise InvalidInput(
             f"{location} names no link of the arm that has a shape: it is for "
-            f"{list_some(sorted(every), MOST_NAMED)}, and the arm has "
-            f"{list_some(sorted(set(links)), MOST_NAMED)}."
+            f"{list_some(sorted(every), MAX_NAMED)}, and the arm has "
+            f"{list_some(sorted(set(links)), MAX_NAMED)}."
         )
     enabled = {frozenset(_names(x, location)) for x in robot.findall("enable_collisions")}
     by_default = _with_others(alone, links, f"{location.name}: disable_default_collisions")
@@ -78,7 +76,7 @@ def _with_others(alone: Collection[str], links: Iterable[str], reason: str) -> t
 
 
 # Largest number of files in a note.
-MOST_FILES = 4
+MAX_FILES = 4
 
 # Folders of ROS packages, by name.
 Packages = Mapping[str, str | FilePath]
@@ -86,17 +84,11 @@ Packages = Mapping[str, str | FilePath]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CollisionElement:
-    """A collision element of a link.
+    """A collision element of a link."""
 
-    Args:
-        where: Name of the element, for messages.
-        geometry: The element in its `geometry`.
-        place: Its frame in the frame of the link.
-    """
-
-    where: str
-    geometry: ET.Element
-    place: Frame
+    where: str  # Name of the element, for messages
+    geometry: ET.Element  # The element in its `geometry`
+    place: Frame  # Its frame in the frame of the link
 
 
 def link_shapes(
@@ -109,9 +101,11 @@ def link_shapes(
     shapes = []
     for name, (link, frame) in carried.items():
         tool = last in carried and link == carried[last][0] and name != last
-        for x in collisions(tree, name):
-            shape = shape_of(tree, x, packages)
-            body = LinkShape(name=name, link=link, shape=shape, place=frame @ x.place, tool=tool)
+        for element in collisions(tree, name):
+            shape = shape_of(tree, element, packages)
+            body = LinkShape(
+                name=name, link=link, shape=shape, place=frame @ element.place, tool=tool
+            )
             shapes.append(body.with_hull())
     return tuple(shapes)
 
@@ -201,7 +195,7 @@ def missing_meshes(tree: Tree, packages: Packages | None) -> str:
         return ""
     return (
         f"meshes are missing or have an unknown format, so clearance is unknown: "
-        f"{list_some([show(x) for x in lacking], MOST_FILES)}; {_mend(lacking[0])}"
+        f"{list_some([show(x) for x in lacking], MAX_FILES)}; {_mend(lacking[0])}"
     )
 
 

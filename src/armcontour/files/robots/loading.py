@@ -18,12 +18,12 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.frames import Frame, Pose, from_rpy
 from armcontour.core.text import plain_number, show
-from armcontour.files.robots.options import (
+from armcontour.files.robots.arm_options import (
     ANY,
     DESCRIPTION,
+    MAX_CHARACTERS,
     MJCF,
     MODEL,
-    MOST_CHARACTERS,
     ArmOptions,
     check_options,
     is_description,
@@ -38,7 +38,7 @@ from armcontour.robot.scene import ArmShapes, LinkShape, Mesh
 from armcontour.robot.serial import SerialArm
 
 # Largest depth of derived arm files; a deeper chain refers to itself.
-MOST_DERIVED = 16
+MAX_DERIVED = 16
 UNITS = {
     "base": "m",
     "links": "m",
@@ -73,7 +73,11 @@ STEP = 1e-6
 
 @checks.explained
 def arm_names() -> tuple[str, ...]:
-    """Names of the built-in arms."""
+    """Names of the built-in arms.
+
+    >>> "ur5e" in ac.arm_names()
+    True
+    """
     folder = resources.files("armcontour.files.robots") / "library"
     return tuple(sorted(x.name[:-5] for x in folder.iterdir() if x.name.endswith(".yaml")))
 
@@ -92,6 +96,9 @@ def load_arm(
 
         arm = load_arm("ur5e", tool=pinocchio.SE3(rotation, position))
         own = load_arm(model, ArmOptions(tip="tool0"))
+
+    >>> ac.load_arm("ur5e", tool=ac.Frame((0.0, 0.0, 0.1))).dof
+    6
 
     Args:
         name: Built-in name, arm file (.yaml), robot description (.urdf, .xacro), MJCF file (.xml,
@@ -127,16 +134,16 @@ def _load(
         check_options(options, DESCRIPTION, str(file))
         return arm_of_tree(read_description(file, options, trust_xacro=trust_xacro), options)
     if is_model(name) or file.suffix.lower() in MJCF:
-        from armcontour.files.robots.models import arm_of_mjcf, arm_of_model
+        from armcontour.files.robots.external_models import arm_of_mjcf, arm_of_model
 
         check_options(options, MODEL, "the model" if is_model(name) else str(file))
         return arm_of_model(name, options) if is_model(name) else arm_of_mjcf(file, options)
     check_options(options, ANY, f"The arm {name}")
     derive = partial(_load, payload=payload, trust_xacro=trust_xacro, depth=depth + 1)
-    arm = _read(str(name), payload, derive if depth < MOST_DERIVED else None)
+    arm = _read(str(name), payload, derive if depth < MAX_DERIVED else None)
     if options.limits_file is None:
         return arm
-    from armcontour.files.robots.joint_limits import limits_of, override, table_of
+    from armcontour.files.robots.moveit_limits import limits_of, override, table_of
 
     table = table_of(arm.limits, arm.dof)
     override(table, arm.joint_names, options.limits_file)
@@ -158,7 +165,8 @@ def _read(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -
             f"There is no built-in arm {name!r}: the built-in arms are {', '.join(arm_names())}; "
             "your own arm goes in a .yaml, .urdf, .xacro or MJCF .xml file."
         )
-    return with_hulls(arm_of(f"{built_in}.yaml", _built_in(built_in), payload), built_in)
+    arm = arm_of(f"{built_in}.yaml", _built_in(built_in), payload)
+    return arm.with_shapes(partial(read_hulls, built_in)) if _file(built_in).is_file() else arm
 
 
 def _equip(arm: Arm, tool: Pose | None, work: Pose | None, payload: Payload | None) -> Arm:
@@ -199,10 +207,7 @@ def _built_in(name: str) -> Any:
 
 
 def arm_of(
-    file: str,
-    data: Any,
-    payload: Payload | None = None,
-    load: Callable[..., Arm] | None = None,
+    file: str, data: Any, payload: Payload | None = None, load: Callable[..., Arm] | None = None
 ) -> Arm:
     """The arm of an arm file's data."""
     kind = data.get("kind") if isinstance(data, Mapping) else None
@@ -255,7 +260,7 @@ def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
     if not isinstance(joints, list) or not all(isinstance(x, str) for x in joints) or not joints:
         raise InvalidInput(f"{file}: joints must be the names of the joints.")
     for joint in joints:
-        checks.check_name(f"name of a joint of {file}", joint, longest=MOST_CHARACTERS)
+        checks.check_name(f"name of a joint of {file}", joint, longest=MAX_CHARACTERS)
     n = len(joints)
     values = _bodies(file, data, n)
     for key in PER_JOINT:
@@ -282,11 +287,7 @@ def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
     )
 
 
-def _derived(
-    file: str,
-    data: Mapping[str, Any],
-    load: Callable[..., Arm],
-) -> Arm:
+def _derived(file: str, data: Mapping[str, Any], load: Callable[..., Arm]) -> Arm:
     """The arm of a file that is derived from another arm."""
 
     def values(key: str, shape: tuple[int, ...]) -> FloatArray:
@@ -309,7 +310,7 @@ def _derived(
     arm = arm.with_dynamics(**changes)
     if "name" in data:
         name = str(data["name"])
-        checks.check_name(f"name of the arm of {file}", name, longest=MOST_CHARACTERS)
+        checks.check_name(f"name of the arm of {file}", name, longest=MAX_CHARACTERS)
         arm = arm.with_name(name)
     return arm
 
@@ -371,7 +372,7 @@ def _common(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
             f"{file}: unknown limit {sorted(unknown)[0]}: an arm has {', '.join(LIMITS)}."
         )
     name = str(data.get("name", file))
-    checks.check_name(f"name of the arm of {file}", name, longest=MOST_CHARACTERS)
+    checks.check_name(f"name of the arm of {file}", name, longest=MAX_CHARACTERS)
     hint = f"add joint_acceleration to the limits in {file}"
     return {
         "name": name,
@@ -414,11 +415,6 @@ def _numbers(location: str, value: Any, unit: str) -> Any:
     return number
 
 
-def with_hulls(arm: Arm, name: str) -> Arm:
-    """A built-in arm with the hulls of its links, if there are any."""
-    return arm.with_shapes(partial(read_hulls, name)) if _file(name).is_file() else arm
-
-
 def read_hulls(name: str) -> ArmShapes:
     """Read the hulls of a built-in arm: convex bodies that contain its links."""
     data = json.loads(_file(name).read_bytes())
@@ -452,7 +448,7 @@ def with_more_shapes(
 def _add(arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | None) -> ArmShapes:
     """The shapes of an arm and more of them."""
     # Imported here, because it loads the compiled code of motions.
-    from armcontour.verification.clearance.touching import exclude_touching
+    from armcontour.verification.clearance.distances import exclude_touching
 
     existing = arm.shapes or ArmShapes(shapes=())
     every = (*existing.shapes, *shapes)

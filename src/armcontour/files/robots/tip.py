@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import list_some
-from armcontour.files.robots.tree import MOST_NAMED, TURNING, Joint, Tree
+from armcontour.files.robots.tree import MAX_NAMED, TURNING, Joint, Tree
 
 # Ends of the names of the frames of REP 199 that tools hang on, the preferred one first.
 TOOL_FRAMES = ("tool0", "flange")
@@ -15,14 +15,9 @@ Next = dict[str | None, list[Joint]]
 
 
 def choose_tip(tree: Tree, base: str, locked: Collection[str]) -> tuple[str, str]:
-    """The tip of an arm: its only end, or the end of its only chain of moving joints.
-
-    The joints of a gripper are ignored: branches at the end of a chain that are equally long and
-    shorter than the chain, and a last joint that another joint mimics.
-
-    Returns:
-        The link, and a note of the choice; empty if there was none.
-    """
+    """The only end of an arm or of its only chain of moving joints, and a note of the choice."""
+    # The joints of a gripper are ignored: branches at the end of a chain that are equally long and
+    # shorter than the chain, and a last joint that another joint mimics.
     parents = {joint.parent for joint in tree.joints.values()}
     ends = [x.child for x in tree.below(base) if x.child not in parents]
     if len(ends) == 1:
@@ -34,7 +29,7 @@ def choose_tip(tree: Tree, base: str, locked: Collection[str]) -> tuple[str, str
         raise InvalidInput(
             f"{tree.file} has {len(ends) or 'no'} links that could be the tip: choose one with "
             f"tip= (in a job, arm: {{tip: {example}}}; for check, --tip {example}), one of "
-            f"{list_some(ends or list(tree.links), MOST_NAMED)}."
+            f"{list_some(ends or list(tree.links), MAX_NAMED)}."
         )
     tip = _end_of(tree, chain[-1].child)
     return tip, (

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from armcontour.core.checks import check_name
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import list_some, plain_number, show
-from armcontour.files.robots.options import MOST_CHARACTERS
+from armcontour.files.robots.arm_options import MAX_CHARACTERS
 
 # Kinds of joints whose position is one angle.
 TURNING = ("revolute", "continuous")
@@ -18,21 +18,16 @@ KINDS = (*TURNING, "fixed", "prismatic", "planar", "floating")
 # Deepest nesting of elements; the format needs 6.
 DEEPEST = 100
 # Robots have about 100 links.
-MOST_LINKS = 1000
+MAX_LINKS = 1000
 # Elements of all kinds: visuals, transmissions, plugins of simulators.
-MOST_ELEMENTS = 200_000
+MAX_ELEMENTS = 200_000
 # Largest number of names in a message.
-MOST_NAMED = 40
+MAX_NAMED = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Joint:
-    """A joint of a robot description.
-
-    Args:
-        name, kind, parent, child: Its name, type and links, as in the file.
-        element: Its XML element.
-    """
+    """A joint of a robot description."""
 
     name: str
     kind: str
@@ -61,20 +56,13 @@ class Joint:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tree:
-    """Links and joints of a robot description.
+    """Links and joints of a robot description."""
 
-    Args:
-        file: Name of the file, for messages.
-        name: Name of the robot.
-        links: XML elements of the links, by name.
-        joints: Joints by name, in the order of the file.
-        above: The joint that carries each link except the root.
-    """
-
-    file: str
+    file: str  # Name of the file, for messages
     name: str
-    links: Mapping[str, ET.Element]
-    joints: Mapping[str, Joint]
+    links: Mapping[str, ET.Element]  # XML elements of the links, by name
+    joints: Mapping[str, Joint]  # Joints by name, in the order of the file
+    # The joint that carries each link except the root.
     above: Mapping[str, Joint] = field(default_factory=dict)
     _carried: dict[str, list[Joint]] = field(init=False, default_factory=dict)
 
@@ -121,7 +109,7 @@ class Tree:
         if name not in self.links:
             raise InvalidInput(
                 f"{self.file} has no link {name!r} to be the {role}: its links are "
-                f"{list_some(list(self.links), MOST_NAMED)}."
+                f"{list_some(list(self.links), MAX_NAMED)}."
             )
         return name
 
@@ -133,7 +121,7 @@ def read_tree(file: str, content: bytes | str) -> Tree:
         raise InvalidInput(
             f"{file} is not a robot description: it holds <{robot.tag}>, not <robot>."
         )
-    check_name(f"name of the robot of {file}", robot.get("name", ""), longest=MOST_CHARACTERS)
+    check_name(f"name of the robot of {file}", robot.get("name", ""), longest=MAX_CHARACTERS)
     if any(str(element.tag).startswith("{") and "xacro" in str(element.tag) for element in robot):
         raise InvalidInput(
             f"{file} holds xacro that is not expanded: name it .xacro, and say "
@@ -151,7 +139,7 @@ def read_tree(file: str, content: bytes | str) -> Tree:
         raise InvalidInput(f"{file} is a robot description without links.")
     if len(roots) > 1:
         raise InvalidInput(
-            f"{file} is in parts: the links {list_some(roots, MOST_NAMED)} hang on nothing."
+            f"{file} is in parts: the links {list_some(roots, MAX_NAMED)} hang on nothing."
         )
     tree = Tree(file=file, name=robot.get("name") or file, links=links, joints=joints, above=above)
     if not roots or len(tree.below(roots[0])) < len(joints):
@@ -206,8 +194,8 @@ def _check_document_size(file: str, depth: int, links: int, elements: int) -> No
     if depth > DEEPEST:
         raise InvalidInput(f"{file} has elements nested more than {DEEPEST} deep.")
     for count, maximum, kind in (
-        (links, MOST_LINKS, "links"),
-        (elements, MOST_ELEMENTS, "elements"),
+        (links, MAX_LINKS, "links"),
+        (elements, MAX_ELEMENTS, "elements"),
     ):
         if count > maximum:
             raise InvalidInput(
@@ -221,7 +209,7 @@ def _required_name(file: str, element: ET.Element) -> str:
     name = element.get("name")
     if not name:
         raise InvalidInput(f"{file} has a {element.tag} without a name.")
-    check_name(f"name of a {element.tag} of {file}", name, longest=MOST_CHARACTERS)
+    check_name(f"name of a {element.tag} of {file}", name, longest=MAX_CHARACTERS)
     return name
 
 

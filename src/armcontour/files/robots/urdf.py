@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING
 from armcontour.core import file_access
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import list_some
-from armcontour.files.robots.joint_limits import KINDS, SOFT, Table, limits_of, narrow, override
-from armcontour.files.robots.options import ArmOptions, locked_position
-from armcontour.files.robots.tree import MOST_NAMED, TURNING, Joint, Tree, read_tree
+from armcontour.files.robots.arm_options import ArmOptions, locked_position
+from armcontour.files.robots.moveit_limits import KINDS, SOFT, Table, limits_of, narrow, override
+from armcontour.files.robots.tree import MAX_NAMED, TURNING, Joint, Tree, read_tree
 from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, Limits
 from armcontour.robot.scene import ArmShapes
 from armcontour.robot.serial import SerialArm
 
 if TYPE_CHECKING:
     from armcontour.files.robots.collision import Packages
-    from armcontour.files.robots.description import Description
+    from armcontour.files.robots.urdf_chain import Description
 
 LINK = re.compile(r"<link[\s>/]")
 HINT = (
@@ -33,8 +33,8 @@ HINT = (
 GIVEN = {"joint_velocity": "velocity", "joint_torque": "effort"}
 # Ranges above the first limit [rad] are refused, because usual arms have at most 2.5 turns; below
 # the second one [degrees] they may be in degrees.
-MOST_RADIANS = 16.0
-MOST_DEGREES = 3601.0
+MAX_RADIANS = 16.0
+MAX_DEGREES = 3601.0
 # Time from rest to the largest speed of a joint if no accelerations are given [s]. Universal
 # Robots' joint_limits.yaml has 180 deg/s and 180 deg/s², "for planning".
 RISE = 1.0
@@ -47,15 +47,15 @@ ASSUMED = (
 def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
     """Make a serial arm from a robot description."""
     from armcontour.files.robots.collision import missing_meshes
-    from armcontour.files.robots.description import Description
     from armcontour.files.robots.tip import choose_tip
+    from armcontour.files.robots.urdf_chain import Description
 
     file, positions = tree.file, dict[str, float]()
     for name in options.locked or ():
         if name not in tree.joints:
             raise InvalidInput(
                 f"{file} has no joint {name!r} to be locked: its joints are "
-                f"{list_some(list(tree.joints), MOST_NAMED)}."
+                f"{list_some(list(tree.joints), MAX_NAMED)}."
             )
         slides = tree.joints[name].kind == "prismatic"
         positions[name] = locked_position(options, name, slides=slides)
@@ -88,8 +88,8 @@ def _shapes(arm: SerialArm, description: Description, packages: Packages | None)
     """The shapes of the links of a description; links below its last link belong to the tool."""
     # Imported here, because it loads the compiled code of motions.
     from armcontour.files.robots.collision import link_shapes
-    from armcontour.files.robots.description import Description
-    from armcontour.verification.clearance.touching import exclude_touching
+    from armcontour.files.robots.urdf_chain import Description
+    from armcontour.verification.clearance.distances import exclude_touching
 
     tree, carried = description.tree, description.carried()
     # Links that the base does not carry are fixed, with all joints locked.
@@ -105,7 +105,7 @@ def _shapes(arm: SerialArm, description: Description, packages: Packages | None)
 def read_description(file: FilePath, options: ArmOptions, *, trust_xacro: bool) -> Tree:
     """Read the links and joints of a robot description."""
     content: bytes | str = file_access.read_bytes(file, "robot description")
-    if is_xacro(file):
+    if file.suffix.lower() == ".xacro":
         if not trust_xacro:
             raise InvalidInput(
                 f"{file} is not loaded, since a xacro file is a program that can run anything on "
@@ -123,11 +123,6 @@ def read_description(file: FilePath, options: ArmOptions, *, trust_xacro: bool) 
     elif options.arguments:
         raise InvalidInput(f"{file} takes no arguments: these are of .xacro files.")
     return read_tree(str(file), content)
-
-
-def is_xacro(file: str | FilePath) -> bool:
-    """True if the extension of a file is that of xacro."""
-    return FilePath(file).suffix.lower() == ".xacro"
 
 
 def _check_moving_joints(tree: Tree, moving: list[Joint]) -> None:
@@ -174,7 +169,7 @@ def _limits(
         # `limits_of` refuses limits that a file gives to some joints only.
         if lacking_joints and table[name] == described[name]:
             table[name] = [None] * len(moving)
-            lacking[key] = f"no {key} of {list_some(lacking_joints, MOST_NAMED)}"
+            lacking[key] = f"no {key} of {list_some(lacking_joints, MAX_NAMED)}"
     if not heavy:
         table["joint_torque"] = [None] * len(moving)
         lacking.pop("effort", None)
@@ -229,7 +224,7 @@ def _soften(table: Table, moving: list[Joint], file: str) -> str:
                 narrowed.append(joint.name)
     if not narrowed:
         return ""
-    return f"it has soft limits of {list_some(narrowed, MOST_NAMED)}, which are applied"
+    return f"it has soft limits of {list_some(narrowed, MAX_NAMED)}, which are applied"
 
 
 def _check_radians(table: Table, stated: Table, moving: list[Joint], file: str) -> None:
@@ -239,7 +234,7 @@ def _check_radians(table: Table, stated: Table, moving: list[Joint], file: str) 
         # Descriptions without ranges have symmetrical powers of ten.
         endless = low == -high and math.log10(high or 1.0).is_integer()
         is_stated = any(stated[name][k] is not None for name in JOINT_RANGE)
-        if MOST_RADIANS < max(-low, high) < MOST_DEGREES and not (endless or is_stated):
+        if MAX_RADIANS < max(-low, high) < MAX_DEGREES and not (endless or is_stated):
             raise InvalidInput(
                 f"{file}: the range of joint {joint.name} from {low:g} to {high:g} rad is "
                 f"{(high - low) / (2 * math.pi):.0f} turns: if these are degrees, write radians, "
@@ -252,7 +247,7 @@ def _note(lacking: dict[str, str], moving: list[Joint]) -> str:
     """A note of the kinds of limits that a description does not give; empty if it gives all."""
     endless = [x.name for x in moving if x.kind == "revolute" and x.element.find("limit") is None]
     if endless:
-        lacking = {**lacking, "position": f"no range of {list_some(endless, MOST_NAMED)}"}
+        lacking = {**lacking, "position": f"no range of {list_some(endless, MAX_NAMED)}"}
     if not lacking:
         return ""
     keys = ", ".join(f"has_{kind}_limits and {'/'.join(KINDS[kind])}" for kind in lacking)

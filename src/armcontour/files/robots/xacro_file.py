@@ -20,25 +20,23 @@ from typing import Any
 from armcontour.core import file_access
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import make_printable
-from armcontour.files.robots.options import Value
+from armcontour.files.robots.arm_options import Value
 
 MARK = "package.xml"
 # Largest number of parent folders in which the package of a description is searched.
-MOST_UP = 4
+MAX_UP = 4
 # Largest number of folders in the search for one package.
-MOST_FOLDERS = 2000
+MAX_FOLDERS = 2000
 COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 NAME = re.compile(rb"<name>\s*([^<>]*?)\s*</name>")
 
 
 def find_near(folder: FilePath, name: str) -> FilePath | None:
-    """The nearest folder whose `package.xml` has a given name; None if there is none.
-
-    The search order is the package of the description, its sibling folders, the siblings of its
-    parent folder, and one level below them, as packages are located in a workspace of ROS.
-    """
+    """The nearest folder whose `package.xml` has a given name; None if there is none."""
+    # The search order is the package of the description, its sibling folders, the siblings of its
+    # parent folder, and one level below them, as packages are located in a workspace of ROS.
     for count, candidate in enumerate(_places(folder)):
-        if count >= MOST_FOLDERS:
+        if count >= MAX_FOLDERS:
             break
         if _name(candidate / MARK) == name:
             return candidate
@@ -47,7 +45,7 @@ def find_near(folder: FilePath, name: str) -> FilePath | None:
 
 def _places(folder: FilePath) -> Iterator[FilePath]:
     """The folders that may be a package, nearest first."""
-    near = (folder, *folder.parents[:MOST_UP])
+    near = (folder, *folder.parents[:MAX_UP])
     package = next((x for x in near if (x / MARK).is_file()), folder)
     yield package
     yield from _subfolders(package)
@@ -99,7 +97,7 @@ def expand_xacro(
             f"{file} needs the package xacro, which is not installed: pip install "
             "'armcontour[ros]', or expand it to a .urdf elsewhere."
         )
-    from armcontour.core.process import import_path
+    from armcontour.core.child_process import import_path
 
     path = os.path.abspath(file)
     wishes = {"packages": _folders(packages or {}), "arguments": _texts(arguments or {})}

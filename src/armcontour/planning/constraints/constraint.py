@@ -45,13 +45,7 @@ INSIDE = np.linspace(0.0, 1.0, 5)[:, None]
 
 @dataclass(frozen=True)
 class IntervalEnds:
-    """A plan at the starts (index 0) and ends (1) of all intervals, and inside them.
-
-    Args:
-        arm: The arm.
-        law: The plan.
-        grid: The grid of the plan.
-    """
+    """A plan at the starts (index 0) and ends (1) of all intervals, and inside them."""
 
     arm: Arm
     law: PathLaw
@@ -98,10 +92,8 @@ class IntervalEnds:
         return States(self.arm, self.law.motion(*self.places, 3))
 
     def largest_use(self, name: str, limits: Limits) -> FloatArray:
-        """Largest used share of a limit on every interval, (n, joints or 1).
-
-        Jerk is `q''' ds³ + 3 q'' ds dds + q' s'''`, which may be largest between the ends.
-        """
+        """Largest used share of a limit on every interval, (n, joints or 1)."""
+        # Jerk is `q''' ds³ + 3 q'' ds dds + q' s'''`, which may be largest between the ends.
         n = len(self.grid)
         if name not in JERK_LIMITS:
             ratio = self.states.use(name, limits).ratio.reshape(n, 2, -1)
@@ -115,28 +107,17 @@ class IntervalEnds:
 
 
 class Constraint:
-    """One limit along a path; this base class limits nothing.
+    """One limit along a path; this base class limits nothing."""
 
-    Attributes:
-        name: Name in messages, such as "acceleration".
-        limit_name: The field of `Limits` of the constraint, for messages.
-        limit: Largest value; one number, or one per joint.
-        joints: True if each joint has its own limit, which explanations then name.
-        curved: True if the limit has viscous friction, which rows bound for a range of x only.
-    """
-
-    name = ""
-    limit_name = ""
-    limit: float | FloatArray = np.inf
-    joints = False
-    curved = False
+    name = ""  # Name in messages, such as "acceleration"
+    limit_name = ""  # The field of `Limits` of the constraint, for messages
+    limit: float | FloatArray = np.inf  # Largest value; one number, or one per joint
+    joints = False  # True if each joint has its own limit, which explanations then name
+    curved = False  # True if the limit has viscous friction, which rows bound for a range of x only
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """The limit on a grid.
-
-        Args:
-            path: The joint path on the grid.
-        """
+        """The limit on a grid."""
+        # `path`: the joint path on the grid.
         return ()
 
     @property
@@ -147,14 +128,8 @@ class Constraint:
         return [(self.name, k) for k in range(np.size(self.limit))]
 
     def usage(self, ends: IntervalEnds) -> FloatArray:
-        """Used share of the limit on every interval, the larger one of both ends.
-
-        Args:
-            ends: The plan.
-
-        Returns:
-            (n, 1), or (n, joints) if `joints` is true.
-        """
+        """Used share of the limit on every interval, the larger one of both ends."""
+        # Returns (n, 1), or (n, joints) if `joints` is true.
         used = np.zeros((len(ends.grid), 1))
         for form in self.discretize(ends.path):
             used = np.maximum(used, _usage(form, ends.x[..., None], ends.u[..., None]).max(axis=1))
@@ -178,11 +153,7 @@ def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
 
 
 def limits_on(path: OnGrid, active: Sequence[Constraint]) -> GridLimits:
-    """Discretize the constraints on a grid.
-
-    Raises:
-        InvalidInput: A form has arrays of a wrong shape.
-    """
+    """Discretize the constraints on a grid."""
     n = len(path)
     return collect([check_form(form, n, x.name) for x in active for form in x.discretize(path)], n)
 
@@ -191,31 +162,21 @@ Coefficients = Callable[[FloatArray, str], tuple[FloatArray, FloatArray, FloatAr
 
 
 class SecondOrder(Constraint):
-    """`low <= a(s) u + b(s) x + c(s) <= high`, one row per quantity.
-
-    Args:
-        name: Name in messages.
-        coefficients: Called with arc lengths (n,) and "right" or "left", the side to evaluate at
-            vertices between segments; returns a, b and c, (n, rows) each. Smooth between grid
-            points.
-        low: Lower bounds, (rows,).
-        high: Upper bounds, (rows,).
-        joints: Whether each row belongs to a joint.
-
-    Raises:
-        InvalidInput: A lower bound exceeds its upper bound, or their numbers differ.
-    """
+    """`low <= a(s) u + b(s) x + c(s) <= high`, one row per quantity."""
 
     @checked
     def __init__(
         self,
         name: str,
         coefficients: Coefficients,
-        low: npt.ArrayLike,
-        high: npt.ArrayLike,
+        low: npt.ArrayLike,  # Lower bounds, (rows,)
+        high: npt.ArrayLike,  # Upper bounds, (rows,)
         *,
-        joints: bool = False,
+        joints: bool = False,  # True if each row belongs to a joint
     ) -> None:
+        # `coefficients`: called with arc lengths (n,) and "right" or "left", the side to evaluate
+        # at vertices between segments; returns a, b and c, (n, rows) each. Smooth between grid
+        # points.
         self.name = name
         self.coefficients = coefficients
         bounds = (checks.shaped(f"bounds of {name}", x, (None,)) for x in (low, high))
@@ -234,11 +195,7 @@ class SecondOrder(Constraint):
         return checks.shaped(name, checks.check_numbers(name, self.coefficients(s, side)), shape)
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """The rows on a grid.
-
-        Raises:
-            NotRealizable: c alone violates a bound, so that even rest is impossible there.
-        """
+        """The rows on a grid."""
         path, last = OnGrid(path.grid, jumps=True), 2 * len(path)
         _, s = path.places
         a, b, c = np.concatenate([self._at(s[:last], "right"), self._at(s[last:], "left")], axis=1)
@@ -249,25 +206,13 @@ class SecondOrder(Constraint):
 def check_rest(
     grid: Grid,
     constraint: Constraint,
-    value: FloatArray,
-    bounds: tuple[FloatArray, FloatArray],
+    value: FloatArray,  # The quantity at the starts and ends of all intervals, (n, 2, rows)
+    bounds: tuple[FloatArray, FloatArray],  # Lower and upper bounds, (rows,) each
     *,
-    when: str = "even at rest",
-    cannot: str = "hold itself",
+    when: str = "even at rest",  # Words of the error message: the motion with this value
+    cannot: str = "hold itself",  # Words of the error message: the impossible action of the arm
 ) -> None:
-    """Check a quantity against its bounds at rest or in arbitrarily slow motion.
-
-    Args:
-        grid: The grid.
-        constraint: The constraint with these bounds.
-        value: The quantity at the starts and ends of all intervals, (n, 2, rows).
-        bounds: Lower and upper bounds, (rows,) each.
-        when: Words of the error message: the motion with this value.
-        cannot: Words of the error message: the impossible action of the arm.
-
-    Raises:
-        NotRealizable: With the arc length, the joint, the value and the bound.
-    """
+    """Check a quantity against its bounds at rest or in arbitrarily slow motion."""
     low, high = bounds
     if ((value >= low) & (value <= high)).all():
         return

@@ -27,19 +27,15 @@ from armcontour.robot import Arm
 
 
 class JointMotion(Constraint):
-    """Bounds of velocities `q' ds` and accelerations `q' u + q'' x` of every joint.
-
-    Args:
-        velocity: Lower bounds, negative, and upper bounds [rad/s], infinite if not limited,
-            (dof,) each; None if not limited.
-        acceleration: The same for accelerations [rad/s²].
-    """
+    """Bounds of velocities `q' ds` and accelerations `q' u + q'' x` of every joint."""
 
     def __init__(
         self,
         velocity: tuple[FloatArray, FloatArray] | None = None,
         acceleration: tuple[FloatArray, FloatArray] | None = None,
     ) -> None:
+        # `velocity`: lower bounds, negative, and upper bounds [rad/s], infinite if not limited,
+        # (dof,) each; None if not limited; `acceleration`: the same for accelerations [rad/s²].
         none = np.empty((2, 0))
         self.velocity = none if velocity is None else np.stack(velocity)
         self.low, self.high = none if acceleration is None else map(kernel_array, acceleration)
@@ -84,19 +80,11 @@ class JointMotion(Constraint):
 
 
 class JointTorque(Constraint):
-    """`|a u + b x + c + viscous q' sqrt(x) + coulomb sign(q')| <= limit` for every joint.
-
-    Args:
-        arm: The arm, with masses.
-        limit: Largest torques [N m], (dof,).
-
-    Raises:
-        InvalidInput: The arm has no masses.
-    """
+    """`|a u + b x + c + viscous q' sqrt(x) + coulomb sign(q')| <= limit` for every joint."""
 
     name = "torque"
     limit_name = "joint_torque"
-    limit: FloatArray
+    limit: FloatArray  # Largest torques [N m], (dof,)
     joints = True
 
     def __init__(self, arm: Arm, limit: FloatArray) -> None:
@@ -107,11 +95,7 @@ class JointTorque(Constraint):
         self.curved = bool(self.viscous.any())
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Torques less dry friction, and viscous friction.
-
-        Raises:
-            NotRealizable: A joint exceeds its limit at rest, or in arbitrarily slow motion.
-        """
+        """Torques less dry friction, and viscous friction."""
         terms, bounds = self.dynamics.path_terms(*path.motion), (-self.limit, self.limit)
         rows = path.rows(terms, *bounds)
         weight = path.at_ends(terms[2])

@@ -35,28 +35,19 @@ FLAT = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ToolMetric:
-    """Tool motion at ds = 1 along a joint path: upper bounds on each piece, (pieces,).
-
-    Args:
-        joint_path: The joint path.
-        arm: The arm.
-        speed: Tool speed [-].
-        curvature: Acceleration normal to the motion [1/m].
-        uneven: True where the curvature varies along a piece, so that its intervals are sampled.
-    """
+    """Tool motion at ds = 1 along a joint path: upper bounds on each piece, (pieces,)."""
 
     joint_path: JointPath
     arm: Arm
-    speed: FloatArray
-    curvature: FloatArray
+    speed: FloatArray  # Tool speed [-]
+    curvature: FloatArray  # Acceleration normal to the motion [1/m]
+    # True where the curvature varies along a piece, so that its intervals are sampled
     uneven: BoolArray
 
     @classmethod
     def measure(cls, joint_path: JointPath, arm: Arm) -> ToolMetric:
-        """Measure the tool motion along a joint path by forward kinematics.
-
-        A bound is the largest sample of a piece plus the spread of its samples.
-        """
+        """Measure the tool motion along a joint path by forward kinematics."""
+        # A bound is the largest sample of a piece plus the spread of its samples.
         breaks, pieces = joint_path.breaks, np.arange(len(joint_path.breaks) - 1)
         s = breaks[:-1] + SAMPLES * (breaks[1:] - breaks[:-1])
         samples = _measure(joint_path, arm, np.broadcast_to(pieces, s.shape), s)
@@ -66,24 +57,20 @@ class ToolMetric:
         return cls(joint_path=joint_path, arm=arm, speed=speed, curvature=curvature, uneven=uneven)
 
     def curvature_on(self, grid: Grid) -> FloatArray:
-        """Curvatures c at both ends of the intervals, to bound x at both [1/m], (2, n).
-
-        If `c x <= a` holds at both ends of an interval, and x is linear in s, then the curvature
-        times x is at most a on the whole interval. If the curvature k is also linear, a / k is
-        convex, so x stays below its tangent, whose values at the ends are a / c. The tangent
-        touches in the middle, or closer to the end with the larger curvature, so that it is
-        positive.
-        """
+        """Curvatures c at both ends of the intervals, to bound x at both [1/m], (2, n)."""
+        # If `c x <= a` holds at both ends of an interval, and x is linear in s, then the curvature
+        # times x is at most a on the whole interval. If the curvature k is also linear, a / k is
+        # convex, so x stays below its tangent, whose values at the ends are a / c. The tangent
+        # touches in the middle, or closer to the end with the larger curvature, so that it is
+        # positive.
         chords = self._chords_on(grid)
         touch = np.maximum(chords.mean(axis=0), TOUCH * chords.max(axis=0))
         return np.asarray(touch * touch / np.maximum(2 * touch - chords, 1e-300))
 
     def _chords_on(self, grid: Grid) -> FloatArray:
-        """Curvatures at both ends of the intervals whose chord exceeds the curvature, (2, n).
-
-        Where the curvature varies, a factor bounds its excess over the chord: twice the excess of
-        the samples.
-        """
+        """Curvatures at both ends of the intervals whose chord exceeds the curvature, (2, n)."""
+        # Where the curvature varies, a factor bounds its excess over the chord: twice the excess of
+        # the samples.
         chords = np.empty((2, len(grid)))
         chords[:] = self.curvature[grid.piece]
         i = np.flatnonzero(self.uneven[grid.piece])
@@ -115,16 +102,13 @@ def _parts(velocity: FloatArray, acceleration: FloatArray) -> tuple[FloatArray, 
 
 
 class ToolSpeed(Constraint):
-    """`tool speed <= assigned velocity`.
-
-    Args:
-        speed: Assigned velocity on each piece of the joint path [m/s], (pieces,).
-        metric: Tool motion at ds = 1.
-    """
+    """`tool speed <= assigned velocity`."""
 
     name = "assigned velocity"
 
     def __init__(self, speed: FloatArray, metric: ToolMetric) -> None:
+        # `speed`: assigned velocity on each piece of the joint path [m/s], (pieces,); `metric`:
+        # tool motion at ds = 1.
         self._ceiling: FloatArray = (speed / metric.speed) ** 2
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
@@ -135,16 +119,12 @@ class ToolSpeed(Constraint):
 
 
 class RapidSpeed(Constraint):
-    """`tool speed <= limit` along a joint path without a tool path.
-
-    Args:
-        limit: Largest tool speed [m/s].
-        arm: The arm.
-    """
+    """`tool speed <= limit` along a joint path without a tool path."""
 
     name = "rapid speed"
 
     def __init__(self, limit: float, arm: Arm) -> None:
+        # `limit`: largest tool speed [m/s].
         self.limit, self._arm = limit, arm
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
@@ -160,16 +140,12 @@ class RapidSpeed(Constraint):
 
 
 class CentripetalAcceleration(Constraint):
-    """`curvature ds² <= limit`, the paper's bound in corners.
-
-    Args:
-        limit: Largest centripetal acceleration [m/s²].
-        metric: Tool motion at ds = 1.
-    """
+    """`curvature ds² <= limit`, the paper's bound in corners."""
 
     name = "centripetal acceleration"
 
     def __init__(self, limit: float, metric: ToolMetric) -> None:
+        # `limit`: largest centripetal acceleration [m/s²]; `metric`: tool motion at ds = 1.
         self.limit, self.metric = limit, metric
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
@@ -180,15 +156,10 @@ class CentripetalAcceleration(Constraint):
 
 
 class ToolAcceleration(Constraint):
-    """`|p' u + p'' x| <= limit` for the position p of the tool.
-
-    Args:
-        limit: Largest length of the acceleration vector [m/s²].
-        arm: The arm.
-    """
+    """`|p' u + p'' x| <= limit` for the position p of the tool."""
 
     name = "tool acceleration"
-    limit: float
+    limit: float  # Largest length of the acceleration vector [m/s²]
 
     def __init__(self, limit: float, arm: Arm) -> None:
         self.limit, self._arm = limit, arm
@@ -201,19 +172,12 @@ class ToolAcceleration(Constraint):
 
 
 class AngularSpeed(Constraint):
-    """`|w|² x <= limit²` for the angular velocity w of the tool at ds = 1.
-
-    Args:
-        limit: Largest angular speed of the tool [rad/s].
-        arm: The arm.
-
-    Raises:
-        InvalidInput: The arm's tool has no orientation.
-    """
+    """`|w|² x <= limit²` for the angular velocity w of the tool at ds = 1."""
 
     name = "angular speed"
 
     def __init__(self, limit: float, arm: Arm) -> None:
+        # `limit`: largest angular speed of the tool [rad/s].
         self.limit, self._tool = limit, require_orientation(arm)
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
@@ -224,18 +188,10 @@ class AngularSpeed(Constraint):
 
 
 class AngularAcceleration(Constraint):
-    """`|w u + w' x| <= limit` for the angular velocity w of the tool at ds = 1.
-
-    Args:
-        limit: Largest length of the angular acceleration vector [rad/s²].
-        arm: The arm.
-
-    Raises:
-        InvalidInput: The arm's tool has no orientation.
-    """
+    """`|w u + w' x| <= limit` for the angular velocity w of the tool at ds = 1."""
 
     name = "angular acceleration"
-    limit: float
+    limit: float  # Largest length of the angular acceleration vector [rad/s²]
 
     def __init__(self, limit: float, arm: Arm) -> None:
         self.limit, self._tool = limit, require_orientation(arm)

@@ -20,7 +20,7 @@ NEAREST = 0.995
 # The same for rows with the length of a vector.
 NEAREST_ROUND = 0.9
 # A step that violates a row by rounding is shortened by this factor, at most this many times.
-SHORTER, MOST_SHORTER = 0.5, 30
+SHORTER, MAX_SHORTER = 0.5, 30
 # The barrier is reduced by the factor FALL once Newton's decrement is below the share CENTERED of
 # the gap and the step exceeds the share LONG; faster rules end in tiny steps.
 FALL, CENTERED, LONG = 0.15, 0.1, 0.3
@@ -37,49 +37,37 @@ DURATION, START, END = 0, 1, 2
 
 
 class JerkSection(NamedTuple):
-    """Problem between two rests, or other ends, on n cells in m parts.
+    """Problem between two rests, or other ends, on n cells in m parts."""
 
-    A row `(x, y, z)` of cell i means `x d[i] + y d[i + 1] + z d[i + 2]`, where d[0] and d[n + 1]
-    are the values of a at the start and the end.
+    # A row `(x, y, z)` of cell i means `x d[i] + y d[i + 1] + z d[i + 2]`, where d[0] and d[n + 1]
+    # are the values of a at the start and the end.
 
-    Args:
-        width: Lengths of the cells [m], (n,).
-        begin, end: Rows of the first and last control point of a on each cell, (n, 3) each.
-        ramps: Lengths of the cells of uniform jerk before the first and after the last cell [m],
-            (2,); 0 if none.
-        cell: The cell of each part, (m,).
-        plain: Rows `low <= row <= high` of each part, (m, k, 3).
-        low, high: Their bounds, (m, k).
-        curved: Rows `|row| <= jerk f`, where f is a control point of the tangent below a^(-1/2),
-            (m, l, 3).
-        jerk: Their limits, (l,).
-        curved_points: Their control points, (l,).
-        raised: Rows of the control points of a on each part, as a polynomial of the degree of the
-            curved rows, (m, j, 3).
-        about: Point of contact of the tangent of each part with a^(-1/2) [m²/s²], (m,); changed by
-            the search.
-        round: Vectors of rows, `|vector| <= radius`, or `<= radius f - margin`, (m, o, 3, 3).
-        radius, margin: Radii and margins of the round rows, (m, o).
-        round_points: Their control points, or -1 for a fixed radius, (o,).
-    """
-
-    width: FloatArray
+    width: FloatArray  # Lengths of the cells [m], (n,)
+    # begin, end: Rows of the first and last control point of a on each cell, (n, 3) each
     begin: FloatArray
     end: FloatArray
+    # Lengths of the cells of uniform jerk before the first and after the last cell [m], (2,); 0 if
+    # none
     ramps: FloatArray
-    cell: IntArray
-    plain: FloatArray
-    low: FloatArray
+    cell: IntArray  # The cell of each part, (m,)
+    plain: FloatArray  # Rows `low <= row <= high` of each part, (m, k, 3)
+    low: FloatArray  # low, high: Their bounds, (m, k)
     high: FloatArray
+    # Rows `|row| <= jerk f`, where f is a control point of the tangent below a^(-1/2), (m, l, 3)
     curved: FloatArray
-    jerk: FloatArray
-    curved_points: IntArray
+    jerk: FloatArray  # Their limits, (l,)
+    curved_points: IntArray  # Their control points, (l,)
+    # Rows of the control points of a on each part, as a polynomial of the degree of the curved
+    # rows, (m, j, 3)
     raised: FloatArray
+    # Point of contact of the tangent of each part with a^(-1/2) [m²/s²], (m,); changed by the
+    # search
     about: FloatArray
+    # Vectors of rows, `|vector| <= radius`, or `<= radius f - margin`, (m, o, 3, 3)
     round: FloatArray
-    radius: FloatArray
+    radius: FloatArray  # radius, margin: Radii and margins of the round rows, (m, o)
     margin: FloatArray
-    round_points: IntArray
+    round_points: IntArray  # Their control points, or -1 for a fixed radius, (o,)
 
 
 class _Duals(NamedTuple):
@@ -214,10 +202,8 @@ def limit_steps(values: FloatArray, steps: FloatArray) -> None:
 
 @compiled()
 def least_slacks(p: JerkSection, d: FloatArray) -> FloatArray:
-    """Smallest relative slack of d in each cell, (n,); positive if all rows hold.
-
-    Tangents are moved to d, where `improve` begins.
-    """
+    """Smallest relative slack of d in each cell, (n,); positive if all rows hold."""
+    # Tangents are moved to d, where `improve` begins.
     for c in range(len(p.cell)):
         p.about[c] = _mean(p, c, d)
     slack, tangents = _new_duals(p), np.empty((p.raised.shape[1], 4))
@@ -403,10 +389,8 @@ def _longest_steps(slack: float, dual: float, rise: float, change: float, reach:
 
 @compiled(inner=True, inline="always")
 def _longest_round_step(bound: float, rise: float, vector: Any, change: Any, slack: float) -> float:
-    """Longest step that leaves a share of the slack of a round row.
-
-    `bound² - |vector|² - left bound >= 0` is quadratic in the step.
-    """
+    """Longest step that leaves a share of the slack of a round row."""
+    # `bound² - |vector|² - left bound >= 0` is quadratic in the step.
     start = NEAREST_ROUND * bound * slack
     linear = (2.0 * bound - (1.0 - NEAREST_ROUND) * slack) * rise
     linear -= 2.0 * (vector[0] * change[0] + vector[1] * change[1] + vector[2] * change[2])
@@ -597,24 +581,16 @@ def _add_scaled(dual: FloatArray, change: FloatArray, share: float) -> None:
 def improve(
     p: JerkSection,
     d: FloatArray,
-    goal: int,
-    target: float,
+    goal: int,  # DURATION, or START or END: the end at which a is free and is raised to the target
+    target: float,  # Value of a at which the search for START or END ends
     weight: float,
     tolerance: float,
     max_iterations: int,
 ) -> int:
-    """Improve a strictly feasible d in place until its gap is small; returns the iterations.
-
-    Args:
-        p: The problem.
-        d: Control points of a [m²/s²], (n + 2,); the ends are fixed except that of the goal.
-        goal: DURATION, or START or END: the end at which a is free and is raised to the target.
-        target: Value of a at which the search for START or END ends.
-        weight: Weight of the target against the duration, which is also minimized and keeps the
-            rest of the path away from rest.
-        tolerance: Relative gap of the result.
-        max_iterations: Largest number of iterations.
-    """
+    """Improve a strictly feasible d in place until its gap is small; returns the iterations."""
+    # `d`: control points of a [m²/s²], (n + 2,); the ends are fixed except that of the goal;
+    # `weight`: weight of the target against the duration, which is also minimized and keeps the
+    # rest of the path away from rest.
     n = len(p.width)
     slack, dual, change = _new_duals(p), _new_duals(p), _new_duals(p)
     tangents = np.empty((p.raised.shape[1], 4))
@@ -648,7 +624,7 @@ def improve(
         while not _write_slacks(p, trial, goal, tangents, slack):
             # Rounding errors close to a bound.
             halvings, share, landed = halvings + 1, share * SHORTER, False
-            if halvings > MOST_SHORTER:
+            if halvings > MAX_SHORTER:
                 return iteration
             _take_step(d, right, share, trial)
         d[:] = trial

@@ -30,16 +30,16 @@ from armcontour.planning.jerk.mesh import (
     square_at,
 )
 from armcontour.planning.jerk.mesh_rows import MeshRows
-from armcontour.planning.options import MOST_ITERATIONS, Task
+from armcontour.planning.options import MAX_ITERATIONS, Task
 from armcontour.planning.topp.kernels import MotionBounds
 
 # Default number of cells: PER_BUILD_UP while an acceleration builds up, but at least FEWEST_CELLS
 # plus FEWEST_PER_PIECE for each polynomial of the joint path.
 PER_BUILD_UP, FEWEST_CELLS, FEWEST_PER_PIECE = 2.0, 1000, 3
-# If more cells than MOST_CELLS result, jerk is so large that fewer cells resolve its effect:
+# If more cells than MAX_CELLS result, jerk is so large that fewer cells resolve its effect:
 # MANY_CELLS plus MANY_PER_PIECE for each polynomial, and PIECES_OF_SECTION polynomials for each
 # section, because of the cells at its ends.
-MOST_CELLS, MANY_CELLS, MANY_PER_PIECE, PIECES_OF_SECTION = 20_000, 4000, 8, 10
+MAX_CELLS, MANY_CELLS, MANY_PER_PIECE, PIECES_OF_SECTION = 20_000, 4000, 8, 10
 # Share of the largest path acceleration below which motion is even.
 EVEN = 0.01
 # The first pass has 1 / COARSER of the cells, and at least FEWEST.
@@ -48,10 +48,10 @@ COARSER, FEWEST = 5, 60
 ROUGH, EXACT = 1e-2, 1e-4
 # Factor of ds² of the first plan at the start of the second pass.
 INSIDE = 0.9
-# A start is reduced next to violated rows by factors between LESS and MORE, at most MOST_LESS
+# A start is reduced next to violated rows by factors between LESS and MORE, at most MAX_LESS
 # times. Elsewhere its rise is limited to the share ROOM of the slopes that jerk and acceleration
 # allow.
-LESS, MORE, MOST_LESS = 0.5, 0.95, 400
+LESS, MORE, MAX_LESS = 0.5, 0.95, 400
 ROOM = 0.1
 # Smallest relative slack of a start.
 CLEAR = 1e-4
@@ -66,9 +66,9 @@ LEAST_RATE = 0.02
 # rounding errors.
 TOO_NEAR, WIDER, WIDEST, LEAST_GAIN, TINY = 0.02, 2.0, 16.0, 1e-5, 1e-9
 # Cells whose margins take more than this share of a limit are split.
-LARGEST_MARGIN, MOST_PARTS, MOST_SPLITS = 1e-2, 10, 6
+LARGEST_MARGIN, MAX_PARTS, MAX_SPLITS = 1e-2, 10, 6
 # Largest share of a limit that margins may take on cells of uniform jerk.
-MOST_AT_RAMPS = 0.5
+MAX_AT_RAMPS = 0.5
 # A start or end speed equal to its limit is reduced by half of this share, because no row of an
 # interior point is active.
 CLOSE_TO_LIMIT = 1e-7
@@ -77,11 +77,7 @@ WEIGHTS = (0.0, 1.0, 10.0, 100.0)
 
 
 def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
-    """Plan the fastest motion with limits of jerk.
-
-    Raises:
-        NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
-    """
+    """Plan the fastest motion with limits of jerk."""
     section_ends, at_rest = find_sections(law, task)
     ends = find_ends(law, task, section_ends, at_rest)
     cells = _default_cells(law, ends) if task.cells is None else task.cells
@@ -106,9 +102,9 @@ def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
         bounds = _bounds(mesh, near, wider, curved)
         rows = _rows(task, mesh, near, bounds)
         narrow = (rows.lost > LARGEST_MARGIN) & (mesh.ramps[mesh.cell] == 0)
-        if splits < MOST_SPLITS and narrow.any() and len(mesh.grid) < MOST_CELLS:
+        if splits < MAX_SPLITS and narrow.any() and len(mesh.grid) < MAX_CELLS:
             parts = np.where(narrow, np.sqrt(rows.lost / LARGEST_MARGIN), 1)
-            mesh, splits = mesh.split(np.clip(parts, 1, MOST_PARTS)), splits + 1
+            mesh, splits = mesh.split(np.clip(parts, 1, MAX_PARTS)), splits + 1
             continue
         rows = _with_slow_ramps(rows, task, near)
         try:
@@ -129,16 +125,14 @@ def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
 
 
 def _with_slow_ramps(rows: MeshRows, task: Task, near: PathLaw) -> MeshRows:
-    """Reduce bounds on cells of uniform jerk whose margins are too large.
-
-    Such cells are not split; the bounds limit the plan, and margins decrease with them.
-    """
-    for _ in range(MOST_SPLITS):
+    """Reduce bounds on cells of uniform jerk whose margins are too large."""
+    # Such cells are not split; the bounds limit the plan, and margins decrease with them.
+    for _ in range(MAX_SPLITS):
         bounds, mesh = rows.bounds, rows.mesh
-        tight = (rows.lost > MOST_AT_RAMPS) & (mesh.ramps[mesh.cell] != 0)
+        tight = (rows.lost > MAX_AT_RAMPS) & (mesh.ramps[mesh.cell] != 0)
         if bounds is None or not tight.any():
             break
-        share = np.where(tight, MOST_AT_RAMPS / np.maximum(rows.lost, 1), 1.0)
+        share = np.where(tight, MAX_AT_RAMPS / np.maximum(rows.lost, 1), 1.0)
         bounds = bounds._replace(x=share * bounds.x, u=share * bounds.u)
         rows = _rows(task, mesh, near, bounds)
     return rows
@@ -147,7 +141,8 @@ def _with_slow_ramps(rows: MeshRows, task: Task, near: PathLaw) -> MeshRows:
 def _rows(
     task: Task, mesh: JerkMesh, near: PathLaw, bounds: MotionBounds | None = None
 ) -> MeshRows:
-    return MeshRows(mesh, task.active, task.jerk, bounds, _squares(near, mesh), task.arm)
+    about = square_at(near, (mesh.grid.s[:-1] + mesh.grid.s[1:]) / 2)
+    return MeshRows(mesh, task.active, task.jerk, bounds, about, task.arm)
 
 
 def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
@@ -160,14 +155,10 @@ def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
         resolved = PER_BUILD_UP * active * np.divide(jerk, acceleration)
     pieces = len(law.joint_path.breaks) - 1
     count = max(np.nan_to_num(resolved), FEWEST_CELLS + FEWEST_PER_PIECE * pieces)
-    if count > MOST_CELLS:
+    if count > MAX_CELLS:
         pieces += PIECES_OF_SECTION * (len(ends) - 1)
-        count = min(MANY_CELLS + MANY_PER_PIECE * pieces, MOST_CELLS)
+        count = min(MANY_CELLS + MANY_PER_PIECE * pieces, MAX_CELLS)
     return int(count)
-
-
-def _squares(law: PathLaw, mesh: JerkMesh) -> FloatArray:
-    return square_at(law, (mesh.grid.s[:-1] + mesh.grid.s[1:]) / 2)
 
 
 def _bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> MotionBounds:
@@ -205,11 +196,9 @@ def _bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> Motion
 
 
 def _gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
-    """Share of the duration that wider bounds of a plan may save.
-
-    At the end of the search the product of each slack and its multiplier is the same share of the
-    duration, and the multiplier times the bound is the gain of a bound that is twice as wide.
-    """
+    """Share of the duration that wider bounds of a plan may save."""
+    # At the end of the search the product of each slack and its multiplier is the same share of the
+    # duration, and the multiplier times the bound is the gain of a bound that is twice as wide.
     inner = rows.mesh.ramps[rows.mesh.cell] == 0
     square, (_, dds, slope, _) = law.speeds**2, law.rates
     low = np.minimum(square[:-1], square[1:])
@@ -241,7 +230,7 @@ def _solve(rows: MeshRows, near: tuple[PathLaw, float], task: Task, tolerance: f
                 target = min(target, (1 - CLOSE_TO_LIMIT) * allowed)
             for weight in WEIGHTS:
                 if d[end] < target:
-                    improve(p, d, goal, target, weight, ROUGH, MOST_ITERATIONS)
+                    improve(p, d, goal, target, weight, ROUGH, MAX_ITERATIONS)
             if d[end] < target:
                 name = "start" if goal == START else "end"
                 raise_too_fast(name, target, float(d[end]), float(s[end]))
@@ -258,13 +247,11 @@ def _start(
     targets: FloatArray,
     steep: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
-    """Control points of ds² of one section that satisfy every row, with its ends.
-
-    The start is the plan `near`, scaled by its factor and reduced where it violates rows. `ds^1.5`
-    of a motion of uniform jerk from a rest is a line, so its allowed slope bounds the rise of a
-    start. `steep` are the slopes of ds^1.5 and of ds² on every cell, (n,) each; `targets` are ds²
-    at both ends.
-    """
+    """Control points of ds² of one section that satisfy every row, with its ends."""
+    # The start is the plan `near`, scaled by its factor and reduced where it violates rows.
+    # `ds^1.5` of a motion of uniform jerk from a rest is a line, so its allowed slope bounds the
+    # rise of a start. `steep` are the slopes of ds^1.5 and of ds² on every cell, (n,) each;
+    # `targets` are ds² at both ends.
     law, share = near
     inner = s[int(at_rest[0]) : len(s) - int(at_rest[1])]
     middle = (inner[:-1] + inner[1:]) / 2
@@ -283,7 +270,7 @@ def _start(
     ratio = ROOM * np.minimum(steep[0] / profile**0.75, steep[1] / profile)
     steps, doubled = np.minimum(ratio[1:], ratio[:-1]) * spacing, np.ones(len(spacing))
     part = np.ones(len(middle))
-    for _ in range(MOST_LESS):
+    for _ in range(MAX_LESS):
         # If ds² more than doubles between cells, the tangent may be negative at any scale.
         height = np.log2(profile * part ** (4 / 3))
         limit_steps(height, doubled)

@@ -37,29 +37,18 @@ SNAP = 0.2
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """Start or stop of the motion at an end of a section.
+    """Start or stop of the motion at an end of a section."""
 
-    Args:
-        rest: Whether the motion rests there.
-        square: ds² there [m²/s²].
-        acceleration: Largest path acceleration near it [m/s²].
-        jerk: Largest path jerk near it [m/s³].
-        speed: Largest path speed of the section [m/s].
-        even: Length over which the joint path is nearly straight near it [m].
-    """
-
-    rest: bool
-    square: float
-    acceleration: float
-    jerk: float
-    speed: float
-    even: float
+    rest: bool  # True if the motion rests there
+    square: float  # ds² there [m²/s²]
+    acceleration: float  # Largest path acceleration near it [m/s²]
+    jerk: float  # Largest path jerk near it [m/s³]
+    speed: float  # Largest path speed of the section [m/s]
+    even: float  # Length over which the joint path is nearly straight near it [m]
 
     def first_cell(self, length: float) -> float:
-        """Length of the cell of uniform jerk next to a rest [m], in a section of a given length.
-
-        Next to another end it is the length over which ds² may change much.
-        """
+        """Length of the cell of uniform jerk next to a rest [m], in a section of a given length."""
+        # Next to another end it is the length over which ds² may change much.
         shortest, longest = SHORTEST_FIRST * length, min(LONGEST_FIRST * length, self.even)
         longest = max(shortest, longest)
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
@@ -77,22 +66,15 @@ class End:
 
 @dataclass(frozen=True, slots=True)
 class JerkMesh:
-    """Cells of a path and their parts, in sections between rests or other ends.
+    """Cells of a path and their parts, in sections between rests or other ends."""
 
-    ds² is one parabola on each cell, and the joint path one polynomial on each part.
-
-    Args:
-        grid: The m parts.
-        nodes: Ends of the n cells [m], (n + 1,).
-        cell: The cell of each part, (m,).
-        sections: First cell of each section, and the number of all cells, (sections + 1,).
-        at_rest: True at starts and ends of sections at which the motion rests, (sections, 2).
-    """
+    # ds² is one parabola on each cell, and the joint path one polynomial on each part.
 
     grid: Grid
-    nodes: FloatArray
-    cell: IntArray
-    sections: IntArray
+    nodes: FloatArray  # Ends of the n cells [m], (n + 1,)
+    cell: IntArray  # The cell of each part, (m,)
+    sections: IntArray  # First cell of each section, and the number of all cells, (sections + 1,)
+    # True at starts and ends of sections at which the motion rests, (sections, 2)
     at_rest: BoolArray
 
     @property
@@ -135,15 +117,10 @@ class JerkMesh:
 
 @dataclass(frozen=True, slots=True)
 class _Share:
-    """Distribution of the cells along the path.
-
-    Args:
-        law: A plan.
-        turns: Arc lengths from start to end, denser where the joints turn [m].
-    """
+    """Distribution of the cells along the path."""
 
     law: PathLaw
-    turns: FloatArray
+    turns: FloatArray  # Arc lengths from start to end, denser where the joints turn [m]
 
     def before(self, s: FloatArray) -> FloatArray:
         """Share of the cells before arc lengths, (n,)."""
@@ -158,20 +135,12 @@ class _Share:
 
 def place_mesh(
     law: PathLaw,
-    turns: FloatArray,
-    cells: int,
-    section_ends: FloatArray,
-    ends: list[tuple[End, End]],
+    turns: FloatArray,  # Arc lengths from start to end, denser where the joints turn [m]
+    cells: int,  # Approximate number of cells, without those next to rests
+    section_ends: FloatArray,  # Arc lengths of the ends of the sections [m], (sections + 1,)
+    ends: list[tuple[End, End]],  # Start and stop of the motion in each section
 ) -> JerkMesh:
-    """Make cells for a plan close to another one.
-
-    Args:
-        law: The other plan.
-        turns: Arc lengths from start to end, denser where the joints turn [m].
-        cells: Approximate number of cells, without those next to rests.
-        section_ends: Arc lengths of the ends of the sections [m], (sections + 1,).
-        ends: Start and stop of the motion in each section.
-    """
+    """Make cells for a plan close to another one."""
     node_rows, first, share = [], [0], _Share(law, turns)
     per_ramp = float(np.clip(cells / 50, 8, 20))
     for begin, end, both in zip(section_ends[:-1], section_ends[1:], ends, strict=True):
@@ -184,11 +153,7 @@ def place_mesh(
 
 
 def _nodes(
-    share: _Share,
-    cells: int,
-    limits: tuple[float, float],
-    ends: tuple[End, End],
-    per_ramp: float,
+    share: _Share, cells: int, limits: tuple[float, float], ends: tuple[End, End], per_ramp: float
 ) -> FloatArray:
     begin, end = limits
     length = end - begin
@@ -253,11 +218,9 @@ def _near_ends(limits: tuple[float, float], firsts: list[float]) -> FloatArray:
 
 
 def _mass_near(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
-    """Number of cells between the first one and points at distances `away` from an end [m], (n,).
-
-    `per_ramp` is the number of cells per time of the first cell next to a rest; 0 next to other
-    ends.
-    """
+    """Number of cells from the first one to points at distances `away` from an end [m], (n,)."""
+    # `per_ramp` is the number of cells per time of the first cell next to a rest; 0 next to other
+    # ends.
     if per_ramp == 0:
         return np.asarray(np.log1p(GROWTH * away / first) / GROWTH)
     last = first * RAMPS / FIRST_CELL

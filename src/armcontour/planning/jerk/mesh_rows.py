@@ -32,17 +32,7 @@ LEAST_SHARE = 0.25
 
 
 class MeshRows:
-    """All rows of a mesh, from which the sections select theirs.
-
-    Args:
-        mesh: The cells.
-        active: The constraints of the planner.
-        jerk: The limits of jerk.
-        bounds: Bounds of ds² and dds on the parts of cells, which limit the plan and determine the
-            margins between the ends; None for no margins.
-        about: Without bounds: ds² on each part about which nonlinear limits are linearized, (n,).
-        arm: The arm.
-    """
+    """All rows of a mesh, from which the sections select theirs."""
 
     def __init__(
         self,
@@ -53,13 +43,17 @@ class MeshRows:
         about: FloatArray,
         arm: Arm,
     ) -> None:
+        # `bounds`: bounds of ds² and dds on the parts of cells, which limit the plan and determine
+        # the margins between the ends; None for no margins; `about`: without bounds: ds² on each
+        # part about which nonlinear limits are linearized, (n,).
         self.mesh, self.bounds, self.jerk = mesh, bounds, jerk
         grid = mesh.grid
         self.path = OnGrid(grid)
         width = mesh.width[mesh.cell]
         start = (grid.s[:-1] - mesh.nodes[mesh.cell]) / width
         self.basis: Basis = basis(np.clip(start, 0, 1), grid.width / width, width)
-        self.degree = _degree(grid.joint_path.coefficients)
+        used = np.flatnonzero(grid.joint_path.coefficients.any(axis=(0, 2)))
+        self.degree = max(3, int(used[-1]) if len(used) else 3)
         self.tool: ToolMotion | None = None
         if np.isfinite(jerk.tool):
             # The tangents have the degree of the jerk of the tool.
@@ -166,10 +160,8 @@ class MeshRows:
         return p._replace(ramps=ramps, cell=mesh.cell[start:end] - first, **cells, **parts)
 
     def steep(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """Slopes of ds^1.5 and ds² that use half of jerk and acceleration on straight paths.
-
-        They are those of the cells of a section, without the cells of uniform jerk, (n,) each.
-        """
+        """Slopes of ds^1.5 and ds² that use half of jerk and acceleration on straight paths."""
+        # They are those of the cells of a section, without the cells of uniform jerk, (n,) each.
         mesh, slopes_by_cell = self.mesh, []
         first = int(mesh.sections[k]) + int(mesh.at_rest[k, 0])
         last = int(mesh.sections[k + 1]) - int(mesh.at_rest[k, 1])
@@ -225,11 +217,9 @@ class MeshRows:
         )
 
     def _path_jerk(self) -> list[FloatArray]:
-        """Rows of the third derivative of the tool's arc length, over ds.
-
-        It is `m slope + 3 m' dds + m'' ds²` with the derivative m of the arc length over s. All
-        signs of m' and m'' are included.
-        """
+        """Rows of the third derivative of the tool's arc length, over ds."""
+        # It is `m slope + 3 m' dds + m'' ds²` with the derivative m of the arc length over s. All
+        # signs of m' and m'' are included.
         basis, last = self.basis, self.degree - 1
         slope = np.repeat(basis.slope[:, None], self.degree, axis=1)
         if self.length is None:
@@ -361,12 +351,10 @@ class MeshRows:
         top[last, 2] = np.minimum(top[last, 2], largest[ramps < 0])
 
     def _largest_at_ramps(self) -> FloatArray:
-        """Largest ds² at the moving end of cells of uniform jerk, by each of their parts, (m,).
-
-        From rest, `ds² = A (s / h)^(4/3)`. At the end dds is `2 A / 3 h`; the jerk is `2 A^1.5 / 9
-        h²`. Each part is bounded with the speed and acceleration of the end. Values of parts of
-        other cells are meaningless.
-        """
+        """Largest ds² at the moving end of cells of uniform jerk, by each of their parts, (m,)."""
+        # From rest, `ds² = A (s / h)^(4/3)`. At the end dds is `2 A / 3 h`; the jerk is `2 A^1.5 /
+        # 9 h²`. Each part is bounded with the speed and acceleration of the end. Values of parts of
+        # other cells are meaningless.
         width, h = self.mesh.grid.width, self.mesh.width[self.mesh.cell]
         ramp_column, width_column = h[:, None], width[:, None]
         (slopes, bends), (third, fourth) = self.path.derivatives
@@ -404,11 +392,9 @@ class MeshRows:
 
 
 def control_points(mesh: JerkMesh) -> tuple[FloatArray, FloatArray]:
-    """Rows of the first and last control point of ds² on every cell, (n, 3) each.
-
-    Inside a section both are means of the neighbours, so that ds² has a continuous slope. Next to a
-    cell of uniform jerk they have its slope, `4 A / 3 h`; at other ends they are given.
-    """
+    """Rows of the first and last control point of ds² on every cell, (n, 3) each."""
+    # Inside a section both are means of the neighbours, so that ds² has a continuous slope. Next to
+    # a cell of uniform jerk they have its slope, `4 A / 3 h`; at other ends they are given.
     width = mesh.width
     begin, end = np.zeros((2, len(width), 3))
     total = width[:-1] + width[1:]
@@ -422,8 +408,3 @@ def control_points(mesh: JerkMesh) -> tuple[FloatArray, FloatArray]:
         rows[near] = 0
         rows[near, 1] = 1 / (1 + 2 * width[near] / (3 * width[ramp]))
     return begin, end
-
-
-def _degree(coefficients: FloatArray) -> int:
-    used = np.flatnonzero(coefficients.any(axis=(0, 2)))
-    return max(3, int(used[-1]) if len(used) else 3)

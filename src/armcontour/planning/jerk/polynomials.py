@@ -19,17 +19,11 @@ HIGHEST = 5
 
 
 class Basis(NamedTuple):
-    """ds² and its rates on parts of cells, by the three control points of ds² on each cell.
+    """ds² and its rates on parts of cells, by the three control points of ds² on each cell."""
 
-    Args:
-        square: Powers of x, from 0 to 1 on each part, of ds², (m, 3 control points, 3).
-        rate: Powers of x of dds, (m, 3, 2).
-        slope: Slope of dds over s, (m, 3).
-    """
-
-    square: FloatArray
-    rate: FloatArray
-    slope: FloatArray
+    square: FloatArray  # Powers of x, from 0 to 1 on each part, of ds², (m, 3 control points, 3)
+    rate: FloatArray  # Powers of x of dds, (m, 3, 2)
+    slope: FloatArray  # Slope of dds over s, (m, 3)
 
     @property
     def points(self) -> FloatArray:
@@ -77,31 +71,21 @@ def elevated(powers: FloatArray, degree: int) -> FloatArray:
 
 @compiled()
 def motion_rows(
-    coefficients: FloatArray,
-    breaks: FloatArray,
-    piece: IntArray,
-    s: FloatArray,
+    coefficients: FloatArray,  # Coefficients of the joint path, (pieces, 6, dof)
+    breaks: FloatArray,  # Breaks of the joint path, (pieces + 1,)
+    piece: IntArray,  # Piece of each part, (n,)
+    s: FloatArray,  # Ends of the parts, (n + 1,)
     basis: Basis,
     degree: int,
     of_powers: tuple[FloatArray, FloatArray],
     joints: tuple[IntArray, IntArray],
     rows: tuple[FloatArray, FloatArray],
 ) -> None:
-    """Control points of acceleration, and of jerk over ds, as rows of the control points of ds².
-
-    The acceleration is `q'' a + q' dds`, and the jerk over ds is `q''' a + 3 q'' dds + q' slope`.
-
-    Args:
-        coefficients: Coefficients of the joint path, (pieces, 6, dof).
-        breaks: Breaks of the joint path, (pieces + 1,).
-        piece: Piece of each part, (n,).
-        s: Ends of the parts, (n + 1,).
-        basis: The basis on the parts.
-        degree: Degree of the joint path.
-        of_powers: `to_bernstein` of the degrees of acceleration, `degree`, and jerk, one less.
-        joints: Joints with rows of acceleration, and joints with rows of jerk.
-        rows: Output, joint after joint, (n, joints (degree + 1), 3) and (n, joints degree, 3).
-    """
+    """Control points of acceleration, and of jerk over ds, as rows of the control points of ds²."""
+    # The acceleration is `q'' a + q' dds`, and the jerk over ds is `q''' a + 3 q'' dds + q' slope`.
+    # `of_powers`: `to_bernstein` of the degrees of acceleration, `degree`, and jerk, one less;
+    # `joints`: joints with rows of acceleration, and joints with rows of jerk; `rows`: output,
+    # joint after joint, (n, joints (degree + 1), 3) and (n, joints degree, 3).
     taylor = np.empty((3, HIGHEST + 1))
     powers = np.empty(2 * HIGHEST)
     t = np.empty(HIGHEST + 1)
@@ -167,18 +151,12 @@ MARGIN = 2.0
 
 @dataclass(frozen=True, slots=True)
 class ToolMotion:
-    """Derivatives of the tool's position over s on parts of cells.
+    """Derivatives of the tool's position over s on parts of cells."""
 
-    Args:
-        powers: Powers of x from 0 to 1 on every part, for the first to third derivative,
-            (3, 3, n, 3).
-        deviation: Bounds of the distance of the derivatives from these parabolas, (3, n).
-        largest: Bounds of the lengths of the derivatives, (3, n).
-    """
-
+    # Powers of x from 0 to 1 on every part, for the first to third derivative, (3, 3, n, 3)
     powers: FloatArray
-    deviation: FloatArray
-    largest: FloatArray
+    deviation: FloatArray  # Bounds of the distance of the derivatives from these parabolas, (3, n)
+    largest: FloatArray  # Bounds of the lengths of the derivatives, (3, n)
 
     @classmethod
     def measure(cls, grid: Grid, arm: Arm) -> ToolMotion:
@@ -186,10 +164,8 @@ class ToolMotion:
         return cls(*_parabolas(_derivatives(grid, arm)))
 
     def rows(self, basis: Basis) -> FloatArray:
-        """Control points of jerk over ds as rows of the control points of ds², (n, 5, 3, 3).
-
-        The jerk over ds is the vector `p''' ds² + 3 p'' dds + p' slope`.
-        """
+        """Control points of jerk over ds as rows of the control points of ds², (n, 5, 3, 3)."""
+        # The jerk over ds is the vector `p''' ds² + 3 p'' dds + p' slope`.
         first, second, third = self.powers
         powers = np.zeros((DEGREE + 1, 3, *first.shape[1:]))  # power, control point, part, axis
         for b in range(3):
@@ -211,11 +187,9 @@ class ToolMotion:
 
 
 def largest_at_ramps(derivatives: FloatArray, limit: float, h: FloatArray) -> FloatArray:
-    """Largest ds² at the moving end of cells of uniform jerk of lengths h [m], (n,).
-
-    `derivatives` are bounds of the first to third derivative over s, (3, n); `limit` is the limit
-    of jerk [m/s³].
-    """
+    """Largest ds² at the moving end of cells of uniform jerk of lengths h [m], (n,)."""
+    # `derivatives` are bounds of the first to third derivative over s, (3, n); `limit` is the limit
+    # of jerk [m/s³].
     first, second, third = derivatives
     with np.errstate(divide="ignore"):
         jerk = third + 2 * second / h + 2 / 9 * first / h**2
@@ -223,12 +197,10 @@ def largest_at_ramps(derivatives: FloatArray, limit: float, h: FloatArray) -> Fl
 
 
 def arc_length_bounds(grid: Grid, arm: Arm) -> FloatArray:
-    """Bounds of the derivatives of the tool's own arc length over s on parts of cells, (3, n).
-
-    If joints follow a tool path, s is nearly the tool's arc length (the first derivative was 1
-    within 1e-6 on a UR5e), but the third derivative of the small difference matters. If the tool
-    turns on the spot, s is no arc length, and the limit applies to s.
-    """
+    """Bounds of the derivatives of the tool's own arc length over s on parts of cells, (3, n)."""
+    # If joints follow a tool path, s is nearly the tool's arc length (the first derivative was 1
+    # within 1e-6 on a UR5e), but the third derivative of the small difference matters. If the tool
+    # turns on the spot, s is no arc length, and the limit applies to s.
     p = _derivatives(grid, arm)
     speed = np.linalg.norm(p[0], axis=2)
     moving = (speed > LEAST_SPEED).all(axis=0)

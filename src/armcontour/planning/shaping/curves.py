@@ -18,11 +18,11 @@ from armcontour.robot import Arm
 
 # Relative change of the joint velocity along a part of a span.
 CHANGE = 0.1
-MOST_PARTS = 8
+MAX_PARTS = 8
 # Largest distance of arcs from the curve, as a share of the tolerance, and at least this distance
 # [m]; spans with larger distances are divided into more parts.
 NEAR, NEAREST = 1e-4, 1e-10
-MOST_ROUNDS = 4
+MAX_ROUNDS = 4
 # Largest turn of a part [rad].
 SHARPEST = 0.35
 # Positions on each quintic at which arcs are compared with the curve.
@@ -35,43 +35,30 @@ Ends: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DrawnPath:
-    """Tool path of a spline of the joints.
-
-    Args:
-        segments: The arcs.
-        curve: The curve of the tool.
-        places: Matching arc lengths on the objective and on the path [m], (m, 2).
-        knots: Arc lengths of the knots of the spline [m], (n + 1,).
-    """
+    """Tool path of a spline of the joints."""
 
     segments: Segments
     curve: SmoothCurve
-    places: FloatArray
-    knots: FloatArray
+    places: FloatArray  # Matching arc lengths on the objective and on the path [m], (m, 2)
+    knots: FloatArray  # Arc lengths of the knots of the spline [m], (n + 1,)
 
 
 def draw(
     spline: JointSpline, arm: Arm, objective: Path, s_objective: FloatArray, tolerance: FloatArray
 ) -> DrawnPath:
-    """Compute the tool path of a spline.
-
-    Args:
-        spline: The spline.
-        arm: The arm.
-        objective: The objective path.
-        s_objective: Arc lengths on the objective at the control points [m], (n,).
-        tolerance: Tolerance at the control points [m], (n,); the distance of the arcs from the
-            curve is a small share of it.
-    """
+    """Compute the tool path of a spline."""
+    # `s_objective`: arc lengths on the objective at the control points [m], (n,); `tolerance`:
+    # tolerance at the control points [m], (n,); the distance of the arcs from the curve is a small
+    # share of it.
     count = _count_parts(spline)
     drawn = _draw(spline, arm, objective, s_objective, count)
     factor = _lack(drawn.segments, drawn.curve.spreads, count, tolerance)
     if not (factor > 1).any():
         return drawn
     spans = np.arange(len(count))
-    for rounds_left in reversed(range(MOST_ROUNDS - 1)):
+    for rounds_left in reversed(range(MAX_ROUNDS - 1)):
         spans, factor = spans[factor > 1], factor[factor > 1]
-        count[spans] *= np.clip(np.ceil(factor), 2, MOST_PARTS).astype(np.intp)
+        count[spans] *= np.clip(np.ceil(factor), 2, MAX_PARTS).astype(np.intp)
         if not (rounds_left and len(spans)):
             break
         span, share = _parts(spans, count[spans])
@@ -83,11 +70,9 @@ def draw(
 def _lack(
     arcs: Segments, spreads: FloatArray, count: IntArray, tolerance: FloatArray
 ) -> FloatArray:
-    """Factor for the number of parts of each span so that the arcs approximate the curve, (m,).
-
-    `arcs` has two arcs for each part, and `spreads` the distance of these from the curve [m].
-    `count` and `tolerance` [m] belong to the spans, (m,).
-    """
+    """Factor for the number of parts of each span so that the arcs approximate the curve, (m,)."""
+    # `arcs` has two arcs for each part, and `spreads` the distance of these from the curve [m].
+    # `count` and `tolerance` [m] belong to the spans, (m,).
     first = np.cumsum(count) - count
     deviation = np.maximum.reduceat(spreads, first) / np.maximum(NEAR * tolerance, NEAREST)
     turns = (arcs.curvatures * arcs.lengths).reshape(-1, 2).sum(axis=1)
@@ -104,11 +89,8 @@ def _parts(spans: IntArray, count: IntArray) -> tuple[IntArray, FloatArray]:
 
 
 def _fit(begin: Ends, end: Ends) -> tuple[Segments, FloatArray, FloatArray]:
-    """Two arcs and a quintic along each part, whose ends are as from `_points`.
-
-    Returns:
-        The arcs; the arc lengths of the ends of the parts [m]; coefficients of the quintics.
-    """
+    """Two arcs and a quintic along each part, whose ends are as from `_points`."""
+    # Returns the arcs; the arc lengths of the ends of the parts [m]; coefficients of the quintics.
     with np.errstate(divide="ignore", invalid="ignore"):
         # Straight parts have no normal.
         first, second = make_biarcs(begin[0], begin[1], end[0], end[1])
@@ -148,17 +130,15 @@ def _count_parts(spline: JointSpline) -> IntArray:
     e = np.linalg.norm(spline.velocities, axis=1)
     change = np.linalg.norm(np.diff(spline.velocities, axis=0), axis=1)
     slow = np.maximum(np.minimum(e[1:], e[:-1]), 0.2 * np.maximum(e[1:], e[:-1]))
-    count = np.clip(np.ceil(change / (CHANGE * slow)), 1, MOST_PARTS).astype(np.intp)
+    count = np.clip(np.ceil(change / (CHANGE * slow)), 1, MAX_PARTS).astype(np.intp)
     # Next to a rest a span is straight in joint space.
     count[spline.rest[1:] | spline.rest[:-1]] = 1
     return np.asarray(count)
 
 
 def _points(spline: JointSpline, arm: Arm, span: IntArray, share: FloatArray) -> Ends:
-    """Points, tangents and their derivatives along the arc length, (m, dimension) each.
-
-    `share` is the time since the start of the span over the span time, (m,).
-    """
+    """Points, tangents and their derivatives along the arc length, (m, dimension) each."""
+    # `share` is the time since the start of the span over the span time, (m,).
     e, knots, h = spline.velocities, spline.knots, spline.h
     a = (np.diff(e, axis=0) / h[:, None])[span]
     t = (share * h[span])[:, None]

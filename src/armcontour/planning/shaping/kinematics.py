@@ -15,33 +15,20 @@ from armcontour.robot import Arm, PlanarTwoLink, SerialArm
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NearPath:
-    """Inverse kinematics at n points near a joint path.
-
-    Args:
-        arm: The arm.
-        configuration: For an arm in the plane, the branch of its inverse kinematics.
-        q: Joint positions at the points on the joint path [rad], (n, dof).
-        poses: Tool poses there, (n, 3, 4); the positions are replaced. None in the plane.
-        task: Number of prescribed degrees of freedom of the tool.
-        free: Null-space rows w of a redundant arm: `w q` is as on the joint path,
-            (n, dof - task, dof).
-    """
+    """Inverse kinematics at n points near a joint path."""
 
     arm: Arm
-    configuration: str | None
-    q: FloatArray
+    configuration: str | None  # For an arm in the plane, the branch of its inverse kinematics
+    q: FloatArray  # Joint positions at the points on the joint path [rad], (n, dof)
+    # Tool poses there, (n, 3, 4); the positions are replaced. None in the plane.
     poses: FloatArray | None = None
-    task: int = 2
+    task: int = 2  # Number of prescribed degrees of freedom of the tool
+    # Null-space rows w of a redundant arm: `w q` is as on the joint path, (n, dof - task, dof)
     free: FloatArray | None = None
 
     @classmethod
     def along(
-        cls,
-        q: FloatArray,
-        arm: Arm,
-        configuration: str | None,
-        path: Path,
-        s: FloatArray,
+        cls, q: FloatArray, arm: Arm, configuration: str | None, path: Path, s: FloatArray
     ) -> NearPath:
         """Inverse kinematics near joint positions q [rad], (n, dof), at arc lengths s of a path."""
         if isinstance(arm, PlanarTwoLink):
@@ -59,11 +46,7 @@ class NearPath:
         return cls(arm=arm, configuration=configuration, q=q, poses=poses, task=task, free=free)
 
     def solve(self, points: FloatArray, guess: FloatArray) -> FloatArray:
-        """Joint positions with the tool at `points` [m], near a guess [rad], (n, dof).
-
-        Raises:
-            Unreachable: A point is out of reach.
-        """
+        """Joint positions with the tool at `points` [m], near a guess [rad], (n, dof)."""
         if isinstance(self.arm, PlanarTwoLink):
             q = self.arm.joint_position(points, self.configuration)
             return np.asarray(q + 2 * np.pi * np.round((guess - q) / (2 * np.pi)))

@@ -35,7 +35,7 @@ FEWEST = 64
 EVEN = 1e-5
 # Largest average number of nodes per stretch. The distance between nodes is proportional to the
 # square root of the tolerance, so small tolerances make iterations slow.
-MOST_NODES = 4000
+MAX_NODES = 4000
 # Samples for the distances between nodes: initially between two marks, then per node.
 SAMPLES, PER_NODE = 32, 8
 # Largest offset in tolerances, and search step as a share of the tolerance.
@@ -54,54 +54,37 @@ SIDES = 12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Nodes:
-    """The n nodes along a start.
+    """The n nodes along a start."""
 
-    Args:
-        s_objective: Arc lengths on the objective [m], (n,).
-        points: Points on the start [m], (n, dimension).
-        frames: Directions of the offsets as columns, (n, dimension, k).
-        sides: Directions of the bounds in the coordinates of the offsets, (m, k).
-        sag: Largest distance of the curve from the polygon of the control points [m], (n,).
-        tolerance: Tolerance at each node [m], (n,).
-        smallest: Least tolerance of each node and its neighbours, whose control points shape the
-            curve together [m], (n,).
-        reach: Reach of the own part of each node along the objective [m], (n,).
-        fixed: True if the control point stays on the start, (n,).
-        rest: True if the joints rest at a knot before, between or after the spans, (n + 1,).
-        vertex: Index of the corner, in the tube, that each node must stay close to; -1 for none.
-        group: Number of the nearest corner or rest of each node, ascending, (n,).
-        times: Times at which the start passes the nodes' ends, halfway between nodes [s], (n + 1,).
-        near: Inverse kinematics near the start.
-        q: Joint positions at the nodes [rad], (n, dof).
-    """
-
-    s_objective: FloatArray
-    points: FloatArray
-    frames: FloatArray
-    sides: FloatArray
+    s_objective: FloatArray  # Arc lengths on the objective [m], (n,)
+    points: FloatArray  # Points on the start [m], (n, dimension)
+    frames: FloatArray  # Directions of the offsets as columns, (n, dimension, k)
+    sides: FloatArray  # Directions of the bounds in the coordinates of the offsets, (m, k)
+    # Largest distance of the curve from the polygon of the control points [m], (n,)
     sag: FloatArray
-    tolerance: FloatArray
+    tolerance: FloatArray  # Tolerance at each node [m], (n,)
+    # Least tolerance of each node and its neighbours, whose control points shape the curve together
+    # [m], (n,)
     smallest: FloatArray
-    reach: FloatArray
-    fixed: BoolArray
+    reach: FloatArray  # Reach of the own part of each node along the objective [m], (n,)
+    fixed: BoolArray  # True if the control point stays on the start, (n,)
+    # True if the joints rest at a knot before, between or after the spans, (n + 1,)
     rest: BoolArray
+    # Index of the corner, in the tube, that each node must stay close to; -1 for none
     vertex: IntArray
-    group: IntArray
+    group: IntArray  # Number of the nearest corner or rest of each node, ascending, (n,)
+    # Times at which the start passes the nodes' ends, halfway between nodes [s], (n + 1,)
     times: FloatArray
     near: NearPath
-    q: FloatArray
+    q: FloatArray  # Joint positions at the nodes [rad], (n, dof)
 
     def __len__(self) -> int:
         """Number of nodes."""
         return len(self.s_objective)
 
     def bounds(self, tube: Tube, inside: FloatArray) -> FloatArray:
-        """Largest offsets along every side [m], (n, m).
-
-        Args:
-            tube: The tube of the tolerance.
-            inside: Share of the tolerance by which offsets stay inside, (n,).
-        """
+        """Largest offsets along every side [m], (n, m)."""
+        # `inside`: share of the tolerance by which offsets stay inside, (n,).
         windows = self._windows(tube)
         spare = inside * self.smallest + np.minimum(self.sag, 0.3 * self.smallest)
         margin = spare + self.tolerance - self.smallest
@@ -127,10 +110,8 @@ class Nodes:
         return offsets
 
     def _windows(self, tube: Tube) -> IntArray:
-        """First and last piece of the stretch of the objective for each node, (n, 2).
-
-        A stretch leads from corner to corner; a node at a corner belongs to both.
-        """
+        """First and last piece of the stretch of the objective for each node, (n, 2)."""
+        # A stretch leads from corner to corner; a node at a corner belongs to both.
         ends = tube.objective.breaks[tube.vertex]
         corners = np.concatenate([[-np.inf], ends, [np.inf]])
         low = corners[np.searchsorted(ends, self.s_objective - SAME, side="right")]
@@ -203,19 +184,12 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
 
 @dataclass(frozen=True, slots=True)
 class _Marks:
-    """Rests and corners of a start, m of them.
+    """Rests and corners of a start, m of them."""
 
-    Args:
-        s: Arc lengths on the start, ascending [m], (m,).
-        rest: True if the tool rests there, (m,).
-        corner: Index of the corner in the tube; -1 for rests, (m,).
-        first: Distance to the next nodes [m], (m,); meaningless for rests.
-    """
-
-    s: FloatArray
-    rest: BoolArray
-    corner: IntArray
-    first: FloatArray
+    s: FloatArray  # Arc lengths on the start, ascending [m], (m,)
+    rest: BoolArray  # True if the tool rests there, (m,)
+    corner: IntArray  # Index of the corner in the tube; -1 for rests, (m,)
+    first: FloatArray  # Distance to the next nodes [m], (m,); meaningless for rests
 
     @classmethod
     def from_path(cls, path: Path, matches: FloatArray, tube: Tube) -> _Marks:
@@ -282,10 +256,8 @@ def _bend(joint_path: JointPath, arm: Arm, s: FloatArray) -> FloatArray:
 def _spread(
     start: Candidate, arm: Arm, tube: Tube, marks: _Marks
 ) -> tuple[FloatArray, IntArray] | None:
-    """Arc lengths of nodes, and the mark of each; -1 for none. None if there are too many nodes.
-
-    The distance between nodes grows from that at a mark by GROWTH from node to node.
-    """
+    """Arc lengths of nodes, and the mark of each; -1 for none. None if there are too many nodes."""
+    # The distance between nodes grows from that at a mark by GROWTH from node to node.
     path, matches, joint_path = start.path, start.places, start.joint_path
     rests = marks.s[marks.rest]
     samples, _ = _divide(marks.s, marks.s, np.full(len(marks.s) - 1, SAMPLES))
@@ -313,7 +285,7 @@ def _spread(
         total = np.append(0.0, np.cumsum(mean / step[:-1] * np.diff(samples)))
         min_count = np.where(marks.rest[:-1] | marks.rest[1:], 3, 1)
         count = np.maximum(np.ceil(np.diff(total[k])), min_count).astype(np.intp)
-        if count.sum() > MOST_NODES * len(count):
+        if count.sum() > MAX_NODES * len(count):
             return None
         if not parts:
             break
@@ -331,11 +303,9 @@ def _divide(
     count: IntArray,
     along: tuple[FloatArray, FloatArray] | None = None,
 ) -> tuple[FloatArray, IntArray]:
-    """Arc lengths that divide the stretches between marks, and the mark of each; -1 for none.
-
-    Each stretch is divided evenly in `ends`, values at the marks, (m,), into `count` parts, (m -
-    1,). `along` are such values over arc lengths, if they are not arc lengths.
-    """
+    """Arc lengths that divide the stretches between marks, and the mark of each; -1 for none."""
+    # Each stretch is divided evenly in `ends`, values at the marks, (m,), into `count` parts, (m -
+    # 1,). `along` are such values over arc lengths, if they are not arc lengths.
     stretch, number = number_parts(count)
     value = ends[stretch] + np.diff(ends)[stretch] * number / count[stretch]
     s = value if along is None else np.interp(value, *along)

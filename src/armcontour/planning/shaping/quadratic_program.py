@@ -19,7 +19,7 @@ from armcontour.core.kernels import FUSED, compiled
 # a row; rows and unknowns are scaled to the order of 1.
 GAP = 1e-8
 VIOLATION = 1e-8
-MOST_ITERATIONS = 60
+MAX_ITERATIONS = 60
 # Largest step, as a share of the step to the boundary.
 WAY = 0.995
 # Smallest initial slack.
@@ -30,18 +30,12 @@ FIRST_SLACK = 0.1
 def solve_program(
     cost: FloatArray, rows: FloatArray, bounds: FloatArray, weight: FloatArray
 ) -> tuple[FloatArray, int]:
-    """Solve the program; without convergence the result is the last iterate.
-
-    Args:
-        cost: Cost of the unknowns, (n, k).
-        rows: Coefficients of the rows of each node, for the unknowns of the previous node, its own
-            and those of the next node, (n, m, 3 k); rows of zeros are ignored.
-        bounds: Upper bounds of the rows, (n, m).
-        weight: Positive weights of the squares of the unknowns, (n, k).
-
-    Returns:
-        The unknowns, (n, k), and the number of iterations; negative if they did not converge.
-    """
+    """Solve the program; without convergence the result is the last iterate."""
+    # `cost`: cost of the unknowns, (n, k); `rows`: coefficients of the rows of each node, for the
+    # unknowns of the previous node, its own and those of the next node, (n, m, 3 k); rows of zeros
+    # are ignored; `bounds`: upper bounds of the rows, (n, m); `weight`: positive weights of the
+    # squares of the unknowns, (n, k).
+    # Returns the unknowns, (n, k), and the number of iterations; negative if they did not converge.
     n, k = cost.shape
     first, ends, values, bound = _pack(rows, bounds)
     count = len(bound)
@@ -56,7 +50,7 @@ def solve_program(
     matrix = np.empty((n * k, 3 * k))
     step, primal = np.empty(n * k), np.empty(count)
     d_slack, d_dual, complement = np.empty(count), np.empty(count), np.empty(count)
-    for iteration in range(MOST_ITERATIONS):
+    for iteration in range(MAX_ITERATIONS):
         gap, worst = 0.0, 0.0
         for r in range(count):
             primal[r] = _row_product(first, ends, values, x, r) + slack[r] - bound[r]
@@ -98,19 +92,16 @@ def solve_program(
         for r in range(count):
             slack[r] += step_length * d_slack[r]
             dual[r] += step_length * d_dual[r]
-    return x.reshape(n, k), -MOST_ITERATIONS
+    return x.reshape(n, k), -MAX_ITERATIONS
 
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def _pack(
     rows: FloatArray, bounds: FloatArray
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-    """Nonzero rows, each from its first to its last coefficient.
-
-    Returns:
-        The first unknown of each row, (p,); the start and end of the coefficients of each row among
-        all coefficients, (p + 1,); the coefficients; and the bounds, (p,).
-    """
+    """Nonzero rows, each from its first to its last coefficient."""
+    # Returns the first unknown of each row, (p,); the start and end of the coefficients of each row
+    # among all coefficients, (p + 1,); the coefficients; and the bounds, (p,).
     n, m, width = rows.shape
     k = width // 3
     first, ends = np.empty(n * m, dtype=np.int64), np.zeros(n * m + 1, dtype=np.int64)
@@ -173,11 +164,7 @@ def _normal_matrix(
 
 @compiled(inner=True, fastmath=FUSED)
 def _factor(matrix: FloatArray) -> bool:
-    """Replace a banded matrix by its Cholesky factor, with the inverse of its diagonal.
-
-    Returns:
-        False if the matrix is not positive definite.
-    """
+    """Replace a banded matrix by its Cholesky factor, with the inverse of its diagonal."""
     last = matrix.shape[1] - 1
     for a in range(matrix.shape[0]):
         low = max(0, a - last)

@@ -36,13 +36,9 @@ def is_long(group: IntArray) -> bool:
 
 
 def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntArray:
-    """First of both fixed nodes between chunks, (m,); none if the path is not long, or `whole`.
-
-    Args:
-        group: Number of the nearest corner or rest of each node, ascending, (n,).
-        iteration: Number of the iteration.
-        whole: True if long paths are not divided either.
-    """
+    """First of both fixed nodes between chunks, (m,); none if the path is not long, or `whole`."""
+    # `group`: number of the nearest corner or rest of each node, ascending, (n,); `whole`: true if
+    # long paths are not divided either.
     if whole or not is_long(group):
         return np.zeros(0, dtype=np.intp)
     first = 1 + SHIFT * iteration % CORNERS
@@ -56,19 +52,10 @@ def solve_in_chunks(
     rows: FloatArray,
     bounds: FloatArray,
     weight: FloatArray,
-    cuts: IntArray,
-    threads: int | None = None,
+    cuts: IntArray,  # First of both fixed nodes between chunks, (m,)
+    threads: int | None = None,  # Number of threads; by default the number of processors
 ) -> FloatArray:
-    """Solve the programs of all chunks, each with zero unknowns in the other chunks, (n, k).
-
-    Args:
-        cost: As in `solve_program`.
-        rows: As in `solve_program`.
-        bounds: As in `solve_program`.
-        weight: As in `solve_program`.
-        cuts: First of both fixed nodes between chunks, (m,).
-        threads: Number of threads; by default the number of processors.
-    """
+    """Solve the programs of all chunks, each with zero unknowns in the other chunks, (n, k)."""
     if not len(cuts):
         return solve_program(cost, rows, bounds, weight)[0]
     n, k = cost.shape
@@ -91,17 +78,17 @@ def solve_in_chunks(
 
 # Limit of changes of offsets over the tolerance: initial, largest and smallest value, and factors
 # after rejected, slower and faster iterations.
-FIRST_TRUST, MOST_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-5
+FIRST_TRUST, MAX_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-5
 SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
 # The search ends after this many consecutive iterations that gain less than LEAST_GAIN of the
 # duration.
 IDLE, LEAST_GAIN = 4, 1e-5
 # It also ends after this many consecutive iterations that leave the tube.
-MOST_TIGHTENED = 12
+MAX_TIGHTENED = 12
 # Factor of a change for each consecutive rejection.
 LESS = 0.6
 # Corners of a long path revert to the best shape at most this many times in an iteration.
-MOST_MENDED = 4
+MAX_MENDED = 4
 # Weights of the squares of offsets and times, for a positive definite quadratic program.
 WEIGHT = (1e-3, 1e-9)
 # Factor of the missing distance by which offsets are reduced outside the tube.
@@ -112,25 +99,14 @@ SHARE = 0.7
 
 @dataclass(slots=True)
 class _State:
-    """Best shape found by the search.
-
-    Args:
-        best: The best candidate.
-        offsets: Its offsets [m], (n, k).
-        h: Its span times [s], (n,).
-        trust: Largest change of the offsets of each node, over the tolerance, (n,).
-        inside: Share of the tolerance by which offsets stay inside, (n,).
-        limits: Largest offsets along every side [m], (n, m).
-        refused: Number of consecutive slower proposals.
-        proposals: Number of solved quadratic programs.
-    """
+    """Best shape found by the search."""
 
     best: Candidate
-    offsets: FloatArray
-    h: FloatArray
-    trust: FloatArray
-    inside: FloatArray
-    limits: FloatArray
+    offsets: FloatArray  # Its offsets [m], (n, k)
+    h: FloatArray  # Its span times [s], (n,)
+    trust: FloatArray  # Largest change of the offsets of each node, over the tolerance, (n,)
+    inside: FloatArray  # Share of the tolerance by which offsets stay inside, (n,)
+    limits: FloatArray  # Largest offsets along every side [m], (n, m)
     refused: int = 0
     proposals: int = 0
 
@@ -166,7 +142,7 @@ class ShapeSearch:
     def run(self) -> Iterator[Candidate]:
         """Yield the best candidate after each iteration, until the gain is negligible."""
         idle = tightened = 0
-        while idle < IDLE and tightened < MOST_TIGHTENED:
+        while idle < IDLE and tightened < MAX_TIGHTENED:
             before = self.state.best.duration
             accepted = self._iterate()
             gained = before - self.state.best.duration
@@ -175,11 +151,8 @@ class ShapeSearch:
             yield self.state.best
 
     def _iterate(self) -> bool:
-        """Propose a change and accept it if the exact timing is faster.
-
-        Returns:
-            False if the change left the tube, whose limits are then reduced.
-        """
+        """Propose a change and accept it if the exact timing is faster."""
+        # Returns false if the change left the tube, whose limits are then reduced.
         state, nodes = self.state, self.nodes
         try:
             offsets, h, drawn = self._draw_most(*self._propose())
@@ -208,14 +181,12 @@ class ShapeSearch:
             # Neighbours of a corner share its lines.
             wide = slower | np.append(slower[1:], False) | np.append(False, slower[:-1])
             factor = np.where(wide if slower.any() else True, SHRINK, 1.0)
-        state.trust = np.clip(state.trust * factor[nodes.group], LEAST_TRUST, MOST_TRUST)
+        state.trust = np.clip(state.trust * factor[nodes.group], LEAST_TRUST, MAX_TRUST)
         return True
 
     def _keep_near(self, candidate: Candidate, knots: FloatArray) -> None:
-        """Use the tool orientations and the redundant joints of a candidate for the control points.
-
-        `knots` are the arc lengths of the knots on its path [m], (n + 1,).
-        """
+        """Use a candidate's tool orientations and redundant joints for the control points."""
+        # `knots` are the arc lengths of the knots on its path [m], (n + 1,).
         if self.nodes.near.poses is None:
             return
         # Control points of the arc length itself; at a rest they are at the rest.
@@ -229,10 +200,8 @@ class ShapeSearch:
         self.nodes = replace(self.nodes, near=near, q=q)
 
     def _judge(self, drawn: DrawnPath) -> tuple[Candidate, FloatArray, BoolArray] | None:
-        """Time the drawn path; returns it with its span times [s] and a mask of slower corners.
-
-        None if the arm cannot follow the path.
-        """
+        """Time the drawn path; returns it with its span times [s] and a mask of slower corners."""
+        # None if the arm cannot follow the path.
         path = self._path(drawn)
         candidate = None if path is None else self.timer.candidate(SHAPED, path, drawn.places)
         if path is None or candidate is None:
@@ -244,12 +213,9 @@ class ShapeSearch:
     def _draw_most(
         self, offsets: FloatArray, h: FloatArray
     ) -> tuple[FloatArray, FloatArray, DrawnPath | None]:
-        """Draw a proposal; on a long path, corners outside the tube revert to the best shape.
-
-        Returns:
-            The offsets and times, and their path; None if it leaves the tube.
-        """
-        for _ in range(MOST_MENDED if is_long(self.nodes.group) else 1):
+        """Draw a proposal; on a long path, corners outside the tube revert to the best shape."""
+        # Returns the offsets and times, and their path; None if it leaves the tube.
+        for _ in range(MAX_MENDED if is_long(self.nodes.group) else 1):
             before = self.state.inside
             drawn = self._draw(offsets, h)
             if drawn is not None:
@@ -276,10 +242,8 @@ class ShapeSearch:
     def _back(
         self, offsets: FloatArray, h: FloatArray, corners: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Proposal in which the masked corners revert to the best shape, (groups,).
-
-        The share of their neighbours decreases with the distance.
-        """
+        """Proposal in which the masked corners revert to the best shape, (groups,)."""
+        # The share of their neighbours decreases with the distance.
         group, state = self.nodes.group, self.state
         stays = 1.0 - corners
         edges = np.minimum(stays[1:], stays[:-1])
@@ -392,11 +356,9 @@ class ShapeSearch:
         return None
 
     def _tighten(self, lacking: FloatArray, excess: FloatArray) -> None:
-        """Reduce the limits of the offsets where the path leaves the tube.
-
-        `lacking` is the distance outside the tube in the span of each node [m], (n,); `excess` is
-        the distance of each corner from the path beyond the allowed one [m], (k,).
-        """
+        """Reduce the limits of the offsets where the path leaves the tube."""
+        # `lacking` is the distance outside the tube in the span of each node [m], (n,); `excess` is
+        # the distance of each corner from the path beyond the allowed one [m], (k,).
         nodes, state = self.nodes, self.state
         lacking = lacking.copy()
         s_corners = self.tube.objective.breaks[self.tube.vertex]
@@ -464,10 +426,8 @@ def why_not(objective: Path, tube: Tube) -> str | None:
 def make_searches(
     objective: Path, tube: Tube, timer: Timer, options: Shaped
 ) -> Iterator[ShapeSearch | None]:
-    """Searches from parabolas and from arcs that the arm can follow, the faster ones first.
-
-    None stands for a search with too many nodes.
-    """
+    """Searches from parabolas and from arcs that the arm can follow, the faster ones first."""
+    # None stands for a search with too many nodes.
     starts = make_starts(objective, tube, options, SHARE)
     candidates = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
     for start in sorted((x for x in candidates if x is not None), key=lambda x: x.duration):
@@ -479,10 +439,8 @@ def make_searches(
 
 
 def _turns_at_corners(objective: Path) -> bool:
-    """Test whether the orientation follows a tangent that jumps, so that it depends on the shape.
-
-    If it follows a smooth tangent, shapes have the orientation of the matching objective points.
-    """
+    """True if the orientation follows a tangent that jumps, so that it depends on the shape."""
+    # If it follows a smooth tangent, shapes have the orientation of the matching objective points.
     orientation = objective.orientation
     return (
         orientation is not None

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import warnings
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import dataclass
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import cast, overload
 
@@ -73,6 +72,10 @@ def shape(
     path is at most as long as along arcs or parabolas at the corners, or with a stop at every
     vertex.
 
+    >>> shaped = ac.shape(objective, arm, limits, ac.Shaped(tolerance=1e-3, iterations=1))
+    >>> ac.plan(shaped, arm, limits).duration < planned.duration
+    True
+
     Args:
         path: The objective path, or a program, whose contours are shaped one by one.
         arm: The arm.
@@ -119,11 +122,13 @@ class Shaping:
         Raises:
             ArmContourError: As `shape`.
         """
-        drawn = [self._draw(x) if isinstance(x, Contour) else x for x in program.moves]
-        program = dataclasses.replace(program, moves=tuple(drawn))
-        seed = self.options.seed
+        seed, moves = self.options.seed, list(program.moves)
+        for i, x in enumerate(moves):
+            if isinstance(x, Contour):
+                contour = draw_with_arcs(x)
+                moves[i] = replace(contour, path=_cap(contour.path, self.options.tolerance))
+        program = replace(program, moves=tuple(moves))
         arcs, traced = self._trace(program)
-        moves = list(program.moves)
         tasks: list[tuple[int, Contour, _Task]] = []
         for step in traced.steps:
             move = None if step.move is None else moves[step.move]
@@ -132,26 +137,19 @@ class Shaping:
                 tasks.append((step.move, move, task))
         shaped_path = _shape_all([x[2] for x in tasks], progress)
         for done, (i, move, _) in enumerate(tasks):
-            with _named(move, done, named):
+            with error_context(contour_called(move, done)) if named else nullcontext():
                 moves[i] = put_on_path(move, shaped_path(done))
-        shaped = dataclasses.replace(program, moves=tuple(moves))
+        shaped = replace(program, moves=tuple(moves))
         if arcs is None or seed is not None or self.arm.dimension == 2:
             return shaped
         return self._faster(program, arcs, shaped, ends_of(traced.joint_paths[0])[0])
 
-    def _draw(self, contour: Contour) -> Contour:
-        """Contour of lines and arcs, with tolerances limited by its short stretches."""
-        contour = draw_with_arcs(contour)
-        return dataclasses.replace(contour, path=_cap(contour.path, self.options.tolerance))
-
     def _faster(
         self, program: Program, arcs: Tracing, shaped: Program, first: FloatArray
     ) -> Program:
-        """Shaped program at the faster start, or the program with arcs if that is faster still.
-
-        Shapes are compared close to the start `first` [rad], (dof,). A redundant arm is slightly
-        slower there than at a free start, which it has along arcs.
-        """
+        """Shaped program at the faster start, or the program with arcs if that is faster still."""
+        # Shapes are compared close to the start `first` [rad], (dof,). A redundant arm is slightly
+        # slower there than at a free start, which it has along arcs.
         seed = tuple(first.tolist())
         plans: list[tuple[Program, tuple[float, ...] | None, Trajectory]] = []
         with suppress(ArmContourError):
@@ -172,7 +170,7 @@ class Shaping:
             if along_arcs is not None and ARCS in durations:
                 durations[ARCS] = cast(Trajectory, along_arcs[i].trajectory).duration
             starts = {name: x for name, x in durations.items() if name != SHAPED}
-            outcome = dataclasses.replace(
+            outcome = replace(
                 outcome,
                 # Among starts with equal rounded durations the simplest one.
                 start=min(starts, key=lambda name: round(starts[name], 9)),
@@ -181,9 +179,9 @@ class Shaping:
                 joints=joints,
             )
             move = moves[span.move]
-            path = dataclasses.replace(_path_of(move), outcome=outcome)
-            moves[span.move] = dataclasses.replace(cast(Contour, move), path=path)
-        return dataclasses.replace(fastest, moves=tuple(moves))
+            path = replace(_path_of(move), outcome=outcome)
+            moves[span.move] = replace(cast(Contour, move), path=path)
+        return replace(fastest, moves=tuple(moves))
 
     def _time(self, traced: Tracing) -> Trajectory:
         limits = with_reserve(self.limits, self.options.reserve)
@@ -195,12 +193,9 @@ class Shaping:
         return trace_program(program, self.arm, self.limits, configuration=configuration, seed=seed)
 
     def _trace(self, program: Program) -> tuple[Tracing | None, Tracing]:
-        """Trace the program with arcs at its corners, and with sharp corners if that is faster.
-
-        Returns:
-            The program with arcs and its joint paths, None if the arm cannot follow it; and the
-            tracing whose configurations are used for all starts and shapes.
-        """
+        """Trace the program with arcs at its corners, and with sharp corners if that is faster."""
+        # Returns the program with arcs and its joint paths, None if the arm cannot follow it; and
+        # the tracing whose configurations are used for all starts and shapes.
         seed = self.options.seed
         try:
             arcs = self._follow(self._with_arcs(program), seed)
@@ -235,13 +230,11 @@ class Shaping:
                 moves[i] = put_on_path(
                     move, _shaped_path(move.path, path, matches, self.options, outcome)
                 )
-        return dataclasses.replace(program, moves=tuple(moves))
+        return replace(program, moves=tuple(moves))
 
     def _timer(self, joint_path: JointPath, seed: FloatArray | None = None) -> Timer:
-        """Timer in the configuration of a joint path, with the seed if that is its start.
-
-        The knots of a redundant arm depend on the rounding of the start.
-        """
+        """Timer in the configuration of a joint path, with the seed if that is its start."""
+        # The knots of a redundant arm depend on the rounding of the start.
         start, intervals = ends_of(joint_path)[0], self.options.intervals
         limits = with_reserve(self.limits, self.options.reserve)
         if isinstance(self.arm, PlanarTwoLink):
@@ -252,29 +245,20 @@ class Shaping:
 
 
 def _cap(path: Path, tolerance: float) -> Path:
-    """Limit the tolerances of a path to half of its stretches between two sharp corners.
-
-    A line that is drawn twice, a micrometre apart, leaves a stretch that allows no more.
-    """
+    """Limit the tolerances of a path to half of its stretches between two sharp corners."""
+    # A line that is drawn twice, a micrometre apart, leaves a stretch that allows no more.
     sharp = np.flatnonzero(path.turns > SHARP) + 1
     ends = np.concatenate([[0], sharp, [len(path)]])
     half = np.repeat(np.diff(path.breaks[ends]) / 2, np.diff(ends))
     if (half >= tolerance).all():
         return path
     tolerances = np.where(half < tolerance, np.fmin(path.tolerances, half), path.tolerances)
-    return dataclasses.replace(
-        path, segments=path.segments.replace(tolerances=tolerances, checked=True)
-    )
+    return replace(path, segments=path.segments.replace(tolerances=tolerances, checked=True))
 
 
 def _path_of(move: Move) -> ShapedPath:
     assert isinstance(move, Contour) and isinstance(move.path, ShapedPath)
     return move.path
-
-
-def _named(contour: Contour, number: int, enabled: bool) -> AbstractContextManager[None]:
-    """Context that prefixes error messages with the name of a contour, if enabled."""
-    return error_context(contour_called(contour, number)) if enabled else nullcontext()
 
 
 @dataclass(frozen=True, slots=True)
@@ -287,10 +271,8 @@ class _Task:
 
 
 def _shape_all(tasks: list[_Task], progress: Progress | None) -> Callable[[int], ShapedPath]:
-    """Function that returns the shaped path of a contour; other processes shape many contours.
-
-    It raises the error of the contour.
-    """
+    """Function that returns the shaped path of a contour; other processes shape many contours."""
+    # It raises the error of the contour.
     count = len(tasks)
 
     def report(done: float) -> None:

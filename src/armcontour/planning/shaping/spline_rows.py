@@ -28,17 +28,12 @@ LEAST_SPAN = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointSpline:
-    """Quadratic B-spline in time with n control points, from rest to rest.
+    """Quadratic B-spline in time with n control points, from rest to rest."""
 
-    Args:
-        q: Control points [rad], (n, dof).
-        h: Span times [s], (n,).
-        rest: True if the joints rest at a knot before, between or after the spans, (n + 1,).
-            Both control points next to a rest between spans are at the rest.
-    """
-
-    q: FloatArray
-    h: FloatArray
+    q: FloatArray  # Control points [rad], (n, dof)
+    h: FloatArray  # Span times [s], (n,)
+    # True if the joints rest at a knot before, between or after the spans, (n + 1,). Both control
+    # points next to a rest between spans are at the rest.
     rest: BoolArray
 
     @property
@@ -63,36 +58,22 @@ class JointSpline:
 
 @dataclass(slots=True)
 class SpanRows:
-    """Rows of all spans, as functions of the velocities at both ends and of the span time.
+    """Rows of all spans, as functions of the velocities at both ends and of the span time."""
 
-    Args:
-        value: Values of the functions, at most zero if a limit is satisfied, (n, m).
-        before: Derivatives by the velocity at the start, (n, m, dof).
-        after: Derivatives by the velocity at the end, (n, m, dof).
-        time: Derivatives by the span time, (n, m).
-        scale: Divisors of the values: the limits, (n, m).
-    """
-
-    value: FloatArray
-    before: FloatArray
-    after: FloatArray
-    time: FloatArray
-    scale: FloatArray
+    value: FloatArray  # Values of the functions, at most zero if a limit is satisfied, (n, m)
+    before: FloatArray  # Derivatives by the velocity at the start, (n, m, dof)
+    after: FloatArray  # Derivatives by the velocity at the end, (n, m, dof)
+    time: FloatArray  # Derivatives by the span time, (n, m)
+    scale: FloatArray  # Divisors of the values: the limits, (n, m)
 
 
 def span_rows(spline: JointSpline, arm: Arm, limits: Limits, speeds: FloatArray) -> SpanRows:
-    """Rows of all limits, except angular limits of the tool and joint ranges.
-
-    Rotation depends on the orientation, which is a function of the objective and not of the
-    offsets; the exact timing satisfies its limits. Shapes that leave a joint range cannot be
-    traced.
-
-    Args:
-        spline: The motion.
-        arm: The arm.
-        limits: The limits, one value per joint.
-        speeds: Assigned velocity at the end of every span [m/s], infinite if none, (n,).
-    """
+    """Rows of all limits, except angular limits of the tool and joint ranges."""
+    # Rotation depends on the orientation, which is a function of the objective and not of the
+    # offsets; the exact timing satisfies its limits. Shapes that leave a joint range cannot be
+    # traced.
+    # `limits`: the limits, one value per joint; `speeds`: assigned velocity at the end of every
+    # span [m/s], infinite if none, (n,).
     e, knots, h = spline.velocities, spline.knots, spline.h
     a = np.diff(e, axis=0) / h[:, None]
     n, dof = spline.q.shape
@@ -161,10 +142,8 @@ def _tool_speed(end: States, speeds: FloatArray) -> SpanRows:
 def _tool_acceleration(
     end: States, h: FloatArray, limit: float, last: bool, *, across: bool
 ) -> SpanRows:
-    """Acceleration of the tool in several directions, or its part normal to the motion.
-
-    In direction d it is `d (J a + H(e, e))`, with H(e, e) = dJ/dt e; times h_i.
-    """
+    """Acceleration of the tool in several directions, or its part normal to the motion."""
+    # In direction d it is `d (J a + H(e, e))`, with H(e, e) = dJ/dt e; times h_i.
     arm, q, e = end.arm, end.q, end.dq
     jacobian, rate = arm.tool_jacobian(q), arm.tool_jacobian_rate(q, e)
     velocity = np.einsum("nij,nj->ni", jacobian, e)
@@ -192,10 +171,8 @@ def _tool_acceleration(
 
 
 def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) -> FloatArray:
-    """Unit vectors in which the acceleration is bounded, (n, m, dimension).
-
-    The first is parallel to the acceleration, or to its part normal to the motion.
-    """
+    """Unit vectors in which the acceleration is bounded, (n, m, dimension)."""
+    # The first is parallel to the acceleration, or to its part normal to the motion.
     n, dimension = tangent.shape
     if dimension == 2:
         first = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
@@ -229,11 +206,9 @@ def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) 
 def _torque(
     end: States, both: FloatArray, h: FloatArray, limit: FloatArray, last: bool
 ) -> SpanRows:
-    """`±(M (e_i - e_{i-1}) + h_i (c + g + f)) <= limit h_i`, at one end of every span.
-
-    Coriolis torques c grow with the square of the velocity; mass matrix M, gravity g and friction f
-    are treated as constant.
-    """
+    """`±(M (e_i - e_{i-1}) + h_i (c + g + f)) <= limit h_i`, at one end of every span."""
+    # Coriolis torques c grow with the square of the velocity; mass matrix M, gravity g and friction
+    # f are treated as constant.
     dynamics = end.arm.dynamics
     zero = np.zeros_like(end.dq)
     mass = dynamics.mass_matrix(end.q)
@@ -263,19 +238,11 @@ def _by_both_ends(
 def assemble(
     spline: JointSpline, rows: SpanRows, steps: FloatArray, unit: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Rows of the quadratic program in scaled unknowns, and their bounds.
-
-    The unknowns of node i are its offsets over `unit` and the change of h_i over h_i.
-
-    Args:
-        spline: The motion.
-        rows: Rows of the limits.
-        steps: Change of each control point by its offsets [rad/m], (n, dof, k).
-        unit: Scale of the offsets of each node, 0 if fixed [m], (n,).
-
-    Returns:
-        Coefficients, (n, m, 3 (k + 1)), and bounds, (n, m).
-    """
+    """Rows of the quadratic program in scaled unknowns, and their bounds."""
+    # The unknowns of node i are its offsets over `unit` and the change of h_i over h_i.
+    # `steps`: change of each control point by its offsets [rad/m], (n, dof, k); `unit`: scale of
+    # the offsets of each node, 0 if fixed [m], (n,).
+    # Returns coefficients, (n, m, 3 (k + 1)), and bounds, (n, m).
     n, dof, k = steps.shape
     e, h = spline.velocities, spline.h
     pair = np.ones(n + 1)

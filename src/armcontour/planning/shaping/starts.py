@@ -25,19 +25,12 @@ BESIDE = 0.05
 
 
 def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float) -> FloatArray:
-    """Matching arc lengths of the points of a path and the nearest points of the objective, (m, 2).
-
-    The point of the path nearest to a corner passes it: points before it match the stretch before
-    the corner, points after it the stretch after the corner.
-
-    Args:
-        tube: The tube around the objective.
-        path: The path.
-        matches: Approximately matching arc lengths on the objective and on the path [m],
-            increasing, (n, 2).
-        reach: Largest distance of the nearest point from the given one along the objective [m], one
-            number or one per row, (n,).
-    """
+    """Matching arc lengths of points of a path and nearest points of the objective [m], (m, 2)."""
+    # The point of the path nearest to a corner passes it: points before it match the stretch before
+    # the corner, points after it the stretch after the corner.
+    # `matches`: approximately matching arc lengths on the objective and on the path [m],
+    # increasing, (n, 2); `reach`: largest distance of the nearest point from the given one along
+    # the objective [m], one number or one per row, (n,).
     reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64), len(matches))
     _, passed = tube.nearest_to_corners(path, matches, reaches)
     passed = np.maximum.accumulate(passed)
@@ -78,21 +71,13 @@ REACH = 6.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Candidate:
-    """A path within the tolerance, with its fastest timing.
-
-    Args:
-        name: Name of its shape.
-        path: The path.
-        places: Matching arc lengths on the objective and on the path [m], (n, 2).
-        joint_path: The joint path along the path.
-        trajectory: The fastest motion along the path.
-    """
+    """A path within the tolerance, with its fastest timing."""
 
     name: str
     path: Path
-    places: FloatArray
-    joint_path: JointPath
-    trajectory: Trajectory
+    places: FloatArray  # Matching arc lengths on the objective and on the path [m], (n, 2)
+    joint_path: JointPath  # The joint path along the path
+    trajectory: Trajectory  # The fastest motion along the path
 
     @property
     def duration(self) -> float:
@@ -102,20 +87,13 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Timer:
-    """Times paths of one contour in one configuration of the arm.
-
-    Args:
-        arm: The arm.
-        limits: The limits of the motion, one value per joint.
-        configuration: For an arm in the plane, the branch of its inverse kinematics.
-        seed: For an arm in space, joint positions at the start [rad], (dof,).
-        intervals: Approximate number of grid intervals of a plan; None for the default.
-    """
+    """Times paths of one contour in one configuration of the arm."""
 
     arm: Arm
-    limits: Limits
-    configuration: str | None
-    seed: FloatArray | None
+    limits: Limits  # The limits of the motion, one value per joint
+    configuration: str | None  # For an arm in the plane, the branch of its inverse kinematics
+    seed: FloatArray | None  # For an arm in space, joint positions at the start [rad], (dof,)
+    # Approximate number of grid intervals of a plan; None for the default
     intervals: int | None = None
 
     def trace(self, path: Path) -> JointPath:
@@ -150,10 +128,8 @@ def tube_of(objective: Path, options: Shaped) -> Tube:
 def make_starts(
     objective: Path, tube: Tube, options: Shaped, share: float = 1.0
 ) -> dict[str, tuple[Path, FloatArray]]:
-    """Starts by name, all within the tube, each with its matching arc lengths.
-
-    `share` is the share of the tolerance that corners are rounded to.
-    """
+    """Starts by name, all within the tube, each with its matching arc lengths."""
+    # `share` is the share of the tolerance that corners are rounded to.
     matches = np.array([[0.0, 0.0], [objective.length, objective.length]])
     starts: dict[str, tuple[Path, FloatArray]] = {STOPS: (objective, matches)}
     for name, round_ in ((ARCS, round_corners), (PARABOLAS, round_with_parabolas)):
@@ -164,16 +140,10 @@ def make_starts(
 
 
 def _round_within(
-    objective: Path,
-    tube: Tube,
-    options: Shaped,
-    round_: Callable[..., RoundedPath],
-    share: float,
+    objective: Path, tube: Tube, options: Shaped, round_: Callable[..., RoundedPath], share: float
 ) -> tuple[RoundedPath, FloatArray] | None:
-    """Rounded path within the tube, with its matching arc lengths; None if it needs stops.
-
-    Corners whose curves would leave their zones are rounded less.
-    """
+    """Rounded path within the tube, with its matching arc lengths; None if it needs stops."""
+    # Corners whose curves would leave their zones are rounded less.
     requested = np.full(len(objective) - 1, share * options.tolerance)
     requested[tube.vertex - 1] = share * tube.vertex_tolerance
 

@@ -15,17 +15,7 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernels import FUSED, compiled
-from armcontour.core.simd import (
-    LANES,
-    choose,
-    higher,
-    highest,
-    load,
-    lower,
-    lowest,
-    size,
-    store,
-)
+from armcontour.core.simd import LANES, choose, higher, highest, load, lower, lowest, size, store
 from armcontour.motion.kernels import interval_time
 from armcontour.planning.topp.limit_forms import (
     ALONE,
@@ -78,38 +68,24 @@ LEAST = 1e-300  # keeps divisions finite; its root is far below any path speed
 
 
 class Rules(NamedTuple):
-    """Parameters of a plan.
+    """Parameters of a plan."""
 
-    Args:
-        start: ds² at the start; infinite for the largest.
-        end: ds² at the end; infinite for the largest.
-        max_margin: Largest share of a limit that margins may take.
-        steady: Slopes are dropped first where margins take more than this share.
-        headroom: Factor of the bounds of x and u over the previous plan.
-        close: The same factor around a proven plan.
-        window: U is the largest |u| of this many neighbours on each side, because switches move.
-        floor: Lower bound of U, as a share of the largest |u| on the path, or of x over the width
-            of the interval if that is less: |u| is unbounded where dq_ds vanishes.
-        tangents: Largest number of plans without margins in which friction is linearized.
-        near: Relative error of x below which such a plan is accepted.
-        tries: Largest number of plans on a grid.
-        enough: Number of intervals above which a limit that margins exclude is refused.
-        gain: Bounds are tightened while that saves more than this share of the duration.
-    """
-
-    start: float = 0.0
-    end: float = 0.0
-    max_margin: float = 1e-2
-    steady: float = 0.999
-    headroom: float = 1.05
-    close: float = 1.02
+    start: float = 0.0  # ds² at the start; infinite for the largest
+    end: float = 0.0  # ds² at the end; infinite for the largest
+    max_margin: float = 1e-2  # Largest share of a limit that margins may take
+    steady: float = 0.999  # Slopes are dropped first where margins take more than this share
+    headroom: float = 1.05  # Factor of the bounds of x and u over the previous plan
+    close: float = 1.02  # The same factor around a proven plan
+    # U is the largest |u| of this many neighbours on each side, because switches move
     window: int = 1
+    # Lower bound of U, as a share of the largest |u| on the path, or of x over the width of the
+    # interval if that is less: |u| is unbounded where dq_ds vanishes
     floor: float = 1e-3
-    tangents: int = 2
-    near: float = 1e-2
-    tries: int = 30
-    enough: int = 20_000
-    gain: float = 1e-6
+    tangents: int = 2  # Largest number of plans without margins in which friction is linearized
+    near: float = 1e-2  # Relative error of x below which such a plan is accepted
+    tries: int = 30  # Largest number of plans on a grid
+    enough: int = 20_000  # Number of intervals above which a limit that margins exclude is refused
+    gain: float = 1e-6  # Bounds are tightened while that saves more than this share of the duration
 
 
 class MotionBounds(NamedTuple):
@@ -122,46 +98,29 @@ class MotionBounds(NamedTuple):
 
 
 class GridPlan(NamedTuple):
-    """A plan, or the reason why none exists.
+    """A plan, or the reason why none exists."""
 
-    Args:
-        x: ds² at the ends of the intervals, (n + 1,).
-        k: Slopes of dds over s, (n,).
-        lost: Share of limits that margins take, (n,).
-        outcome: FOUND, or FINER, STUCK, START, END, UNLIMITED.
-        interval: Interval of the failure.
-        allowed: With START and END: the largest ds² there.
-    """
-
-    x: FloatArray
-    k: FloatArray
-    lost: FloatArray
-    outcome: int
+    x: FloatArray  # ds² at the ends of the intervals, (n + 1,)
+    k: FloatArray  # Slopes of dds over s, (n,)
+    lost: FloatArray  # Share of limits that margins take, (n,)
+    outcome: int  # FOUND, or FINER, STUCK, START, END, UNLIMITED
     interval: int
-    allowed: float
+    allowed: float  # With START and END: the largest ds² there
 
 
 class LimitLines(NamedTuple):
-    """Limits of one try, in the plane of x at the start and the mean u of each interval.
+    """Limits of one try, in the plane of x at the start and the mean u of each interval."""
 
-    Args:
-        table: `bottom <= m + tilt x <= top`: tilts, bottoms and tops of the stored intervals, flat.
-            Each has LANES for the starts and LANES for the ends of every LANES joints or rows.
-        width: Number of lines of an interval.
-        drawn: The intervals that are stored, (BLOCK,), or all if they are fewer.
-        conics: `|m + p x + q|² <= d0 + 2 d1 x - d2 x²`: p, q, d0, d1 and d2 of the stored
-            intervals, (len(drawn), conics, 5).
-        cap: Largest x at the start and at the end, (n, 2).
-        lost: Share of limits that margins take, (n,).
-        scratch: Buffer for rows.
-    """
-
+    # `bottom <= m + tilt x <= top`: tilts, bottoms and tops of the stored intervals, flat. Each has
+    # LANES for the starts and LANES for the ends of every LANES joints or rows.
     table: FloatArray
-    width: int
-    drawn: IntArray
+    width: int  # Number of lines of an interval
+    drawn: IntArray  # The intervals that are stored, (BLOCK,), or all if they are fewer
+    # `|m + p x + q|² <= d0 + 2 d1 x - d2 x²`: p, q, d0, d1 and d2 of the stored intervals,
+    # (len(drawn), conics, 5)
     conics: FloatArray
-    cap: FloatArray
-    lost: FloatArray
+    cap: FloatArray  # Largest x at the start and at the end, (n, 2)
+    lost: FloatArray  # Share of limits that margins take, (n,)
     scratch: FloatArray
 
 
@@ -178,11 +137,9 @@ def _half_plane(
     motion: tuple[float, float],
     row: tuple[Vector, Vector, Vector, Vector],
 ) -> None:
-    """Write `low <= a u + b x <= high` of LANES rows at one end of an interval.
-
-    `location` is the interval, the end and the first line; `motion` is the length of the interval
-    and half of the change of u. Rows without m are a ceiling of x, because rest is allowed.
-    """
+    """Write `low <= a u + b x <= high` of LANES rows at one end of an interval."""
+    # `location` is the interval, the end and the first line; `motion` is the length of the interval
+    # and half of the change of u. Rows without m are a ceiling of x, because rest is allowed.
     (i, end, line), (w, turn), (a, b, low, high) = location, motion, row
     shift = turn - 2 * turn * end
     low, high = low + shift * a, high + shift * a
@@ -245,25 +202,14 @@ def bracket(smallest: float, largest: float) -> Bracket:
 def friction_row(
     friction: Friction, i: int, j: int, towards: float, room: float, within: Bracket
 ) -> tuple[float, float, float]:
-    """Linear bound of friction in the row of one limit of joint j on interval i.
-
-    If the joint may reverse, the bound is the largest friction on the interval. Otherwise it is the
-    friction at each end times a line in x that bounds the root of x. The lower line is the chord.
-    The upper line is the tangent with equal excess at both ends of the bracket; a tangent at a
-    smaller x if its offset exceeds the allowed share of the limit at rest; or the line of that
-    offset through the root at the smallest x.
-
-    Args:
-        friction: The friction.
-        i: The interval.
-        j: The joint.
-        towards: 1 for the upper limit, -1 for the lower one.
-        room: Remaining limit at rest.
-        within: The range of x.
-
-    Returns:
-        The largest friction, or 0; offset and slope of the line, or 0.
-    """
+    """Linear bound of friction in the row of one limit of joint j on interval i."""
+    # If the joint may reverse, the bound is the largest friction on the interval. Otherwise it is
+    # the friction at each end times a line in x that bounds the root of x. The lower line is the
+    # chord. The upper line is the tangent with equal excess at both ends of the bracket; a tangent
+    # at a smaller x if its offset exceeds the allowed share of the limit at rest; or the line of
+    # that offset through the root at the smallest x.
+    # `towards`: 1 for the upper limit, -1 for the lower one.
+    # Returns the largest friction, or 0; offset and slope of the line, or 0.
     largest, sign = friction.within[i, j, LARGEST], friction.within[i, j, SIGN]
     if sign == 0.0:
         return towards * largest * within.high, 0.0, 0.0
@@ -283,11 +229,9 @@ def friction_row(
 def friction_rise(
     friction: Friction, i: int, j: int, offset: float, slope: float, w: float
 ) -> tuple[float, float, float, float]:
-    """Rise of a row by the line of `friction_row`: by U, X, slope, and a constant.
-
-    The product of the line with x curves as those of b do; the friction deviates from its chord.
-    `w` is the length of the interval.
-    """
+    """Rise of a row by the line of `friction_row`: by U, X, slope, and a constant."""
+    # The product of the line with x curves as those of b do; the friction deviates from its chord.
+    # `w` is the length of the interval.
     v0, v1, deviation = (
         friction.viscous[i, 0, j],
         friction.viscous[i, 1, j],
@@ -355,11 +299,9 @@ def _conic(
 def _linear_row(
     limits: GridLimits, i: int, r: int, w: float, within: Bracket, margins: bool
 ) -> tuple[float, ...]:
-    """Row r of interval i: a, b, low and high at its start and at its end, and the rise.
-
-    Rows with friction come first: upper limits, then lower limits. `margins` adds the friction of
-    joints that may reverse.
-    """
+    """Row r of interval i: a, b, low and high at its start and at its end, and the rise."""
+    # Rows with friction come first: upper limits, then lower limits. `margins` adds the friction of
+    # joints that may reverse.
     ends, rise, friction = limits.rows.ends, limits.rows.rise, limits.friction
     rubbing = friction.within.shape[1]
     side = 0 if r < rubbing else 1 if r < 2 * rubbing else 2
@@ -403,14 +345,9 @@ def _linear_row(
 def rows_with_friction(
     width: FloatArray, limits: GridLimits, bounds: MotionBounds, margins: bool
 ) -> LinearRows:
-    """Rows with lines for friction: upper limits, then lower limits, then rows without friction.
-
-    Args:
-        width: Lengths of the intervals, (n,).
-        limits: The limits.
-        bounds: The bounds, which give the range of x.
-        margins: Whether to add the friction of joints that may reverse.
-    """
+    """Rows with lines for friction: upper limits, then lower limits, then rows without friction."""
+    # `width`: lengths of the intervals, (n,); `bounds`: the bounds, which give the range of x;
+    # `margins`: true to add the friction of joints that may reverse.
     n, count = len(width), limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
     for i in range(n):
@@ -515,11 +452,9 @@ def _joint_half_planes(
     location: tuple[int, int],
     margins: bool,
 ) -> None:
-    """Write a group of joint bounds on interval i; `location` is the group and its first joint.
-
-    With the derivatives q1 to q4, g = q1 u + q2 x has g'' = 5 q3 u + q4 x + 4 q2 k, and h = q1² x
-    has h'' = 8 q1 q2 u + 2 (q2² + q1 q3) x + 2 q1² k.
-    """
+    """Write a group of joint bounds on interval i; `location` is the group and its first joint."""
+    # With the derivatives q1 to q4, g = q1 u + q2 x has g'' = 5 q3 u + q4 x + 4 q2 k, and h = q1² x
+    # has h'' = 8 q1 q2 u + 2 (q2² + q1 q3) x + 2 q1² k.
     (group, joint), table = location, limits.joints
     offset = ROWS * group
     (a0, b0), (a1, b1) = path_slopes(grid, i, joint, 0), path_slopes(grid, i, joint, 1)
@@ -670,10 +605,8 @@ def _mean_range_slopes(
 
 @compiled(inner=True)
 def _free_start(lines: LimitLines, w: float, ceiling: FloatArray) -> float:
-    """ds² at a start where the joints rest at any ds: the fastest on the first interval.
-
-    Slightly less than the largest ds² may allow a far larger u, because dq_ds is rounded.
-    """
+    """ds² at a start where the joints rest at any ds: the fastest on the first interval."""
+    # Slightly less than the largest ds² may allow a far larger u, because dq_ds is rounded.
     best, fastest = ceiling[0], 0.0
     for k in range(60, -1, -1):
         first = ceiling[0] * (1 - 0.5**k) if k < 60 else ceiling[0]
@@ -697,16 +630,13 @@ def _backward_forward_pass(
     reachable: FloatArray,
     x: FloatArray,
 ) -> int:
-    """Write the limits, and the largest x that lead from start to end, backward and forward.
-
-    Backward pass: the range of the mean u is concave in x and not empty for x = 0, so Newton steps
-    from the cap converge to the largest x with a range. `state` selects the intervals to write,
-    (n,), and margins. `cap`, `reachable` and `x`, (n + 1,) each, are outputs: the lower cap of both
-    sides of every point, the largest x from which the end is reached, and the plan.
-
-    Returns:
-        -1; the interval on which no motion is allowed; or n more than an interval without limits.
-    """
+    """Write the limits, and the largest x that lead from start to end, backward and forward."""
+    # Backward pass: the range of the mean u is concave in x and not empty for x = 0, so Newton
+    # steps from the cap converge to the largest x with a range. `state` selects the intervals to
+    # write, (n,), and margins. `cap`, `reachable` and `x`, (n + 1,) each, are outputs: the lower
+    # cap of both sides of every point, the largest x from which the end is reached, and the plan.
+    # Returns -1; the interval on which no motion is allowed; or n more than an interval without
+    # limits.
     (changed, margins), n, below, stuck = state, len(grid.piece), -1, -1
     mean, slots = np.empty(n), len(lines.drawn) - 1
     # The previous interval is written while the processor waits for data.
@@ -818,10 +748,8 @@ def _joint_acceleration_range(
 def acceleration_range(
     grid: Intervals, limits: GridLimits, i: int, end: int, x: float
 ) -> tuple[float, float, float, int, int]:
-    """Smallest and largest u at one end of an interval, narrowest range, and both active bounds.
-
-    The narrowest range is the range of u within the tightest single limit.
-    """
+    """Smallest and largest u at one end of an interval, narrowest range, and both active bounds."""
+    # The narrowest range is the range of u within the tightest single limit.
     rows, viscous, rounds = limits.rows.ends, limits.friction.viscous, limits.rounds
     low, high, wide, below, above = -math.inf, math.inf, math.inf, -1, -1
     joint = 0
@@ -1002,10 +930,8 @@ def _drop_slopes(
 
 @compiled()
 def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
-    """Plan without margins, then with margins for bounds around that plan until it is within them.
-
-    With one try only, the result is the plan without margins, with the outcome FINER.
-    """
+    """Plan without margins, then with margins for bounds around that plan until they contain it."""
+    # With one try only, the result is the plan without margins, with the outcome FINER.
     n, rubbing = len(grid.piece), limits.friction.within.shape[1]
     width, x, reachable, cap = np.empty(n), np.zeros(n + 1), np.empty(n + 1), np.empty(n + 1)
     bounds = MotionBounds(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))

@@ -31,33 +31,21 @@ LARGEST, OFF, SIGN = range(3)
 
 
 class Intervals(NamedTuple):
-    """Intervals of a grid, and the joint path that they divide.
+    """Intervals of a grid, and the joint path that they divide."""
 
-    Args:
-        s: Ends of the intervals [m], (n + 1,).
-        piece: Piece of the joint path for each interval, (n,).
-        breaks: Breaks of the joint path [m], (pieces + 1,).
-        coefficients: Coefficients of the joint path, flat.
-        last: Coefficients of the last KEPT pieces, padded by LANES numbers.
-        dof: Number of joints.
-    """
-
-    s: FloatArray
-    piece: IntArray
-    breaks: FloatArray
-    coefficients: FloatArray
-    last: FloatArray
+    s: FloatArray  # Ends of the intervals [m], (n + 1,)
+    piece: IntArray  # Piece of the joint path for each interval, (n,)
+    breaks: FloatArray  # Breaks of the joint path [m], (pieces + 1,)
+    coefficients: FloatArray  # Coefficients of the joint path, flat
+    last: FloatArray  # Coefficients of the last KEPT pieces, padded by LANES numbers
     dof: int
 
 
 class JointBounds(NamedTuple):
-    """Bounds of joint velocities and accelerations; the planner itself makes rows of them.
+    """Bounds of joint velocities and accelerations; the planner itself makes rows of them."""
 
-    Args:
-        bounds: The rows LOWEST, HIGHEST, BACK, FORTH and LANE of each LANES joints, flat. Lanes
-            without a joint have no bounds.
-    """
-
+    # The rows LOWEST, HIGHEST, BACK, FORTH and LANE of each LANES joints, flat. Lanes without a
+    # joint have no bounds.
     bounds: FloatArray
 
     @classmethod
@@ -72,45 +60,29 @@ class JointBounds(NamedTuple):
 
 
 class LinearRows(NamedTuple):
-    """`low <= a u + b x <= high`.
+    """`low <= a u + b x <= high`."""
 
-    Args:
-        ends: a, b, low and high at the starts (index 0) and ends (1) of the intervals,
-            (n, 2, rows, 4).
-        rise: Rise of each row, (n, rows, 4).
-    """
-
+    # a, b, low and high at the starts (index 0) and ends (1) of the intervals, (n, 2, rows, 4)
     ends: FloatArray
-    rise: FloatArray
+    rise: FloatArray  # Rise of each row, (n, rows, 4)
 
 
 class Squares(NamedTuple):
-    """`b x <= 1`: squared speeds over the squares of their limits.
+    """`b x <= 1`: squared speeds over the squares of their limits."""
 
-    Args:
-        ends: b at the starts and ends of the intervals, (n, 2, rows).
-        largest: The largest b on each interval, (n, rows).
-        rise: Rise of each row, (n, rows, 4).
-    """
-
-    ends: FloatArray
-    largest: FloatArray
-    rise: FloatArray
+    ends: FloatArray  # b at the starts and ends of the intervals, (n, 2, rows)
+    largest: FloatArray  # The largest b on each interval, (n, rows)
+    rise: FloatArray  # Rise of each row, (n, rows, 4)
 
 
 class Rounds(NamedTuple):
-    """`|a u + b x| <= radius` for vectors a and b.
+    """`|a u + b x| <= radius` for vectors a and b."""
 
-    Args:
-        ends: a and b at the starts and ends of the intervals, (n, 2, rounds, 2, 3). Products of
-            vectors would lose the difference of two vectors that are almost equal.
-        radius: Radii, (n, rounds).
-        rise: Rise of the length of each vector, (n, rounds, 4).
-    """
-
+    # a and b at the starts and ends of the intervals, (n, 2, rounds, 2, 3). Products of vectors
+    # would lose the difference of two vectors that are almost equal.
     ends: FloatArray
-    radius: FloatArray
-    rise: FloatArray
+    radius: FloatArray  # Radii, (n, rounds)
+    rise: FloatArray  # Rise of the length of each vector, (n, rounds, 4)
 
     @property
     def products(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -120,26 +92,19 @@ class Rounds(NamedTuple):
 
 
 class Friction(NamedTuple):
-    """Viscous friction, which adds `viscous sqrt(x)` to the first rows.
+    """Viscous friction, which adds `viscous sqrt(x)` to the first rows."""
 
-    Args:
-        viscous: Friction for x = 1 at the starts and ends of the intervals, (n, 2, joints).
-        within: The largest size on the interval, the largest distance from the chord, and the
-            sign, 0 if it may change, (n, joints, 3).
-    """
-
+    # Friction for x = 1 at the starts and ends of the intervals, (n, 2, joints)
     viscous: FloatArray
+    # The largest size on the interval, the largest distance from the chord, and the sign, 0 if it
+    # may change, (n, joints, 3)
     within: FloatArray
 
 
 class Ceiling(NamedTuple):
-    """Largest x [m²/s²]; it holds on an interval if x stays below the chord of both ends.
+    """Largest x [m²/s²]; it holds on an interval if x stays below the chord of both ends."""
 
-    Args:
-        x: Ceilings at the starts and ends of the intervals, (n, 2).
-    """
-
-    x: FloatArray
+    x: FloatArray  # Ceilings at the starts and ends of the intervals, (n, 2)
 
 
 class GridLimits(NamedTuple):
@@ -167,11 +132,7 @@ SHAPES: dict[type, dict[str, tuple[int | None, ...]]] = {
 
 
 def check_form(form: Form, n: int, name: str) -> Form:
-    """Check the shapes of a form on n intervals, and prepare its arrays for kernels.
-
-    Raises:
-        InvalidInput: An array has a wrong shape; the message states the constraint `name`.
-    """
+    """Check the shapes of a form on n intervals, and prepare its arrays for kernels."""
     if isinstance(form, JointBounds):
         return form
     rows = form[-1].shape[1] if form[-1].ndim > 1 else 0

@@ -42,10 +42,8 @@ def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
 def _shortest_time(
     w: float, x: tuple[float, float], rates: tuple[float, float], ceiling: float
 ) -> tuple[float, float]:
-    """Shortest time between both values of x at given rates of u, and the share of the switch.
-
-    `rates` are the largest u and the largest -u.
-    """
+    """Shortest time between both values of x at given rates of u, and the share of the switch."""
+    # `rates` are the largest u and the largest -u.
     up, down = 2 * rates[0], 2 * rates[1]
     first = min(max((x[1] - x[0] + down * w) / (up + down), 0.0), w)
     top = x[0] + up * first
@@ -67,12 +65,9 @@ def _shortest_time(
 def estimate_losses(
     grid: Intervals, limits: GridLimits, plan: GridPlan
 ) -> tuple[float, FloatArray, FloatArray]:
-    """Estimate the time that a plan loses by its grid and its slopes.
-
-    Returns:
-        The duration of the plan [s]; the time lost on each interval [s], (n,); and the point of
-        each interval at which a grid point saves most [m], (n,), its start if none.
-    """
+    """Estimate the time that a plan loses by its grid and its slopes."""
+    # Returns the duration of the plan [s]; the time lost on each interval [s], (n,); and the point
+    # of each interval at which a grid point saves most [m], (n,), its start if none.
     s, x, k, lost, n, duration = grid.s, plan.x, plan.k, plan.lost, len(plan.k), 0.0
     loss, point, valley = np.empty(n), np.empty(n), np.zeros(n)
     for i in range(n):

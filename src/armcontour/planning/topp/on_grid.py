@@ -54,21 +54,14 @@ def _derivative_bounds(
 
 @compiled(fastmath=FUSED)
 def derivatives(
-    breaks: FloatArray,
-    coefficients: FloatArray,
+    breaks: FloatArray,  # Breaks of the joint path [m], (pieces + 1,)
+    coefficients: FloatArray,  # Coefficients of the joint path, (pieces, 6, dof)
     grid: Intervals,
     ends: FloatArray,
-    bounds: FloatArray,
+    bounds: FloatArray,  # Output: bounds of |d3q_ds3| and |d4q_ds4| on the intervals, (2, n, dof)
 ) -> None:
-    """Write the derivatives of a joint path on a grid.
-
-    Args:
-        breaks: Breaks of the joint path [m], (pieces + 1,).
-        coefficients: Coefficients of the joint path, (pieces, 6, dof).
-        grid: The intervals.
-        ends: Output: dq_ds and d2q_ds2 at the starts and ends of the intervals, (2, n, 2, dof).
-        bounds: Output: bounds of |d3q_ds3| and |d4q_ds4| on the intervals, (2, n, dof).
-    """
+    """Write the derivatives of a joint path on a grid."""
+    # `ends`: output: dq_ds and d2q_ds2 at the starts and ends of the intervals, (2, n, 2, dof).
     for i in range(len(grid.piece)):
         k = grid.piece[i]
         scale = 1.0 / (breaks[k + 1] - breaks[k])
@@ -83,19 +76,11 @@ def derivatives(
 def write_sampled(
     grid: Intervals,
     after: IntArray,
-    terms: tuple[FloatArray, ...],
-    bounds: tuple[FloatArray, ...],
+    terms: tuple[FloatArray, ...],  # a, b and c at the samples of `OnGrid`, (samples, rows) each
+    bounds: tuple[FloatArray, ...],  # low and high, (rows,) each
     rows: LinearRows,
 ) -> None:
-    """Write rows `low <= a u + b x + c <= high` whose coefficients are sampled.
-
-    Args:
-        grid: The intervals.
-        after: As in `OnGrid`.
-        terms: a, b and c at the samples of `OnGrid`, (samples, rows) each.
-        bounds: low and high, (rows,) each.
-        rows: Output.
-    """
+    """Write rows `low <= a u + b x + c <= high` whose coefficients are sampled."""
     a, b, c = terms
     low, high = bounds
     n, count = len(grid.piece), a.shape[1]
@@ -133,15 +118,10 @@ Terms = tuple[FloatArray, FloatArray, FloatArray]
 
 @dataclass(frozen=True)
 class OnGrid:
-    """A joint path on a grid, with the quantities that constraints need, computed at first use.
-
-    Args:
-        grid: The grid.
-        jumps: Whether quantities may jump at every grid point, not only between pieces.
-    """
+    """A joint path on a grid, with the quantities that constraints need, computed at first use."""
 
     grid: Grid
-    jumps: bool = False
+    jumps: bool = False  # True if quantities may jump at every grid point, not only between pieces
 
     def __len__(self) -> int:
         """Number of intervals."""
@@ -159,10 +139,8 @@ class OnGrid:
 
     @cached_property
     def derivatives(self) -> tuple[FloatArray, FloatArray]:
-        """dq_ds and d2q_ds2 at interval ends, and bounds of |d3q_ds3| and |d4q_ds4| on intervals.
-
-        Their shapes are (2, n, 2, dof) and (2, n, dof).
-        """
+        """dq_ds and d2q_ds2 at interval ends, and bounds of |d3q_ds3| and |d4q_ds4| inside."""
+        # Their shapes are (2, n, 2, dof) and (2, n, dof).
         path, n = self.grid.joint_path, len(self)
         ends, bounds = np.empty((2, n, 2, path.dof)), np.empty((2, n, path.dof))
         derivatives(path.breaks, path.coefficients, self.intervals, ends, bounds)
@@ -179,11 +157,9 @@ class OnGrid:
 
     @cached_property
     def places(self) -> tuple[IntArray, FloatArray]:
-        """Pieces and arc lengths [m] of the samples, (samples,) each.
-
-        The samples are the starts of all intervals, their middles, and the ends at which no
-        interval of the same piece starts; the ends of all intervals if quantities may jump.
-        """
+        """Pieces and arc lengths [m] of the samples, (samples,) each."""
+        # The samples are the starts of all intervals, their middles, and the ends at which no
+        # interval of the same piece starts; the ends of all intervals if quantities may jump.
         s, piece, alone = self.grid.s, self.grid.piece, self.after >= len(self)
         return (
             np.concatenate([piece, piece, piece[alone]]),
@@ -196,13 +172,11 @@ class OnGrid:
         return self.grid.joint_path.motion(*self.places)
 
     def rows(self, terms: Terms, low: FloatArray, high: FloatArray) -> LinearRows:
-        """Rows `low <= a u + b x + c <= high` from coefficients at all samples, (samples, rows).
-
-        The deviation of a coefficient from its chord is measured in the middle of an interval.
-        Close to an inflection this misses the third derivative. Therefore the bound is twice the
-        largest second derivative of the interval and both neighbours. `low` and `high` are bounds,
-        (rows,) each.
-        """
+        """Rows `low <= a u + b x + c <= high` from coefficients at all samples, (samples, rows)."""
+        # The deviation of a coefficient from its chord is measured in the middle of an interval.
+        # Close to an inflection this misses the third derivative. Therefore the bound is twice the
+        # largest second derivative of the interval and both neighbours. `low` and `high` are
+        # bounds, (rows,) each.
         n, count = len(self), terms[0].shape[1]
         rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
         write_sampled(self.intervals, self.after, terms, (low, high), rows)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -47,9 +46,9 @@ SMOOTHED_PARTS = 4
 # square of this times the condition number of the Jacobian.
 EXACTLY, NEARLY = 1e-9, 1e-7
 # Largest number of start configurations to follow.
-MOST_STARTS = 48
+MAX_STARTS = 48
 # Largest number of different solutions of a redundant arm.
-MOST_SOLUTIONS = 8
+MAX_SOLUTIONS = 8
 # Largest difference of equal solutions outside the null space [rad].
 SAME_SOLUTION = 0.05
 # Number of knots at which solutions are compared first.
@@ -59,11 +58,11 @@ FEW_KNOTS = 16
 ROUGH_ROUNDS = 3
 ROUGH_KNOTS = 70
 # Number of the best redundant solutions that are smoothed to the end; more only if none succeeds.
-MOST_SMOOTHED = 16
+MAX_SMOOTHED = 16
 # Largest turn of the path over a chord along which solutions are followed [rad].
 CHORD_TURN = 0.1
 # Largest shift of a joint out of its range, in whole turns.
-MOST_TURNS = 5
+MAX_TURNS = 5
 # Number of poses of the path for the search of poses out of reach, with several seeds and with one
 # seed.
 SOME_POSES = 10
@@ -74,35 +73,23 @@ BISECTIONS = 30
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solution:
-    """Joint positions along a path in one configuration.
+    """Joint positions along a path in one configuration."""
 
-    Args:
-        q: Joint positions at the start of every knot interval and the end of the last [rad],
-            (n + 1, dof).
-        cost: Length of the joint path; ranks the solutions before they are timed.
-    """
-
+    # Joint positions at the start of every knot interval and the end of the last [rad], (n + 1,
+    # dof)
     q: FloatArray
-    cost: float
+    cost: float  # Length of the joint path; ranks the solutions before they are timed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Failure:
-    """Knot at which a solution ends, and the joint that leaves its range there, if any.
+    """Knot at which a solution ends, and the joint that leaves its range there, if any."""
 
-    Args:
-        reached: Index of the first knot that is not reached.
-        q: Joint positions at the previous knot, or at the knot out of range [rad], (dof,).
-        joint: Index of the joint that leaves its range; -1 if the pose has no solution.
-        value: Position of that joint [rad].
-        limit: End of its range [rad].
-    """
-
-    reached: int
-    q: FloatArray
-    joint: int = -1
-    value: float = 0.0
-    limit: float = 0.0
+    reached: int  # Index of the first knot that is not reached
+    q: FloatArray  # Joint positions at the previous knot, or at the knot out of range [rad], (dof,)
+    joint: int = -1  # Index of the joint that leaves its range; -1 if the pose has no solution
+    value: float = 0.0  # Position of that joint [rad]
+    limit: float = 0.0  # End of its range [rad]
 
 
 def find_solutions(
@@ -113,27 +100,17 @@ def find_solutions(
     task: int,
     seed: FloatArray | None,
 ) -> list[Solution]:
-    """Solutions that complete the path inside the joint ranges, the shortest first.
-
-    Args:
-        path: The path.
-        arm: The arm.
-        knots: Knot intervals of the path.
-        knot_poses: Poses of the tool at their starts and at the end of the last, (n + 1, 3, 4).
-        task: Task dimension.
-        seed: Joint positions near those at the start of the path [rad], (dof,); None for all
-            configurations.
-
-    Raises:
-        Unreachable: No solution exists; the reason is that of the solution with the longest reach.
-    """
+    """Solutions that complete the path inside the joint ranges, the shortest first."""
+    # `knot_poses`: poses of the tool at their starts and at the end of the last, (n + 1, 3, 4);
+    # `seed`: joint positions near those at the start of the path [rad], (dof,); None for all
+    # configurations.
     fine, knot_index = subdivide(path, knots, knot_poses)
     poses = knot_poses if len(fine) == len(knots) else row_of_poses(path, fine)
     starts = configurations(arm, poses[0], task, seed)
     if len(starts) == 0:
         _refuse_start(path, arm, poses, task, seed)
     max_correction = EXACTLY if seed is None else NEARLY
-    followed, failures = _follow(arm, poses, task, starts[:MOST_STARTS], max_correction)
+    followed, failures = _follow(arm, poses, task, starts[:MAX_STARTS], max_correction)
     followed = [q[knot_index] for q in followed]
     s = np.append(fine.s0, path.length)[knot_index]
     redundant = task < arm.dof
@@ -145,18 +122,16 @@ def find_solutions(
     for count, (q, cost) in enumerate(candidates, start=1):
         in_range = _turn_into_range(arm, q, seed)
         if isinstance(in_range, _Failure):
-            failures.append(
-                dataclasses.replace(in_range, reached=int(knot_index[in_range.reached]))
-            )
+            failures.append(replace(in_range, reached=int(knot_index[in_range.reached])))
         elif different.add(in_range):
             solutions.append(Solution(q=in_range, cost=cost))
-        if redundant and solutions and count >= MOST_SMOOTHED:
+        if redundant and solutions and count >= MAX_SMOOTHED:
             break
     if not solutions:
         _refuse(path, arm, fine, poses, task, max(failures, key=lambda x: x.reached))
     # Elbow up and down often have equal cost: the one whose joints start closer to 0 comes first.
     solutions.sort(key=lambda x: (float(f"{x.cost:.9e}"), float(np.abs(x.q[0]).sum())))
-    return solutions[:MOST_SOLUTIONS] if redundant else solutions
+    return solutions[:MAX_SOLUTIONS] if redundant else solutions
 
 
 def _with_costs(
@@ -171,7 +146,7 @@ def _with_costs(
     if task == arm.dof:
         yield from ((q, _joint_distance(arm, q)) for q in joint_paths)
         return
-    for group in (joint_paths[:MOST_SMOOTHED], *([q] for q in joint_paths[MOST_SMOOTHED:])):
+    for group in (joint_paths[:MAX_SMOOTHED], *([q] for q in joint_paths[MAX_SMOOTHED:])):
         yield from _smooth(arm, s, poses, task, group, start_stays=seed is not None)
 
 
@@ -190,24 +165,15 @@ def _follow(
 
 def follow_branches(
     arm: SerialArm,
-    poses: FloatArray,
+    poses: FloatArray,  # Rotations and positions of the tool, (n, 3, 4)
     task: int,
-    starts: FloatArray,
+    starts: FloatArray,  # Joint positions at the first pose [rad], (starts, dof)
     max_correction: float = EXACTLY,
 ) -> tuple[FloatArray, IntArray]:
-    """Follow poses from several starts in parallel.
-
-    Args:
-        arm: The arm.
-        poses: Rotations and positions of the tool, (n, 3, 4).
-        task: Task dimension.
-        starts: Joint positions at the first pose [rad], (starts, dof).
-        max_correction: A pose is reached if the correction of every joint is below this [rad].
-
-    Returns:
-        Joint positions at the reached poses [rad], (starts, n, dof), and the number of reached
-        poses, including the first, (starts,).
-    """
+    """Follow poses from several starts in parallel."""
+    # `max_correction`: A pose is reached if the correction of every joint is below this [rad].
+    # Returns joint positions at the reached poses [rad], (starts, n, dof), and the number of
+    # reached poses, including the first, (starts,).
     q, reached = np.empty((len(starts), len(poses), arm.dof)), np.empty(len(starts), np.intp)
     q[:, 0] = starts
 
@@ -231,10 +197,8 @@ def _rank(
     followed: list[FloatArray],
     seed: FloatArray | None,
 ) -> list[FloatArray]:
-    """Sort solutions by their cost after a few iterations of smoothing on some knots.
-
-    Solutions that repeat an earlier one come last.
-    """
+    """Sort solutions by their cost after a few iterations of smoothing on some knots."""
+    # Solutions that repeat an earlier one come last.
     if len(followed) == 1 and len(s) > ROUGH_KNOTS:
         return [shift_by_turns(arm, followed[0])[0]]
     few = np.unique(np.linspace(0, len(s) - 1, min(len(s), ROUGH_KNOTS)).astype(np.intp))
@@ -273,15 +237,10 @@ def _smooth(
 
 
 class _Different:
-    """Solutions whose differences exceed null-space motion.
-
-    Args:
-        arm: The arm.
-        poses: Rotations and positions of the tool, (n, 3, 4).
-        task: Task dimension.
-    """
+    """Solutions whose differences exceed null-space motion."""
 
     def __init__(self, arm: SerialArm, poses: FloatArray, task: int) -> None:
+        # `poses`: rotations and positions of the tool, (n, 3, 4).
         self.arm, self.poses, self.task = arm, poses, task
         self._known: list[FloatArray] = []
         # Null spaces of known solutions at some knots, and at all knots for close comparisons.
@@ -318,26 +277,18 @@ class _Different:
 
 
 def _outside(w: FloatArray, difference: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Largest component outside null spaces of joint differences, and their largest value.
-
-    `w` are bases of the null spaces, (..., n, free, dof); `difference` is modulo whole turns [rad].
-    """
+    """Largest component outside null spaces of joint differences, and their largest value."""
+    # `w` are bases of the null spaces, (..., n, free, dof); `difference` is modulo whole turns
+    # [rad].
     wrapped = np.pi - np.mod(np.pi - difference, 2 * np.pi)
     outside = wrapped - (np.swapaxes(w, -1, -2) @ (w @ wrapped[..., None]))[..., 0]
     return np.abs(outside).max(axis=(-1, -2)), np.abs(wrapped).max(axis=(-1, -2))
 
 
 def subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntArray]:
-    """Subintervals whose chords are close to the path.
-
-    Args:
-        path: The path.
-        knots: Knot intervals.
-        poses: Poses of the tool at their starts and at the end of the last, (n + 1, 3, 4).
-
-    Returns:
-        The subintervals, and the indices of the given knots among their starts and last end.
-    """
+    """Subintervals whose chords are close to the path."""
+    # `poses`: poses of the tool at their starts and at the end of the last, (n + 1, 3, 4).
+    # Returns the subintervals, and the indices of the given knots among their starts and last end.
     width = knots.u1 - knots.u0
     turn = width * path.curvatures[knots.segment]
     if path.orientation is not None and not path.orientation.constant:
@@ -369,7 +320,7 @@ def _turn_into_range(
     # For each joint: the shift that stays in range farthest along the path, and among equal ones
     # that with the least excess at the first knot out of range.
     for joint in np.flatnonzero((below | above).any(axis=0)):
-        turns = 2 * np.pi * np.arange(-MOST_TURNS, MOST_TURNS + 1)
+        turns = 2 * np.pi * np.arange(-MAX_TURNS, MAX_TURNS + 1)
         tried = shifted[:, joint, None] + turns
         beyond = np.maximum(lower[joint] - tried, tried - upper[joint])
         first_outside = np.argmax(beyond > 0, axis=0)
@@ -454,12 +405,7 @@ def _largest_reach_gap(
 
 
 def _refuse(
-    path: Path,
-    arm: SerialArm,
-    knots: Knots,
-    poses: FloatArray,
-    task: int,
-    failure: _Failure,
+    path: Path, arm: SerialArm, knots: Knots, poses: FloatArray, task: int, failure: _Failure
 ) -> None:
     """Raise Unreachable with the end of the solution with the longest reach, and its cause."""
     s = np.append(knots.s0, path.length)

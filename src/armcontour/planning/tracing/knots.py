@@ -27,22 +27,15 @@ MIDDLE = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Knots:
-    """The n intervals between knots.
+    """The n intervals between knots."""
 
-    Args:
-        segment: Index of the path segment of each interval, (n,).
-        piece: Index of the piece of the path's orientation of each interval, (n,);
-            0 for a path without orientation.
-        u0: Distance along the segment at the start of each interval [m], (n,).
-        u1: Distance along the segment at the end of each interval [m], (n,).
-        s0: Arc length at the start of each interval [m], (n,).
-    """
-
-    segment: IntArray
+    segment: IntArray  # Index of the path segment of each interval, (n,)
+    # Index of the piece of the path's orientation of each interval, (n,); 0 for a path without
+    # orientation
     piece: IntArray
-    u0: FloatArray
-    u1: FloatArray
-    s0: FloatArray
+    u0: FloatArray  # Distance along the segment at the start of each interval [m], (n,)
+    u1: FloatArray  # Distance along the segment at the end of each interval [m], (n,)
+    s0: FloatArray  # Arc length at the start of each interval [m], (n,)
 
     def __len__(self) -> int:
         """Number of intervals."""
@@ -53,16 +46,11 @@ class Knots:
         return Knots(**{name: getattr(self, name)[selection] for name in Knots.__slots__})
 
     def halve(self, mask: BoolArray, u: FloatArray) -> tuple[Knots, IntArray, IntArray]:
-        """Split the selected intervals in two.
-
-        Args:
-            mask: Mask of the intervals to split, (n,).
-            u: Distance along the segment at which each of these is split [m].
-
-        Returns:
-            The new intervals; the index of the old interval of each; and the indices of the second
-            halves among the new intervals.
-        """
+        """Split the selected intervals in two."""
+        # `mask`: mask of the intervals to split, (n,); `u`: distance along the segment at which
+        # each of these is split [m].
+        # Returns the new intervals; the index of the old interval of each; and the indices of the
+        # second halves among the new intervals.
         parent = np.repeat(np.arange(len(self)), 1 + mask)
         second = np.flatnonzero(np.diff(parent, prepend=-1) == 0)
         u0, u1, s0 = self.u0[parent], self.u1[parent], self.s0[parent]
@@ -72,11 +60,9 @@ class Knots:
         return Knots(segment=segment, piece=piece, u0=u0, u1=u1, s0=s0), parent, second
 
     def cut(self, count: IntArray) -> tuple[Knots, IntArray]:
-        """Divide each interval into `count` equal parts, (n,).
-
-        Returns:
-            The parts, and the indices of the given knots among their starts and last end, (n + 1,).
-        """
+        """Divide each interval into `count` equal parts, (n,)."""
+        # Returns the parts, and the indices of the given knots among their starts and last end, (n
+        # + 1,).
         ends = np.append(0, np.cumsum(count))
         parent = np.repeat(np.arange(len(self)), count)
         number = np.arange(ends[-1]) - ends[parent]
@@ -91,12 +77,9 @@ class Knots:
         ), ends
 
     def ends(self) -> tuple[IntArray, FloatArray, IntArray]:
-        """Starts of the intervals, and ends that are not starts of others.
-
-        Returns:
-            The interval of each of these points, (m,); the distances along the segments there [m],
-            (m,); and the index of the end of every interval, (n,).
-        """
+        """Starts of the intervals, and ends that are not starts of others."""
+        # Returns the interval of each of these points, (m,); the distances along the segments there
+        # [m], (m,); and the index of the end of every interval, (n,).
         knots, n = self, len(self)
         alone = np.append((np.diff(knots.segment) != 0) | (np.diff(knots.piece) != 0), True)
         alone[:-1] |= knots.u0[1:] != knots.u1[:-1]
@@ -107,10 +90,8 @@ class Knots:
         return row, u, np.where(alone, n - 1 + np.cumsum(alone), np.arange(1, n + 1))
 
     def places(self) -> tuple[Knots, FloatArray]:
-        """The intervals repeated for each of `PLACES`, and distances along the segments there [m].
-
-        All intervals at the first fraction come before those at the second, (len(PLACES) n,).
-        """
+        """The intervals repeated for each of `PLACES`, and distances along their segments [m]."""
+        # All intervals at the first fraction come before those at the second, (len(PLACES) n,).
         columns = {x: [getattr(self, x)] * len(PLACES) for x in Knots.__slots__}
         repeated = Knots(**{name: np.concatenate(x) for name, x in columns.items()})
         u = self.u0 + PLACES[:, None] * (self.u1 - self.u0)
@@ -122,13 +103,8 @@ class Knots:
 
 
 def first_knots(path: Path, span: float, finer: int = 1) -> Knots:
-    """Initial knot intervals for refinement, with a knot at every break of the path.
-
-    Args:
-        path: The path.
-        span: Span of the arm [m].
-        finer: Factor by which the intervals are shorter than required.
-    """
+    """Initial knot intervals for refinement, with a knot at every break of the path."""
+    # `span`: span of the arm [m]; `finer`: factor by which the intervals are shorter than required.
     cells = _cells(path)
     # All vertices of a full circle are one point, so the extent includes the diameters of arcs.
     diameter = np.minimum(path.lengths, 2 / np.where(path.curvatures > 0, path.curvatures, np.inf))
@@ -173,14 +149,9 @@ TOO_FAST = 1e5
 
 
 def task_dimension(path: Path, arm: SerialArm) -> int:
-    """Number of the 6 degrees of freedom of the tool that the path prescribes.
-
-    The task dimension is 6 (position and orientation), 5 (position and tool axis) or 3 (position).
-
-    Raises:
-        InvalidInput: The path is planar; it has no orientation, though the arm has more than
-            3 joints; the task dimension exceeds the number of joints; or the orientation jumps.
-    """
+    """Number of the 6 degrees of freedom of the tool that the path prescribes."""
+    # The task dimension is 6 (position and orientation), 5 (position and tool axis) or 3
+    # (position).
     if path.dimension != 3:
         raise InvalidInput(
             f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} "
@@ -287,15 +258,9 @@ def poses_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
 def tool_errors(
     arm: SerialArm, q: FloatArray, targets: FloatArray, task: int, tolerances: tuple[float, float]
 ) -> FloatArray:
-    """Larger of position error and orientation error of the tool, over its tolerance, (n,).
-
-    Args:
-        arm: The arm.
-        q: Joint positions [rad], (n, dof).
-        targets: Required poses of the tool, (n, 3, 4).
-        task: Task dimension.
-        tolerances: Largest position error [m] and angle [rad].
-    """
+    """Larger of position error and orientation error of the tool, over its tolerance, (n,)."""
+    # `q`: joint positions [rad], (n, dof); `targets`: required poses of the tool, (n, 3, 4);
+    # `tolerances`: largest position error [m] and angle [rad].
     difference = arm.poses(q) - targets
     error: FloatArray = np.linalg.norm(difference[:, :, 3], axis=1) / tolerances[0]
     if task == 3:
@@ -308,11 +273,9 @@ def tool_errors(
 
 
 def motion_at(path: Path, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Tool poses as `poses_at`, and their derivatives along the arc length, (n, 4, 3).
-
-    The rows of the derivatives are the tangent, its derivative, the angular rate [rad/m] and its
-    derivative.
-    """
+    """Tool poses as `poses_at`, and their derivatives along the arc length, (n, 4, 3)."""
+    # The rows of the derivatives are the tangent, its derivative, the angular rate [rad/m] and its
+    # derivative.
     poses, rates, orientation = poses_at(path, knots, u), np.zeros((len(u), 4, 3)), path.orientation
     rates[:, 0] = path.on_segment(knots.segment, u, 1)
     rates[:, 1] = path.on_segment(knots.segment, u, 2)
@@ -330,28 +293,19 @@ def row_of_poses(path: Path, knots: Knots) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FirstPoses:
-    """Required motion of the tool at the first knots of a path, shared by all configurations.
-
-    Args:
-        knots: The first knots, n intervals.
-        places: The intervals, followed by those whose end is not the start of the next one on the
-            same segment, m in all.
-        u: Distances along the segments: starts of the intervals, then these ends [m], (m,).
-        poses: Poses there, (m, 3, 4).
-        rates: Their derivatives there, (m, 4, 3).
-        ends: Index of the end of every interval among these points, (n,).
-        between: Poses between knots, as `Knots.places`.
-        stops: Arc lengths at which the tool stops [m].
-    """
+    """Required motion of the tool at the first knots of a path, shared by all configurations."""
 
     knots: Knots
+    # The intervals, followed by those whose end is not the start of the next one on the same
+    # segment, m in all
     places: Knots
+    # Distances along the segments: starts of the intervals, then these ends [m], (m,)
     u: FloatArray
-    poses: FloatArray
-    rates: FloatArray
-    ends: IntArray
-    between: FloatArray
-    stops: FloatArray
+    poses: FloatArray  # Poses there, (m, 3, 4)
+    rates: FloatArray  # Their derivatives there, (m, 4, 3)
+    ends: IntArray  # Index of the end of every interval among these points, (n,)
+    between: FloatArray  # Poses between knots, as `Knots.places`
+    stops: FloatArray  # Arc lengths at which the tool stops [m]
 
     @classmethod
     def at_knots(cls, path: Path, knots: Knots) -> FirstPoses:

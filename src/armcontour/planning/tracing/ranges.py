@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 
@@ -29,15 +29,7 @@ BERNSTEIN = np.array(
 
 
 def check_joint_range(joint_path: JointPath, limits: Limits) -> None:
-    """Check that no joint leaves its range along a joint path.
-
-    Args:
-        joint_path: The joint path.
-        limits: Limits with the joint ranges.
-
-    Raises:
-        Unreachable: A joint leaves its range; with the joint and arc length of the largest excess.
-    """
+    """Check that no joint leaves its range along a joint path."""
     if limits.joint_lower is None and limits.joint_upper is None:
         return
     lower, upper = limits.joint_range(joint_path.dof)
@@ -66,16 +58,10 @@ def check_joint_range(joint_path: JointPath, limits: Limits) -> None:
 def out_of_range(
     path: Path | None, s: float, joint: int, q: float, edge: float, also: str = ""
 ) -> Unreachable:
-    """Error for a joint that leaves its range.
-
-    Args:
-        path: The tool path, if known.
-        s: Arc length at which the joint is out of range [m].
-        joint: Index of the joint, from 0.
-        q: Joint position that the path would need there [rad].
-        edge: The end of the joint range that is exceeded [rad].
-        also: Additional text of the sentence.
-    """
+    """Error for a joint that leaves its range."""
+    # `s`: arc length at which the joint is out of range [m]; `joint`: index of the joint, from 0;
+    # `q`: joint position that the path would need there [rad]; `edge`: the end of the joint range
+    # that is exceeded [rad].
     name = "upper" if q > edge else "lower"
     return Unreachable(
         f"At {s:.6g} m along the path joint {joint + 1} would be at {q:.6g} rad, "
@@ -103,7 +89,7 @@ def turn_into_range(joint_path: JointPath, limits: Limits) -> JointPath:
         return joint_path
     coefficients = joint_path.coefficients.copy()
     coefficients[:, 0] += 2 * np.pi * turns
-    return dataclasses.replace(joint_path, coefficients=coefficients)
+    return replace(joint_path, coefficients=coefficients)
 
 
 def _extremum_candidates(coefficients: FloatArray) -> FloatArray:

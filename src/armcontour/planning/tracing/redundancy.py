@@ -40,32 +40,21 @@ ROUNDS = 25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guide:
-    """Splines of the reference g and the null-space rows w, one per section between stops.
+    """Splines of the reference g and the null-space rows w, one per section between stops."""
 
-    Args:
-        s: Arc lengths of the knots [m], (n,).
-        coefficients: Coefficients of powers of the distance from the knot before, from 1 to u⁵, of
-            g and then of the rows of w, (n - 1, 6, values).
-        dof: Number of joints.
-    """
-
-    s: FloatArray
+    s: FloatArray  # Arc lengths of the knots [m], (n,)
+    # Coefficients of powers of the distance from the knot before, from 1 to u⁵, of g and then of
+    # the rows of w, (n - 1, 6, values)
     coefficients: FloatArray
     dof: int
 
     @classmethod
     def through(cls, s: FloatArray, q: FloatArray, w: FloatArray, stops: FloatArray) -> Guide:
-        """Guide through given joint positions.
-
-        The splines are cubic, or quintics where a cubic spline overshoots because the tool turns
-        much faster on a short part of the path than next to it.
-
-        Args:
-            s: Arc lengths [m], (n,).
-            q: Joint positions [rad], (n, dof).
-            w: Bases of the null space, (n, free, dof).
-            stops: Arc lengths, out of s, at which the tool stops [m].
-        """
+        """Guide through given joint positions."""
+        # The splines are cubic, or quintics where a cubic spline overshoots because the tool turns
+        # much faster on a short part of the path than next to it.
+        # `s`: arc lengths [m], (n,); `q`: joint positions [rad], (n, dof); `w`: bases of the null
+        # space, (n, free, dof); `stops`: arc lengths, out of s, at which the tool stops [m].
         n, free, dof = w.shape
         turned = [np.eye(free)]
         for turn in _turns(w):
@@ -79,13 +68,9 @@ class Guide:
         return cls(s=s, coefficients=np.concatenate(parts), dof=dof)
 
     def evaluate(self, s: FloatArray, middle: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The values w and g with two derivatives along s, (n, 3, free, dof) and (n, 3, dof).
-
-        Args:
-            s: Arc lengths [m], (n,).
-            middle: Arc lengths inside the intervals that `s` belong to [m], (n,); at a knot they
-                select the interval.
-        """
+        """The values w and g with two derivatives along s, (n, 3, free, dof) and (n, 3, dof)."""
+        # `s`: arc lengths [m], (n,); `middle`: arc lengths inside the intervals that `s` belong to
+        # [m], (n,); at a knot they select the interval.
         interval, k = np.searchsorted(self.s, middle) - 1, np.arange(6)
         x = (s - self.s[interval])[:, None]
         one, two = k * x ** np.maximum(k - 1, 0), k * (k - 1) * x ** np.maximum(k - 2, 0)
@@ -123,11 +108,9 @@ def _spline(s: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def _slopes(s: FloatArray, values: FloatArray) -> FloatArray:
-    """Slopes at its knots of the cubic spline through values, (n, values).
-
-    The third derivative is continuous at the second and last but one knot ("not a knot"). Through
-    two points the spline is a line, through three a parabola.
-    """
+    """Slopes at its knots of the cubic spline through values, (n, values)."""
+    # The third derivative is continuous at the second and last but one knot ("not a knot"). Through
+    # two points the spline is a line, through three a parabola.
     h = np.diff(s)[:, None]
     chord = np.diff(values, axis=0) / h
     if len(s) == 2:
@@ -151,11 +134,8 @@ def _slopes(s: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def _without_swing(s: FloatArray, values: FloatArray) -> FloatArray:
-    """Quintics through values with zero second derivative at the knots and PCHIP slopes.
-
-    Returns:
-        Coefficients of powers of the distance from the previous knot, (n - 1, 6, values).
-    """
+    """Quintics through values with zero second derivative at the knots and PCHIP slopes."""
+    # Returns coefficients of powers of the distance from the previous knot, (n - 1, 6, values).
     from scipy.interpolate import PchipInterpolator
 
     slopes, width = PchipInterpolator(s, values)(s, 1), np.diff(s)
@@ -171,31 +151,18 @@ def null_space(arm: SerialArm, poses: FloatArray, task: int, q: FloatArray) -> F
 
 def smooth(
     arm: SerialArm,
-    s: FloatArray,
-    poses: FloatArray,
+    s: FloatArray,  # Arc lengths [m], (n,)
+    poses: FloatArray,  # Rotations and positions of the tool, (n, 3, 4)
     task: int,
-    q: FloatArray,
+    q: FloatArray,  # Joint positions at the poses in several configurations [rad], (ways, n, dof)
     *,
-    start_stays: bool = False,
+    start_stays: bool = False,  # True if the first joint position is fixed
     rounds: int = ROUNDS,
 ) -> tuple[FloatArray, FloatArray]:
-    """Shorten joint paths by null-space motion, with unchanged tool poses.
-
-    Gauss-Newton iterations reduce the sum of squares of the joint steps, weighted by the largest
-    joint velocities, and of their excess over the inner part of their ranges.
-
-    Args:
-        arm: The arm.
-        s: Arc lengths [m], (n,).
-        poses: Rotations and positions of the tool, (n, 3, 4).
-        task: Task dimension.
-        q: Joint positions at the poses in several configurations [rad], (ways, n, dof).
-        start_stays: Whether the first joint position is fixed.
-        rounds: Largest number of iterations.
-
-    Returns:
-        The joint positions, (ways, n, dof), and their costs, (ways,).
-    """
+    """Shorten joint paths by null-space motion, with unchanged tool poses."""
+    # Gauss-Newton iterations reduce the sum of squares of the joint steps, weighted by the largest
+    # joint velocities, and of their excess over the inner part of their ranges.
+    # Returns the joint positions, (ways, n, dof), and their costs, (ways,).
     cost, n, free = _Cost(arm, s, q), len(s), arm.dof - task
     smoothed, values, active = q.copy(), cost.values(q), np.arange(len(q))
     for _ in range(rounds):
@@ -226,18 +193,14 @@ def smooth(
 
 
 class _Cost:
-    """Sum of squares of the weighted joint steps and of the excess over the inner ranges.
+    """Sum of squares of the weighted joint steps and of the excess over the inner ranges."""
 
-    The allowed length of a step is its share of the tool path and of the initial joint path: at a
-    tight corner the joints move far on a short path, which must not outweigh all other steps.
-
-    Args:
-        arm: The arm.
-        s: Arc lengths [m], (n,).
-        q: Joint positions in several configurations [rad], (ways, n, dof).
-    """
+    # The allowed length of a step is its share of the tool path and of the initial joint path: at a
+    # tight corner the joints move far on a short path, which must not outweigh all other steps.
 
     def __init__(self, arm: SerialArm, s: FloatArray, q: FloatArray) -> None:
+        # `s`: arc lengths [m], (n,); `q`: joint positions in several configurations [rad], (ways,
+        # n, dof).
         lower, upper = arm.limits.joint_range(arm.dof)
         both = np.isfinite(lower) & np.isfinite(upper)
         low, high = np.where(both, lower, 0.0), np.where(both, upper, 0.0)
@@ -265,12 +228,9 @@ class _Cost:
         return np.asarray((steps**2).sum(axis=(1, 2)) + (excess**2).sum(axis=(1, 2)))
 
     def equations(self, q: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Equations of the null-space motion that minimizes the linearized cost.
-
-        Returns:
-            The matrices as `solve_banded` takes them, (ways, n free, 2 free), and half the negative
-            gradients, (ways, n free).
-        """
+        """Equations of the null-space motion that minimizes the linearized cost."""
+        # Returns the matrices as `solve_banded` takes them, (ways, n free, 2 free), and half the
+        # negative gradients, (ways, n free).
         count, n, free, _ = w.shape
         share = (q - self.middle) / self.half
         beyond = np.maximum(np.abs(share) - INNER_RANGE, 0.0)

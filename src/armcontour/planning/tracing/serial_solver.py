@@ -32,25 +32,16 @@ SINGULAR = 1e-9
 
 
 class Numeric(Solver[SerialArm]):
-    """Exact joint positions and derivatives at knots, by Newton's method from nearby guesses.
-
-    Args:
-        path: The tool path.
-        arm: The arm.
-        task: Task dimension: 6, 5 or 3, see `task_dimension`.
-        first: Required motion at the first knots.
-        solution: Joint positions at the first knots.
-        tolerance: Largest distance of the tool from the path between knots [m].
-    """
+    """Exact joint positions and derivatives at knots, by Newton's method from nearby guesses."""
 
     def __init__(
         self,
         path: Path,
         arm: SerialArm,
-        task: int,
-        first: FirstPoses,
-        solution: Solution,
-        tolerance: float,
+        task: int,  # Task dimension: 6, 5 or 3, see `task_dimension`
+        first: FirstPoses,  # Required motion at the first knots
+        solution: Solution,  # Joint positions at the first knots
+        tolerance: float,  # Largest distance of the tool from the path between knots [m]
     ) -> None:
         super().__init__(path, arm)
         self.task, self.tolerance = task, tolerance
@@ -62,7 +53,7 @@ class Numeric(Solver[SerialArm]):
             self._guide = Guide.through(s, solution.q, w, first.stops)
 
     def first_ends(self, knots: Knots) -> tuple[Ends, Ends]:
-        """As `Solver.first_ends`; an end that is also a start is computed once."""
+        """Same as `Solver.first_ends`; an end that is also a start is computed once."""
         first, q = self._first, self._solution.q
         alone = first.ends >= len(knots)
         guess = np.concatenate([q[:-1], q[1:][alone]])
@@ -72,18 +63,14 @@ class Numeric(Solver[SerialArm]):
         return (q, dq_ds, d2q_ds2), (end_q, end_dq_ds, end_d2q_ds2)
 
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
-        """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots.
-
-        Raises:
-            Unreachable: The arm is singular there; with the arc length.
-        """
+        """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots."""
         assert guess is not None
         return self._solve(knots, u, np.array(guess, order="C"), *motion_at(self.path, knots, u))
 
     def _solve(
         self, knots: Knots, u: FloatArray, q: FloatArray, poses: FloatArray, rates: FloatArray
     ) -> Ends:
-        """As `ends`, for tool poses and their derivatives; the guesses q are overwritten."""
+        """Same as `ends`, for tool poses and their derivatives; the guesses q are overwritten."""
         w, g = self._rows(knots, u)
         links = self.arm.link_table
         solved = newton.newton(links, self.task, q, poses, w, g)
@@ -96,7 +83,7 @@ class Numeric(Solver[SerialArm]):
         return q, dq_ds, d2q_ds2
 
     def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
-        """As `Solver.errors_between`; poses between the first knots are shared by all solutions."""
+        """Same as `Solver.errors_between`; the solutions share poses between the first knots."""
         if knots is not self._first.knots:
             return super().errors_between(knots, start, end)
         q = quintics_at_places(knots, start, end)
@@ -111,10 +98,8 @@ class Numeric(Solver[SerialArm]):
         return tool_errors(self.arm, q, targets, self.task, (self.tolerance, ANGULAR_TOLERANCE))
 
     def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof).
-
-        The second axis is the order of the derivative along s, see `redundancy`.
-        """
+        """Null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof)."""
+        # The second axis is the order of the derivative along s, see `redundancy`.
         n, dof = len(u), self.arm.dof
         if self._guide is None:
             return np.zeros((n, 3, 0, dof)), np.zeros((n, 3, dof))

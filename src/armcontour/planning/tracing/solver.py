@@ -11,13 +11,7 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, quintic
-from armcontour.planning.tracing.knots import (
-    MIDDLE,
-    PLACES,
-    Knots,
-    turning_too_fast,
-    what_helps,
-)
+from armcontour.planning.tracing.knots import MIDDLE, PLACES, Knots, turning_too_fast, what_helps
 from armcontour.robot import Arm, PlanarTwoLink
 
 # Length below which an interval outside the tolerance indicates a singularity [m].
@@ -39,37 +33,22 @@ class Solver(ABC, Generic[A]):
         self.arm = arm
 
     def first_ends(self, knots: Knots) -> tuple[Ends, Ends]:
-        """q, dq_ds and d2q_ds2 at the starts and at the ends of the first intervals.
-
-        Raises:
-            Unreachable: As in `ends`.
-        """
+        """q, dq_ds and d2q_ds2 at the starts and at the ends of the first intervals."""
         return self.ends(knots, knots.u0, None), self.ends(knots, knots.u1, None)
 
     @abstractmethod
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
-        """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots.
-
-        Args:
-            knots: The knot intervals, n of them.
-            u: Distance along the segment of each interval [m], (n,).
-            guess: Joint positions near the solution, (n, dof); None for the first knots.
-
-        Raises:
-            Unreachable: The arm cannot reach the path or is singular; with the arc length.
-        """
+        """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots."""
+        # `knots`: the knot intervals, n of them; `u`: distance along the segment of each interval
+        # [m], (n,); `guess`: joint positions near the solution, (n, dof); None for the first knots.
 
     def guess(
         self, knots: Knots, u: FloatArray, middle: FloatArray, halfway: FloatArray
     ) -> FloatArray | None:
-        """Joint positions near the solutions within intervals, (n, dof); None if not needed.
-
-        Args:
-            knots: The knot intervals, n of them.
-            u: Distance along the segment of each interval [m], (n,).
-            middle: Joint positions in the middle of the quintics of the intervals, (n, dof).
-            halfway: Means of the joint positions at both ends, (n, dof).
-        """
+        """Joint positions near the solutions within intervals, (n, dof); None if not needed."""
+        # `knots`: the knot intervals, n of them; `u`: distance along the segment of each interval
+        # [m], (n,); `middle`: joint positions in the middle of the quintics of the intervals, (n,
+        # dof); `halfway`: means of the joint positions at both ends, (n, dof).
         # Near a singularity the quintic may overshoot, and the mean of the ends is the better
         # guess.
         nearer = self.tool_errors(knots, u, halfway) < self.tool_errors(knots, u, middle)
@@ -80,11 +59,8 @@ class Solver(ABC, Generic[A]):
         """Error of the tool at joint positions `q`, over the tolerance, (n,)."""
 
     def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
-        """Largest error of the tool on the quintics of intervals, over the tolerance, (n,).
-
-        Returns:
-            The errors, and the joint positions in the middle of the intervals, (n, dof).
-        """
+        """Largest error of the tool on the quintics of intervals, over the tolerance, (n,)."""
+        # Returns the errors, and the joint positions in the middle of the intervals, (n, dof).
         q = quintics_at_places(knots, start, end)
         errors = self.tool_errors(*knots.places(), q.reshape(-1, q.shape[2]))
         return largest_errors(errors, len(knots)), q[MIDDLE]
@@ -106,21 +82,13 @@ def largest_errors(errors: FloatArray, n: int) -> FloatArray:
 
 
 class Analytic(Solver[PlanarTwoLink]):
-    """Exact joint positions and derivatives at knots, by (3)-(4), (28) and (27).
-
-    Args:
-        path: The tool path.
-        arm: The arm.
-        configuration: One of `arm.branches`.
-        tolerance: Largest distance of the tool from the path between knots [m].
-
-    Raises:
-        InvalidInput: The path and the arm's workspace differ in dimension.
-    """
+    """Exact joint positions and derivatives at knots, by (3)-(4), (28) and (27)."""
 
     def __init__(
         self, path: Path, arm: PlanarTwoLink, configuration: str, tolerance: float
     ) -> None:
+        # `configuration`: one of `arm.branches`; `tolerance`: largest distance of the tool from the
+        # path between knots [m].
         if path.dimension != arm.dimension:
             raise InvalidInput(
                 f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} "
@@ -130,7 +98,7 @@ class Analytic(Solver[PlanarTwoLink]):
         self.configuration, self.tolerance = configuration, tolerance
 
     def first_ends(self, knots: Knots) -> tuple[Ends, Ends]:
-        """As `Solver.first_ends`, in one call."""
+        """Same as `Solver.first_ends`, in one call."""
         n = len(knots)
         both = knots.part(np.tile(np.arange(n), 2))
         q, dq_ds, d2q_ds2 = self.ends(both, np.concatenate([knots.u0, knots.u1]), None)
@@ -172,16 +140,9 @@ class Analytic(Solver[PlanarTwoLink]):
 
 
 def refine(solver: Solver[Arm], knots: Knots, stops: FloatArray) -> JointPath:
-    """Joint path through exact knots, refined until it satisfies the solver's tolerance.
-
-    Args:
-        solver: Computes joint positions and their derivatives.
-        knots: The first knots.
-        stops: Arc lengths at which the tool stops [m].
-
-    Raises:
-        Unreachable: The arm cannot reach a knot or is singular; with the arc length.
-    """
+    """Joint path through exact knots, refined until it satisfies the solver's tolerance."""
+    # `solver`: computes joint positions and their derivatives; `stops`: arc lengths at which the
+    # tool stops [m].
     start, end = solver.first_ends(knots)
     settled = np.zeros(len(knots), dtype=bool)
     while True:
@@ -222,16 +183,9 @@ def _select(ends: Ends, selection: BoolArray | IntArray) -> Ends:
 
 
 def raise_singular(solver: Solver[Any], s: float, state: str) -> NoReturn:
-    """Refuse a point of the path without a joint motion.
-
-    Args:
-        solver: The solver of the path.
-        s: Arc length of the point [m].
-        state: State of the arm at the point, such as "is singular".
-
-    Raises:
-        Unreachable: Always.
-    """
+    """Refuse a point of the path without a joint motion."""
+    # `s`: arc length of the point [m]; `state`: state of the arm at the point, such as "is
+    # singular".
     path, point = solver.path, solver.path(s).tolist()
     raise Unreachable(
         turning_too_fast(path, s)

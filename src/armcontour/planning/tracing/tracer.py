@@ -51,6 +51,10 @@ def trace(
     their counterparts for an arm in space. Between knots the joint path is a quintic. Knots are
     added until the tool is within `tolerance` of the path and within 1e-9 rad of its orientation.
 
+    >>> joint_path = ac.trace(path, arm)
+    >>> joint_path(0.01).shape, joint_path.length == path.length
+    ((2,), True)
+
     Args:
         path: Tool path.
         arm: The arm.
@@ -87,27 +91,12 @@ def trace_all(
     configuration: str | None = None,
     seed: npt.ArrayLike | None = None,
     tolerance: float = 1e-10,
-    max_count: int | None = None,
+    max_count: int | None = None,  # Largest number of joint paths; all by default
 ) -> list[JointPath]:
-    """Joint paths of all configurations that complete the path, the shortest first.
-
-    An arm in the plane has one per branch, in the order of its branches. An arm in space has one
-    per configuration. A redundant arm has infinitely many: `configurations.MOST_STARTS` sampled
-    starts are followed, and at most `configurations.MOST_SOLUTIONS` joint paths are returned.
-
-    Args:
-        path: Tool path.
-        arm: The arm.
-        limits: As in `trace`.
-        configuration: As in `trace`.
-        seed: As in `trace`.
-        tolerance: As in `trace`.
-        max_count: Largest number of joint paths; all by default.
-
-    Raises:
-        Unreachable: As in `trace`.
-        InvalidInput: As in `trace`.
-    """
+    """Joint paths of all configurations that complete the path, the shortest first."""
+    # An arm in the plane has one per branch, in the order of its branches. An arm in space has one
+    # per configuration. A redundant arm has infinitely many: `configurations.MAX_STARTS` sampled
+    # starts are followed, and at most `configurations.MAX_SOLUTIONS` joint paths are returned.
     if not isinstance(path, Path):
         raise InvalidInput(
             f"trace takes a Path, not a {type(path).__name__}: plan takes programs, and traces "
@@ -149,21 +138,10 @@ def _refuse_flat(arm: SerialArm) -> None:
 def sketch_all(
     path: Path, arm: SerialArm, *, limits: Limits | None = None
 ) -> tuple[FloatArray, list[FloatArray]]:
-    """Joint positions at a few points of a long path, in all configurations that reach them.
-
-    Args:
-        path: Tool path.
-        arm: The arm, which moves in space.
-        limits: As in `trace`.
-
-    Returns:
-        Arc lengths of the points from 0 to the path's end [m], (n,), and joint positions there
-        [rad], (n, dof) each, the shortest joint path first.
-
-    Raises:
-        Unreachable: No configuration reaches all points.
-        InvalidInput: The path does not fit the arm.
-    """
+    """Joint positions at a few points of a long path, in all configurations that reach them."""
+    # `arm`: the arm, which moves in space.
+    # Returns arc lengths of the points from 0 to the path's end [m], (n,), and joint positions
+    # there [rad], (n, dof) each, the shortest joint path first.
     from armcontour.planning.tracing.configurations import find_solutions
 
     if limits is not None:

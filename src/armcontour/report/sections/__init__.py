@@ -1,15 +1,16 @@
-"""Sections of the report: each function makes data for the template from a study."""
+"""Sections of the report: functions that make template data from a result."""
 
 from armcontour.report.sections.batch import batch as batch
 from armcontour.report.sections.batch import counted as counted
-from armcontour.report.sections.certificate import (
+from armcontour.report.sections.certificate_section import (
     certificate as certificate,
 )
-from armcontour.report.sections.certificate import (
+from armcontour.report.sections.certificate_section import (
     certified as certified,
 )
-from armcontour.report.sections.clearance import clearance as clearance
+from armcontour.report.sections.clearance_section import clearance as clearance
 from armcontour.report.sections.contours import contours as contours
+from armcontour.report.sections.contours import shaping as shaping
 from armcontour.report.sections.front import (
     all_figures as all_figures,
 )
@@ -24,7 +25,6 @@ from armcontour.report.sections.learning import learned as learned
 from armcontour.report.sections.learning import learning as learning
 from armcontour.report.sections.motion import over_time as over_time
 from armcontour.report.sections.motion import time_stamps as time_stamps
-from armcontour.report.sections.path import paths as paths
-from armcontour.report.sections.placement import placed as placed
-from armcontour.report.sections.placement import placement as placement
-from armcontour.report.sections.shaping import shaping as shaping
+from armcontour.report.sections.path_section import paths as paths
+from armcontour.report.sections.placement_section import placed as placed
+from armcontour.report.sections.placement_section import placement as placement

@@ -1,4 +1,4 @@
-"""Figures in space: curves, equal axes, and bodies of the cell and of the arm's base."""
+"""Figures in space: curves, equal scales, and bodies of the cell and of the arm's base."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from armcontour.robot import Arm
 from armcontour.robot.scene import BASE, Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
 
 LINK_COLOUR, TOOL_COLOUR, OBSTACLE_COLOUR = "#56B4E9", "#E69F00", "#999999"
-# Shortest side of a scene, as a share of the longest side.
+# Shortest side of a scene as a share of the longest.
 FLATTEST = 0.4
 # Longest side of a scene in units of plotly; it fits in every view.
 SCENE = 1.45
@@ -29,7 +29,7 @@ CAMERA = {
 }
 # Points around a round shape.
 AROUND = 24
-# Of so few points the page finds the hull at once; to load scipy's takes a third of a second.
+# Number of points up to which the page finds the hull quickly; loading scipy takes 0.3 s.
 FEW_POINTS = 1000
 # A half-space is drawn as a plate that is larger than everything else by this factor.
 PLATE = 1.5
@@ -57,21 +57,12 @@ def line_in_space(points: FloatArray, name: str, colour: str, **look: Any) -> An
 def in_space(
     figure: Any, points: FloatArray, *, title: str, height: int, top: int = 12, span: int = 6
 ) -> None:
-    """Set the layout of a figure in space: equal scales, a legend at the left.
-
-    Args:
-        figure: The figure.
-        points: All points that are drawn [mm], (n, 3).
-        title: Title of the figure.
-        height: Height of the figure [pixels].
-        top: Margin above the scene [pixels].
-        span: Width of the figure, in sixths.
-    """
+    """Set the layout of a figure in space for points [mm], (n, 3): equal scales, legend left."""
     finish(figure, title=title, height=height, span=span)
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     size = high - low
     longest = float(size.max())
-    # No side is much shorter than the longest, so that ticks of a flat scene do not overlap.
+    # Ticks of a flat scene would overlap.
     edge = np.maximum(FLATTEST * longest - size, 0.0) / 2 + 0.03 * longest
     size = size + 2 * edge
     ratio = size / float(size.max()) * SCENE
@@ -113,45 +104,35 @@ def base_of(arm: Arm) -> Frame:
 
 
 def seen_from_base(arm: Arm, points: FloatArray) -> FloatArray:
-    """Points in the coordinates of paths [m], as an arm's base has them: it stands upright [mm].
-
-    Args:
-        arm: The arm.
-        points: The points [m], (..., 3).
-    """
+    """Points in the coordinates of paths [m], in the frame of the arm's base [mm]."""
     frame = base_of(arm).inverse
     return np.asarray((frame.position + points @ frame.rotation.T) * 1e3)
 
 
 def draw_surroundings(job: Job, points: FloatArray) -> list[tuple[Any, FloatArray]]:
-    """The obstacles of a cell, or the plane of the base if none are known, and the arm's base.
+    """Obstacles or, without any, the plane of the base; and the arm's base; with their points [mm].
 
-    Args:
-        job: The job.
-        points: What else is drawn, in the coordinates of the arm's base [mm], (n, 3).
-
-    Returns:
-        Each body with its points [mm].
+    `points` are all others in the drawing, in the frame of the arm's base [mm], (n, 3).
     """
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     size = float((high - low).max()) / 1e3
-    found = []
+    bodies = []
     to_base = base_of(job.arm).inverse
-    for x in () if job.scene is None else job.scene.obstacles:
-        place = x.place if x.fixed_to == BASE else to_base @ x.place
-        corners = points_of(x.shape, place, PLATE * size)
-        found.append((draw_body(corners, x.name, OBSTACLE_COLOUR, 0.45), corners))
-    if not found:
-        x, y = (z.ravel() for z in np.meshgrid([low[0], high[0]], [low[1], high[1]]))
-        corners = np.column_stack([x, y, 0 * x])
+    for obstacle in () if job.scene is None else job.scene.obstacles:
+        place = obstacle.place if obstacle.fixed_to == BASE else to_base @ obstacle.place
+        corners = points_of(obstacle.shape, place, PLATE * size)
+        bodies.append((draw_body(corners, obstacle.name, OBSTACLE_COLOUR, 0.45), corners))
+    if not bodies:
+        obstacle, y = (z.ravel() for z in np.meshgrid([low[0], high[0]], [low[1], high[1]]))
+        corners = np.column_stack([obstacle, y, 0 * obstacle])
         # A hull has a thickness [mm].
         plate = np.concatenate([corners, corners - [0.0, 0.0, 1.0]])
-        found.append((draw_body(plate, "plane of the base", OBSTACLE_COLOUR, 0.25), corners))
-    return [*found, *_base_shapes(job.arm)]
+        bodies.append((draw_body(plate, "plane of the base", OBSTACLE_COLOUR, 0.25), corners))
+    return [*bodies, *_base_shapes(job.arm)]
 
 
 def _base_shapes(arm: Arm) -> list[tuple[Any, FloatArray]]:
-    """The shapes of the arm's base, which does not move."""
+    """The shapes of the arm's base."""
     if not arm.knows_shapes or arm.shapes is None:
         return []
     shapes = [x for x in arm.shapes.shapes if x.link == 0 and not x.tool]
@@ -173,13 +154,13 @@ def draw_body(points: FloatArray, name: str, colour: str, opacity: float) -> Any
 
 
 def points_of(shape: Shape, place: Frame, size: float = 1.0) -> FloatArray:
-    """Points whose hull is a shape at a place, (n, 3) [mm]."""
-    own = _own_points(shape, size)
-    return np.asarray((place.position + own @ place.rotation.T) * 1e3)
+    """Points (n, 3) [mm] whose hull is a shape at a place."""
+    points = _own_points(shape, size)
+    return np.asarray((place.position + points @ place.rotation.T) * 1e3)
 
 
 def _own_points(shape: Shape, size: float) -> FloatArray:
-    """Points whose hull is a shape in its own frame; of a half-space a plate [m], (n, 3)."""
+    """Points (n, 3) [m] whose hull is a shape in its frame; a half-space becomes a plate."""
     turn = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)
     circle = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
     up = np.array([0.0, 0.0, 1.0])
@@ -187,7 +168,7 @@ def _own_points(shape: Shape, size: float) -> FloatArray:
         case Mesh() if len(shape.points) <= FEW_POINTS:
             return shape.points
         case Mesh():
-            # Only the hull is drawn, and a scan has a million points.
+            # A scan may have a million points.
             from scipy.spatial import ConvexHull
 
             return np.asarray(shape.points[ConvexHull(shape.points).vertices])

@@ -1,4 +1,4 @@
-"""The section on the contours of a program: their times and errors."""
+"""The sections on the contours of a program: times and errors, and shaped paths."""
 
 from __future__ import annotations
 
@@ -8,16 +8,19 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.result import Row, Table
+from armcontour.geometry import ShapedPath
+from armcontour.geometry.shaped_path import ARCS, PARABOLAS, SHAPED, STOPS
 from armcontour.jobs import JobResult, RunResult
 from armcontour.jobs.run_data import pierce_length, work_length
 from armcontour.motion import Span
 from armcontour.program import Contour
-from armcontour.report import section
-from armcontour.report.section import Section
+from armcontour.report.section import Section, TextTable, text_table
+from armcontour.report.sections.corner_figures import alike
+from armcontour.report.style import few
 from armcontour.verification import ErrorProfile
 
 # Largest number of rows; of more contours, those with the largest errors are listed.
-MOST_ROWS = 200
+MAX_ROWS = 200
 # Share of the assigned velocity from which the velocity counts as reached.
 REACHED = 0.999
 # Shorter leads are rounding errors [m].
@@ -57,56 +60,128 @@ def contours(study: JobResult) -> Section | None:
     )
 
 
-def _table(name: str, result: RunResult) -> section.Table:
-    """A row for every contour, or for those with the largest errors."""
+def _table(name: str, result: RunResult) -> TextTable:
+    """A row per contour, or per contour with the largest errors."""
     program, limit = result.path, result.run.limits.speed
     errors = () if result.evaluation is None else result.evaluation.contours
-    spans, most = result.trajectory.contour_spans, np.inf if limit is None else limit
+    spans, limit_speed = result.trajectory.contour_spans, np.inf if limit is None else limit
     contours = list[ContourJudgement](
         zip(program.contours, spans, errors or [None] * len(spans), strict=True)
     )
     order, caption = np.arange(len(spans)), f"Run {name}: contours in order"
-    if len(spans) > MOST_ROWS and not errors:
-        caption = f"Run {name}: the first {MOST_ROWS} of {len(spans)} contours"
-    elif len(spans) > MOST_ROWS:
+    if len(spans) > MAX_ROWS and not errors:
+        caption = f"Run {name}: the first {MAX_ROWS} of {len(spans)} contours"
+    elif len(spans) > MAX_ROWS:
         order = np.argsort([-x.max for x in errors], kind="stable")
         caption = (
-            f"Run {name}: the {MOST_ROWS} of {len(spans)} contours with the largest errors; all "
+            f"Run {name}: the {MAX_ROWS} of {len(spans)} contours with the largest errors; all "
             "are in summary.json"
         )
-    rows = [_row(k, contours[k], most) for k in order[:MOST_ROWS].tolist()]
+    rows = [_row(k, contours[k], limit_speed) for k in order[:MAX_ROWS].tolist()]
     used = [any(x[k] for x in rows) for k in range(len(COLUMNS))]
     columns = tuple(x if y else replace(x, label="") for x, y in zip(COLUMNS, used, strict=True))
-    return section.table_of(Table("contours", columns, rows), caption)
+    return text_table(Table("contours", columns, rows), caption)
 
 
-def _row(k: int, judged: ContourJudgement, most: float) -> list[Any]:
+def _row(k: int, judged: ContourJudgement, limit_speed: float) -> list[Any]:
     """The values of a contour, by `COLUMNS`."""
     contour, span, error = judged
     assert span.work is not None
-    (start, end), way = contour.at_work, pierce_length(contour)
+    (start, end), pierce = contour.at_work, pierce_length(contour)
     length, time = work_length(contour), span.work[1] - span.work[0]
     return [
         f"{k + 1}" + (f": {contour.name}" if contour.name else ""),
         contour.layer,
         length,
-        *(x if x > ROUNDING else 0.0 for x in (way, start - way, contour.path.length - end)),
-        *(span.work[0], time, length / time, _assigned_share(contour, span, most)),
+        *(x if x > ROUNDING else 0.0 for x in (pierce, start - pierce, contour.path.length - end)),
+        *(span.work[0], time, length / time, _assigned_share(contour, span, limit_speed)),
         *((None, None) if error is None else (error.rms, error.max)),
     ]
 
 
-def _assigned_share(contour: Contour, span: Span, most: float) -> float | None:
-    """Share of a contour's length, with the process on, that has the assigned velocity."""
+def _assigned_share(contour: Contour, span: Span, limit_speed: float) -> float | None:
+    """Share of a contour's length, with the process on, at the assigned velocity."""
     assert span.trajectory is not None
     times = span.trajectory.breaks
     s, speeds = span.trajectory.s(times), span.trajectory.s(times, 1)
     start, end = contour.at_work
     middle, width = (s[:-1] + s[1:]) / 2, np.diff(s)
-    assigned = np.fmin(contour.path.speeds[contour.path.locate(middle)], most)
+    assigned = np.fmin(contour.path.speeds[contour.path.locate(middle)], limit_speed)
     has_speed = np.isfinite(assigned) & (middle >= start) & (middle <= end)
     if not has_speed.any():
         return None
     speed = np.minimum(speeds[:-1], speeds[1:])
     reached = has_speed & (speed >= REACHED * assigned)
     return float(width[reached].sum() / width[has_speed].sum())
+
+
+STARTS = (ARCS, PARABOLAS, STOPS)
+
+
+def shaping(study: JobResult) -> Section | None:
+    """Durations and distances of shaped paths; None without a shaped path."""
+    shaped = sorted(_shaped_contours(study), key=lambda x: -_saved(x[1]))
+    if not shaped:
+        return None
+    outcomes = [(label, path.outcome.note) for label, path in shaped]
+    notes = [*few((f"{label}: {note}." for label, note in outcomes if note is not None), "notes")]
+    return Section(
+        key="shaping",
+        title="Shaped path",
+        summary="least times of each start, and distances from the objective path",
+        text=(
+            "The shape of the path was found together with its timing: the fastest path within the "
+            "tolerance, two-sided: every point of the path is within the tolerance of its place on "
+            "the objective path, and every vertex within the tolerance of the path."
+        ),
+        parts=(_shaping_table(shaped),),
+        notes=tuple(notes),
+    )
+
+
+def _saved(path: ShapedPath) -> float:
+    """Time that a shape saves [s]."""
+    return path.outcome.durations[path.outcome.start] - path.outcome.durations[SHAPED]
+
+
+def _shaped_contours(study: JobResult) -> list[tuple[str, ShapedPath]]:
+    """Names and paths of the shaped contours of all runs; runs with the same shape share one."""
+    shaped: list[tuple[str, ShapedPath]] = []
+    differ = len({x.run.rounding for x in study.runs.values()}) > 1
+    for name, result in study.runs.items():
+        contours = result.path.contours
+        for i, contour in enumerate(contours):
+            path = contour.path
+            if not isinstance(path, ShapedPath) or any(alike(x, path) for _, x in shaped):
+                continue
+            words = [f"contour {i + 1}"] if len(contours) > 1 else []
+            words += [contour.name] if contour.name else []
+            words += [f"run {name}"] if differ or not words else []
+            shaped.append((", ".join(words), path))
+    return shaped
+
+
+def _shaping_table(shaped: list[tuple[str, ShapedPath]]) -> TextTable:
+    """A row per shaped contour."""
+    columns = (
+        Row("contour", None, "", "contour"),
+        *(Row(x, None, "s", x) for x in (*STARTS, SHAPED)),
+        Row("start", None, "", "best start"),
+        Row("gain", None, "1", "gain"),
+        Row("iterations", None, "", "iterations"),
+        Row("tolerance", None, "m", "tolerance"),
+        Row("line_tolerance", None, "m", "along lines"),
+        Row("zone", None, "m", "from corners"),
+        Row("deviation", None, "m", "distance"),
+    )
+    rows = [
+        (
+            label,
+            *(x.outcome.durations.get(name) for name in (*STARTS, SHAPED)),
+            *(x.outcome.start, x.outcome.gain, max(len(x.outcome.history) - 1, 0)),
+            *(x.tolerance, x.line_tolerance, x.zone, x.deviation),
+        )
+        for label, x in shaped
+    ]
+    caption = "Least times, and largest distances from the objective path"
+    return text_table(Table("shaping", columns, rows), caption)

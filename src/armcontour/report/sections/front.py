@@ -1,4 +1,4 @@
-"""The first screen of runs: the drawing, the verdict, three figures and three sentences."""
+"""The first screen of runs: drawing, verdict, important figures and sentences."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from armcontour.core.text import capitalise, count_noun, list_some
 from armcontour.jobs import JobResult, RunResult, warnings_of
 from armcontour.jobs.plan_quantities import assumed_numbers
 from armcontour.planning.explanation import BETWEEN, NAMES
-from armcontour.report.drawing import draw_plan
-from armcontour.report.section import Front, Section, Table, side_by_side, tiles
+from armcontour.report.plan_drawing import draw_plan
+from armcontour.report.section import Front, Section, TextTable, side_by_side, tiles
 from armcontour.report.style import few
 
-# Figures in large print, of which the first three that are known are shown.
+# Figures in large print; the first three known ones are shown.
 TILES = ("duration", "off_drawing", "time_limit", "speed")
 # Columns of the table of several runs, and figures in them.
 COLUMNS = {
@@ -24,13 +24,13 @@ COLUMNS = {
     "limits the time": "time_limit",
 }
 ON_BODIES = "experiment."
-# Shares of the time that are named on the first screen, and limits of them that a reserve reduces.
-MOST_SHARES = 4
+# Number of time shares on the first screen, and limits that a reserve reduces.
+MAX_SHARES = 4
 RESERVED_NAMES = (NAMES["joint_acceleration"], NAMES["joint_torque"])
 
 
 def front(study: JobResult) -> Front:
-    """The first screen of a study: of several runs the fastest one that is kept."""
+    """The first screen of a study, with the drawing of one run."""
     name = _shown(study)
     data, result = study.figures[name], study.runs[name]
     alone = len(study.runs) == 1
@@ -51,69 +51,73 @@ def _large(data: Data) -> list[Row]:
 
 
 def _shown(study: JobResult) -> str:
-    """The run that is drawn: the fastest that is kept, or else the first explained one."""
+    """The drawn run: the fastest one within its accuracy, or the fastest explained one."""
     runs = study.runs
-    kept = [x for x in runs if runs[x].kept]
-    known = kept or [x for x in runs if runs[x].explanation is not None] or list(runs)
-    return min(known, key=lambda x: runs[x].trajectory.duration)
+    accurate = [x for x in runs if runs[x].kept]
+    candidates = accurate or [x for x in runs if runs[x].explanation is not None] or list(runs)
+    return min(candidates, key=lambda x: runs[x].trajectory.duration)
 
 
 def _verdict(study: JobResult, data: Data) -> str:
-    """Whether the run is as near to the drawing as it may be."""
+    """The deviation from the drawing, compared to the accuracy."""
     if not study.simulated:
         return "Plan only: no servo was simulated, so that there are no errors."
     rows = {x.name: x for x in data.shown()}
-    off, kept = rows["off_drawing"], rows.get("kept")
-    words = f"{figure(off)} {off.label}"
-    if kept is None:
+    deviation, verdict = rows["off_drawing"], rows.get("kept")
+    words = f"{figure(deviation)} {deviation.label}"
+    if verdict is None:
         return f"{words}: the job states no accuracy and no corner tolerance."
-    note = kept.note or off.note
-    return f"{capitalise(figure(kept))}: {words}" + f" ({note})" * bool(note) + "."
+    note = verdict.note or deviation.note
+    return f"{capitalise(figure(verdict))}: {words}" + f" ({note})" * bool(note) + "."
 
 
-def _compared(study: JobResult) -> Table:
-    """A row for every run."""
+def _compared(study: JobResult) -> TextTable:
+    """A row per run."""
     rows = []
     for name, data in study.figures.items():
-        found = {x.name.removeprefix(ON_BODIES): figure(x) for x in data.shown()}
-        rows.append((name, *(found.get(x, "-") for x in COLUMNS.values())))
-    return Table(header=("run", *COLUMNS), rows=tuple(rows))
+        texts = {x.name.removeprefix(ON_BODIES): figure(x) for x in data.shown()}
+        rows.append((name, *(texts.get(x, "-") for x in COLUMNS.values())))
+    return TextTable(header=("run", *COLUMNS), rows=tuple(rows))
 
 
 def _sentences(study: JobResult, result: RunResult) -> Iterator[tuple[str, str]]:
-    """Why the motion takes so long, what to change, and what is assumed."""
-    why = result.explanation
+    """Reasons of the duration, advice, weakest point, and assumptions."""
+    explanation = result.explanation
     yield from time_sentences(result)
     if result.advice is not None:
         label = "What to change"
-        for x in result.advice.improvements:
-            yield label, f"{x.label}: {x.effect}" + f", if {x.condition}" * bool(x.condition)
+        for improvement in result.advice.improvements:
+            yield (
+                label,
+                f"{improvement.label}: {improvement.effect}"
+                + f", if {improvement.condition}" * bool(improvement.condition),
+            )
             label = ""
         if result.advice.note:
             yield label, result.advice.note
-    elif why is not None and study.simulated:
+    elif explanation is not None and study.simulated:
         yield (
             "What to change",
             "The command run plans changes of a job of this size with --changes.",
         )
-    found = warnings_of([result])
-    if found:
-        more = f" {len(found) - 1} more under Warnings and notes." if len(found) > 1 else ""
-        yield "Weakest point", f"{found[0]}{more}"
+    warnings = warnings_of([result])
+    if warnings:
+        rest = f" {len(warnings) - 1} more under Warnings and notes." if len(warnings) > 1 else ""
+        yield "Weakest point", f"{warnings[0]}{rest}"
     yield "Assumed", _assumed(study)
 
 
 def time_sentences(result: RunResult) -> Iterator[tuple[str, str]]:
-    """Why the motion takes so long: the largest shares of the time, then the slowest place."""
-    why, reserve = result.explanation, result.run.timing.reserve
-    if why is None:
+    """The largest shares of the time, then the slowest place."""
+    explanation, reserve = result.explanation, result.run.timing.reserve
+    if explanation is None:
         return
-    largest = [x for x in why.shares if x.kind != BETWEEN][:MOST_SHARES]
+    largest = [x for x in explanation.shares if x.kind != BETWEEN][:MAX_SHARES]
     words = ", ".join(f"{x.name} {number(x.of_time, '1')}" for x in largest)
     text = f"{capitalise(words)} of the time."
     if reserve and any(x.kind in RESERVED_NAMES for x in largest):
         text += f" Joints are planned for {number(1 - reserve, '1')} of their accelerations."
-    slowest = min(why.shortfalls, key=lambda x: x.speed / x.assigned, default=None)
+    slowest = min(explanation.shortfalls, key=lambda x: x.speed / x.assigned, default=None)
     if slowest is not None:
         text += f" Slowest place: {slowest.sentence}."
     if largest:
@@ -121,7 +125,7 @@ def time_sentences(result: RunResult) -> Iterator[tuple[str, str]]:
 
 
 def _assumed(study: JobResult) -> str:
-    """What the figures are of."""
+    """Assumptions of the figures."""
     if not study.simulated:
         return "Joints follow the plan exactly."
     servo = study.job.plant_servo
@@ -145,27 +149,22 @@ def all_figures(study: JobResult) -> Section:
 
 
 def notes(study: JobResult, warnings: Sequence[str] = ()) -> Section | None:
-    """Warnings, notes and assumptions; None without any.
-
-    Args:
-        study: The study.
-        warnings: Those of its certificate, in place of those of its runs.
-    """
+    """Warnings, notes and assumptions; `warnings` of a certificate replace those of the runs."""
     runs = study.runs.values()
     uses_masses = any(
         x.run.experiment is not None or x.run.limits.joint_torque is not None for x in runs
     )
     assumed = assumed_numbers(study.job.arm)
-    found = tuple(warnings) or warnings_of(runs)
+    shown_warnings = tuple(warnings) or warnings_of(runs)
     others = (
         *dict.fromkeys(z for y in runs for z in (*y.path.remarks, *y.remarks)),
         *((f"About the masses: {assumed}",) if assumed and uses_masses else ()),
     )
-    if not found and not others:
+    if not shown_warnings and not others:
         return None
     return Section(
         key="notes",
         title="Warnings and notes",
-        summary=f"{count_noun(len(found), 'warning')}, {count_noun(len(others), 'note')}",
-        notes=(*few(found, "warnings"), *few(others, "notes")),
+        summary=f"{count_noun(len(shown_warnings), 'warning')}, {count_noun(len(others), 'note')}",
+        notes=(*few(shown_warnings, "warnings"), *few(others, "notes")),
     )

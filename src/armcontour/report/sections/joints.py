@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.core import result as core
 from armcontour.core.checks import FloatArray
-from armcontour.core.result import Row
+from armcontour.core.result import Row, Table
 from armcontour.jobs import JobResult, RunResult
 from armcontour.report.figure import make_subplots
-from armcontour.report.section import Section, Table, table_of
+from armcontour.report.section import Section, TextTable, text_table
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     EXPERIMENT_COLOUR,
@@ -30,14 +29,14 @@ QUANTITIES = ("position [rad]", "velocity [rad/s]", "acceleration [rad/s²]")
 # Height of the three plots of a joint [px].
 HEIGHT = 58
 # Points of a curve; a report has many such small figures.
-MOST_POINTS = 400
+MAX_POINTS = 400
 # Digits after the decimal point of values in tables, so that numerical noise is 0.
 ROUNDED = 6
 # Range of motion [rad], or share of a limit, below which a joint is at rest.
 AT_REST = 1e-4
 # Relative difference of demand and acceleration above which a joint is shown as saturated.
 SATURATED = 1e-3
-# Use of a limit from which the limit is drawn; otherwise it would flatten the curve.
+# Use of a limit from which it is drawn; otherwise it would flatten the curve.
 WORTH_SHOWING = 0.3
 # Percentile of an experiment's values that sets the scale, so that spikes do not.
 USUAL = 99.5
@@ -77,11 +76,11 @@ def draw_joints(name: str, result: RunResult) -> Any:
         for j in range(n):
             place = {"row": j + 1, "col": order + 1}
             for label, (t, values, look) in curves.items():
-                few, y = thin(t, values[:, j], most=MOST_POINTS)
+                times, y = thin(t, values[:, j], most=MAX_POINTS)
                 first = order == 0 and j == 0
                 figure.add_trace(
                     line(
-                        few,
+                        times,
                         y,
                         label,
                         showlegend=first,
@@ -91,16 +90,16 @@ def draw_joints(name: str, result: RunResult) -> Any:
                     **place,
                 )
             low, high = (float(x[j]) for x in bounds[order])
-            seen = _range([(k, v[:, j]) for k, (_, v, _) in curves.items()], low, high, order)
-            figure.update_yaxes(range=seen, nticks=4, **place)
+            visible = _range([(k, v[:, j]) for k, (_, v, _) in curves.items()], low, high, order)
+            figure.update_yaxes(range=visible, nticks=4, **place)
             for value in (low, high):
-                if seen[0] < value < seen[1]:
+                if visible[0] < value < visible[1]:
                     figure.add_hline(value, {"color": LIMIT_COLOUR, "width": 1}, **place)
     for j in range(n):
-        x = result.motion
-        for span in find_saturation(x.t, x.demand[:, j], x.ddq[:, j]):
+        motion = result.motion
+        for span in find_saturation(motion.t, motion.demand[:, j], motion.ddq[:, j]):
             figure.add_vspan(span, SATURATION_COLOUR, row=j + 1, col=3)
-        # Names are in the table: they are longer than a plot is high.
+        # Names are in the table, because they are longer than the height of a plot.
         title = {"text": f"joint {j + 1}", "font": {"size": 11}}
         figure.update_yaxes(title=title, row=j + 1, col=1)
     for column in range(3):
@@ -116,21 +115,21 @@ def _curves(
     result: RunResult, order: int
 ) -> dict[str, tuple[FloatArray, FloatArray, dict[str, Any]]]:
     """Times, values and line options of one quantity, by the names of the curves."""
-    t = np.linspace(0, result.trajectory.duration, 4 * MOST_POINTS)
-    found: dict[str, tuple[FloatArray, FloatArray, dict[str, Any]]] = {}
+    t = np.linspace(0, result.trajectory.duration, 4 * MAX_POINTS)
+    curves: dict[str, tuple[FloatArray, FloatArray, dict[str, Any]]] = {}
     if result.experiment is not None:
         done = result.experiment.execution
         look = {"colour": EXPERIMENT_COLOUR, "width": 1.2}
-        found["experiment"] = (done.t, (done.q, done.dq, done.ddq)[order], look)
+        curves["experiment"] = (done.t, (done.q, done.dq, done.ddq)[order], look)
     if (moved := result.execution) is not None:
-        found["executed"] = (
+        curves["executed"] = (
             moved.t,
             (moved.q, moved.dq, moved.ddq)[order],
             {"colour": EXECUTED_COLOUR},
         )
     dotted = {"colour": PLANNED_COLOUR, "width": 1.5, "dash": "dot"}
-    found["planned"] = (t, result.trajectory(t, order), dotted)
-    return found
+    curves["planned"] = (t, result.trajectory(t, order), dotted)
+    return curves
 
 
 def _bounds(result: RunResult, dof: int) -> list[tuple[FloatArray, FloatArray]]:
@@ -142,7 +141,7 @@ def _bounds(result: RunResult, dof: int) -> list[tuple[FloatArray, FloatArray]]:
 def _range(
     curves: list[tuple[str, FloatArray]], low: float, high: float, order: int
 ) -> list[float]:
-    """What an axis shows: all of a curve but an experiment's spikes, and limits that are near."""
+    """Range of an axis: curves without the spikes of an experiment, and limits nearby."""
     ends: list[float] = []
     for name, values in curves:
         if name == "experiment":
@@ -150,9 +149,9 @@ def _range(
         else:
             ends += [float(values.min()), float(values.max())]
     bottom, top = min(ends), max(ends)
-    # A joint at rest is not to be shown as noise.
-    rest = max(AT_REST, AT_REST * high) if np.isfinite(high) else AT_REST
-    edge = 0.12 * (top - bottom) if top - bottom > rest else 0.01
+    # The noise of a joint at rest is not enlarged.
+    noise = max(AT_REST, AT_REST * high) if np.isfinite(high) else AT_REST
+    edge = 0.12 * (top - bottom) if top - bottom > noise else 0.01
     bottom, top = bottom - edge, top + edge
     size = max(abs(bottom), abs(top))
     if order > 0 and np.isfinite(high) and size > WORTH_SHOWING * min(high, -low):
@@ -160,9 +159,11 @@ def _range(
     return [bottom, top]
 
 
-def find_saturation(t: Any, demand: Any, given: Any) -> list[tuple[float, float]]:
-    """Intervals of time in which a joint does not reach its demand; close intervals are joined."""
-    over = np.abs(demand - given) > SATURATED * np.abs(given)
+def find_saturation(
+    t: Any, commanded_acceleration: Any, acceleration: Any
+) -> list[tuple[float, float]]:
+    """Times in which a joint does not reach its commanded acceleration; close ones are joined."""
+    over = np.abs(commanded_acceleration - acceleration) > SATURATED * np.abs(acceleration)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], over.astype(int), [0]])))
     joined: list[tuple[float, float]] = []
     for i, k in zip(edges[::2], edges[1::2] - 1, strict=True):
@@ -174,7 +175,7 @@ def find_saturation(t: Any, demand: Any, given: Any) -> list[tuple[float, float]
     return joined
 
 
-def _table(result: RunResult) -> Table:
+def _table(result: RunResult) -> TextTable:
     """Used range and largest values of every joint, and their limits."""
     done, arm, limits = result.motion, result.arm, result.run.limits
     plan = result.torques
@@ -189,9 +190,9 @@ def _table(result: RunResult) -> Table:
     columns = [Row("joint", None, "", "joint")]
     ends = (*limits.joint_range(arm.dof), done.q.min(axis=0), done.q.max(axis=0))
     values: list[Sequence[Any]] = [arm.joint_names]
-    for label, x in zip(("lower end", "upper end", "from", "to"), ends, strict=True):
+    for label, values_of_joints in zip(("lower end", "upper end", "from", "to"), ends, strict=True):
         columns.append(Row(label, None, "rad", label))
-        values.append(np.where(np.isfinite(x), x, np.nan).tolist())
+        values.append(np.where(np.isfinite(values_of_joints), values_of_joints, np.nan).tolist())
     for label, unit, use in amounts:
         columns.append(Row(label, None, unit, label))
         values.append(np.round(use.value, ROUNDED).tolist())
@@ -199,11 +200,11 @@ def _table(result: RunResult) -> Table:
             columns.append(Row(f"{label}.use", None, "1", f"of {label} limit"))
             values.append(np.where(limited, use.ratio, np.nan).tolist())
     rows = list(zip(*values, strict=True))
-    return table_of(core.Table("joints", tuple(columns), rows), "Largest amounts")
+    return text_table(Table("joints", tuple(columns), rows), "Largest amounts")
 
 
 def _worst(name: str, limits: Limits, values: FloatArray) -> Use:
-    """The largest use of a limit by each joint; of joints without it the largest amounts."""
+    """The largest use of a limit by each joint, or the largest value without a limit."""
     use = use_of(name, limits, values)
-    at = np.where(np.isinf(use.limit), use.value, use.ratio).argmax(axis=0)
-    return use_of(name, limits, values[at, np.arange(values.shape[1])])
+    rows = np.where(np.isinf(use.limit), use.value, use.ratio).argmax(axis=0)
+    return use_of(name, limits, values[rows, np.arange(values.shape[1])])

@@ -1,4 +1,4 @@
-"""The section on learning: the error of the tool from run to run, and the joints' parts of it."""
+"""The section on learning: errors of tool and joints from run to run."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from armcontour.core.render import number
 from armcontour.core.result import FIRST
 from armcontour.report.figure import Figure, make_trace
-from armcontour.report.section import Front, Section, table_of, tiles
+from armcontour.report.section import Front, Section, text_table, tiles
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     LIMIT_COLOUR,
-    MOST_SENTENCES,
+    MAX_SENTENCES,
     PATH_COLOUR,
     PLANNED_COLOUR,
     RUN_COLOURS,
@@ -31,16 +31,12 @@ if TYPE_CHECKING:
 HEIGHT = 360
 # Smallest error on a logarithmic axis [mm].
 SMALLEST_ERROR = 1e-6
-# Marks tell joints apart where colours repeat.
+# Marks distinguish joints with the same colour.
 MARKS = ("circle", "square", "diamond", "triangle-up", "cross", "x", "star", "pentagon")
 
 
 def learned(study: LearningStudy) -> Front:
-    """The first screen: the error from run to run, and what comes next.
-
-    Args:
-        study: The runs, and what was learned from them.
-    """
+    """The first screen: the error from run to run, and the next step."""
     data = study.result
     return Front(
         verdict=study.notes[0],
@@ -57,16 +53,16 @@ def learning(study: LearningStudy) -> Section:
         key="learning",
         title="Runs",
         summary="errors of the joints from run to run, and contour error over time",
-        parts=(*figures, table_of(study.result.tables[0], "Runs")),
-        notes=tuple(study.notes[1:MOST_SENTENCES]),
+        parts=(*figures, text_table(study.result.tables[0], "Runs")),
+        notes=tuple(study.notes[1:MAX_SENTENCES]),
     )
 
 
 def _introduction(study: LearningStudy) -> str:
-    """What the errors of this section are."""
-    what = "contour error" if study.has_path else "distance of the tool from its planned position"
+    """Definition of the errors of this section."""
+    error = "contour error" if study.has_path else "distance of the tool from its planned position"
     return (
-        f"The {what} that the robot's logs show, from run to run, without measurement noise: each "
+        f"The {error} that the robot's logs show, from run to run, without measurement noise: each "
         "run has the set-points that were learned from those before it. What the encoders do not "
         "see, such as links that bend, is not in it."
     )
@@ -77,19 +73,19 @@ def _over_runs(study: LearningStudy) -> Any:
     lesson, count = study.lesson, len(study.lesson.runs)
     errors = np.array([study.errors(k) for k in range(count)])
     numbers = range(1, count + 1)
-    found = [
+    predictions = [
         (k, x.predicted)
         for k, x in zip(numbers, lesson.runs, strict=True)
         if x.predicted is not None
     ]
     if not lesson.finished:
-        found.append((count + 1, lesson.predicted))
-    at, predicted = zip(*found, strict=True) if found else ((), ())
+        predictions.append((count + 1, lesson.predicted))
+    run_numbers, predicted = zip(*predictions, strict=True) if predictions else ((), ())
     name, last = "RMS that was predicted", count if lesson.finished else count + 1
     drawn = Figure(
         _marked(numbers, errors[:, 1], "largest", PLANNED_COLOUR, "diamond"),
         _marked(numbers, errors[:, 0], "RMS", EXECUTED_COLOUR, "circle"),
-        _marked(at, predicted, name, LIMIT_COLOUR, "circle-open", mode="markers"),
+        _marked(run_numbers, predicted, name, LIMIT_COLOUR, "circle-open", mode="markers"),
     )
     if lesson.noise > 0:
         level = np.full(2, max(lesson.noise * 1e3, SMALLEST_ERROR))

@@ -1,4 +1,4 @@
-"""The section on the motion over time: tool speed, what limits it, contour error, time stamps."""
+"""The section on the motion over time: tool speed, active limits, contour error, time stamps."""
 
 from __future__ import annotations
 
@@ -9,18 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.core import result as core
 from armcontour.core.checks import FloatArray
 from armcontour.core.palette import LIMITS
 from armcontour.core.render import number
-from armcontour.core.result import Row
+from armcontour.core.result import Row, Table
 from armcontour.jobs import JobResult, RunResult
 from armcontour.jobs.job_result import unknown_notes
 from armcontour.jobs.verdict import allowed_error
 from armcontour.planning.explanation import Binding
-from armcontour.report.drawing import kind_of, word_of
 from armcontour.report.figure import make_subplots, make_trace
-from armcontour.report.section import Section, Table, table_of
+from armcontour.report.plan_drawing import kind_of, word_of
+from armcontour.report.section import Section, TextTable, text_table
 from armcontour.report.style import (
     EXPERIMENT_DASH,
     LIMIT_COLOUR,
@@ -34,37 +33,33 @@ from armcontour.report.style import (
 
 # Smallest error on the logarithmic axis [mm].
 SMALLEST_ERROR = 1e-6
-# If contours are slower than this share of the fastest rapid, the axis shows the contours.
+# Share of the fastest rapid's speed below which the axis is scaled to contours.
 SQUEEZED = 0.5
 # Largest number of visible bars of a plan.
-MOST_BARS = 1200
-# Times at which assigned velocities are drawn.
+MAX_BARS = 1200
+# Number of points of assigned velocities.
 PLACES = 4000
 # Largest number of listed places below the assigned velocity per plan.
-MOST_PLACES = 50
+MAX_PLACES = 50
 # Heights of plots, of the bars of a plan, and of everything else in a figure [px].
 HEIGHT, BARS, AROUND = 150, 28, 125
-# Times of a part of a plan [s], the kind of the limit there, and its name.
+# Start and end of a part of a plan [s], the kind of its active limit, and the limit's name.
 Bar = tuple[float, float, str, str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Panel:
-    """One plot of a figure over time.
-
-    Args:
-        traces: Its curves or bars.
-        axis: Its vertical axis.
-        height: Its height [px].
-    """
+    """One plot of a figure over time."""
 
     traces: list[Any]
+    # Vertical axis
     axis: dict[str, Any]
+    # [px]
     height: int = HEIGHT
 
 
 def over_time(study: JobResult) -> Section:
-    """Tool speed, the limits that restrict it, and the contour error over time."""
+    """Tool speed, active limits, and contour error over time."""
     text, marked = "", marked_run(study)
     if _is_squeezed(study):
         text += "Rapids are cut off at the top; a double click shows all of them. "
@@ -74,14 +69,14 @@ def over_time(study: JobResult) -> Section:
         text += "Dotted curves are experiments on the arm's rigid bodies. "
     tables, places = [], []
     for name, result in _plans(study).items():
-        why, run = result.explanation, f"{name}: " if len(study.runs) > 1 else ""
-        assert why is not None
-        tables.append(table_of(why.time_table, run.removesuffix(": ")))
-        worst = sorted(why.shortfalls, key=lambda x: x.speed / x.assigned)[:MOST_PLACES]
+        explanation, run = result.explanation, f"{name}: " if len(study.runs) > 1 else ""
+        assert explanation is not None
+        tables.append(text_table(explanation.time_table, run.removesuffix(": ")))
+        worst = sorted(explanation.shortfalls, key=lambda x: x.speed / x.assigned)[:MAX_PLACES]
         places += [(f"{run}{x.sentence} ({x.kind})",) for x in worst]
     if places:
         header = (f"{len(places)} slowest places below the assigned velocity",)
-        tables.append(Table(header=header, rows=tuple(places)))
+        tables.append(TextTable(header=header, rows=tuple(places)))
     return Section(
         key="time",
         title="Over time",
@@ -93,7 +88,7 @@ def over_time(study: JobResult) -> Section:
 
 
 def draw_over_time(study: JobResult, *made: Any) -> Any:
-    """A figure of panels over time, of those that a study has."""
+    """A figure of those panels over time that a study has."""
     panels = [x for x in (make(study) for make in made) if x is not None]
     height = sum(x.height for x in panels)
     figure = make_subplots(
@@ -103,13 +98,13 @@ def draw_over_time(study: JobResult, *made: Any) -> Any:
         row_heights=[x.height for x in panels],
         vertical_spacing=15 / (height + 15 * len(panels)),
     )
-    known: set[str] = set()
+    shown: set[str] = set()
     for row, panel in enumerate(panels, start=1):
         for trace in panel.traces:
             # One entry of the legend for all bars of a limit and all curves of a name.
             group = trace.legendgroup or trace.name
-            trace.merge({"legendgroup": group, "showlegend": trace.name not in known})
-            known.add(trace.name)
+            trace.merge({"legendgroup": group, "showlegend": trace.name not in shown})
+            shown.add(trace.name)
             figure.add_trace(trace, row, 1)
         figure.update_yaxes(row, 1, **panel.axis)
     marked = marked_run(study)
@@ -125,8 +120,8 @@ def speed(study: JobResult) -> Panel:
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     traces = []
     for name, result in study.runs.items():
-        x = result.motion
-        t, values = thin(x.t, x.tool_speed * 1e3)
+        motion = result.motion
+        t, values = thin(motion.t, motion.tool_speed * 1e3)
         traces.append(line(t, values, name, colours[name], width=widths[name]))
     axis: dict[str, Any] = {"title": "speed [mm/s]"}
     if _is_squeezed(study):
@@ -135,7 +130,7 @@ def speed(study: JobResult) -> Panel:
 
 
 def limits(study: JobResult) -> Panel | None:
-    """Bars of the limit that restricts the speed, for every plan; None without an explanation."""
+    """Bars of the active limits of every plan; None without an explanation."""
     bars: defaultdict[str, list[tuple[Bar, str]]] = defaultdict(list)
     plans = _plans(study)
     for name, result in plans.items():
@@ -148,18 +143,18 @@ def limits(study: JobResult) -> Panel | None:
     return Panel(traces=traces, axis=axis, height=BARS * max(2, len(plans)))
 
 
-def _bars(kind: str, found: list[tuple[Bar, str]]) -> Any:
-    """Bars of the intervals in which limits of one kind restrict the speed."""
+def _bars(kind: str, bars: list[tuple[Bar, str]]) -> Any:
+    """Bars of the intervals in which limits of one kind are active."""
     return make_trace(
         "bar",
         name=word_of(kind),
         orientation="h",
-        y=[y for _, y in found],
-        base=[x[0] for x, _ in found],
-        x=[x[1] - x[0] for x, _ in found],
+        y=[y for _, y in bars],
+        base=[x[0] for x, _ in bars],
+        x=[x[1] - x[0] for x, _ in bars],
         # Edges would cover thin bars, also of few.
         marker={"color": LIMITS.get(kind, LIMITS["other"])["light"], "line": {"width": 0}},
-        customdata=[[x[0], x[1], x[3]] for x, _ in found],
+        customdata=[[x[0], x[1], x[3]] for x, _ in bars],
         hovertemplate=(
             "%{customdata[2]}<br>t %{customdata[0]:.3f} to %{customdata[1]:.3f} s<extra></extra>"
         ),
@@ -167,33 +162,33 @@ def _bars(kind: str, found: list[tuple[Bar, str]]) -> Any:
 
 
 def list_bars(bindings: Sequence[Binding]) -> list[Bar]:
-    """Intervals of time with the limit that restricts the speed in each, in order.
+    """Intervals of time with their active limits, in order.
 
-    If there are too many to see, the time is cut into equal parts, and each part has the limit of
-    its longest interval. Neighbouring bars of one limit are joined.
+    Of too many intervals, each of equal parts has the limit of its longest interval. Neighbouring
+    intervals with one limit are joined.
     """
-    found = [(*x.t, kind_of(x.limit), x.name) for x in bindings]
-    ends = np.array([x[:2] for x in found])
-    if len(found) > MOST_BARS:
-        cell = np.floor(ends.mean(axis=1) / ends[-1, 1] * MOST_BARS).astype(int)
+    bars = [(*x.t, kind_of(x.limit), x.name) for x in bindings]
+    ends = np.array([x[:2] for x in bars])
+    if len(bars) > MAX_BARS:
+        cell = np.floor(ends.mean(axis=1) / ends[-1, 1] * MAX_BARS).astype(int)
         order = np.lexsort((ends[:, 0] - ends[:, 1], cell))
         chosen = order[np.flatnonzero(np.diff(cell[order], prepend=-1))]
-        found = [found[k] for k in chosen.tolist()]
+        bars = [bars[k] for k in chosen.tolist()]
         # Every bar ends where the next bar starts.
         starts = [*ends[chosen, 0], ends[-1, 1]]
         starts[0] = ends[0, 0]
-        found = [(a, b, *x[2:]) for x, a, b in zip(found, starts, starts[1:], strict=False)]
+        bars = [(a, b, *x[2:]) for x, a, b in zip(bars, starts, starts[1:], strict=False)]
     joined: list[Bar] = []
-    for x in found:
-        if joined and joined[-1][2:] == x[2:] and joined[-1][1] == x[0]:
-            joined[-1] = (joined[-1][0], *x[1:])
+    for bar in bars:
+        if joined and joined[-1][2:] == bar[2:] and joined[-1][1] == bar[0]:
+            joined[-1] = (joined[-1][0], *bar[1:])
         else:
-            joined.append(x)
+            joined.append(bar)
     return joined
 
 
 def error(study: JobResult) -> Panel | None:
-    """The contour error of every run, and what is allowed; None if nothing was simulated."""
+    """The contour error of every run, and its limit; None if nothing was simulated."""
     if not study.simulated:
         return None
     colours, traces, allowed = run_colours(study.runs), [], set()
@@ -202,16 +197,16 @@ def error(study: JobResult) -> Panel | None:
         if result.experiment is not None:
             look: dict[str, Any] = {"dash": EXPERIMENT_DASH, "width": 1.5}
             judged.append((f"{name}, experiment", result.experiment.evaluation, look))
-        for label, x, look in judged:
-            if x is None:
+        for label, evaluation, look in judged:
+            if evaluation is None:
                 continue
-            e = x.contour_error
+            e = evaluation.contour_error
             t, values = thin(e.t, e.values * 1e3)
             values = np.maximum(values, SMALLEST_ERROR)
             traces.append(line(t, values, label, colours[name], **look))
-        most = allowed_error(result)
-        if most is not None and result.evaluation is not None:
-            allowed.add((most, result.trajectory.duration))
+        limit = allowed_error(result)
+        if limit is not None and result.evaluation is not None:
+            allowed.add((limit, result.trajectory.duration))
     for value, end in allowed:
         name, dashed = f"allowed {number(value, 'm')}", {"dash": "dash", "width": 1}
         traces.append(line([0, end], [1e3 * value] * 2, name, LIMIT_COLOUR, **dashed))
@@ -219,16 +214,16 @@ def error(study: JobResult) -> Panel | None:
 
 
 def _plans(study: JobResult) -> dict[str, RunResult]:
-    """Every explained plan once, by the names of all runs that have this plan."""
-    found: dict[int, list[str]] = {}
+    """Every explained plan once, by the names of its runs."""
+    names_of_plan: dict[int, list[str]] = {}
     for name, result in study.runs.items():
         if result.explanation is not None:
-            found.setdefault(id(result.trajectory), []).append(name)
-    return {", ".join(names): study.runs[names[0]] for names in found.values()}
+            names_of_plan.setdefault(id(result.trajectory), []).append(name)
+    return {", ".join(names): study.runs[names[0]] for names in names_of_plan.values()}
 
 
 def _is_squeezed(study: JobResult) -> bool:
-    """Whether contours are much slower than rapids."""
+    """True if contours are much slower than rapids."""
     fastest = max(float(x.motion.tool_speed.max()) for x in study.runs.values())
     return _largest_on_contours(study) < SQUEEZED * fastest
 
@@ -241,7 +236,7 @@ def _largest_on_contours(study: JobResult) -> float:
 
 
 def _assigned(study: JobResult) -> Iterator[Any]:
-    """Curves of assigned velocities over time; runs with the same constant velocity share one."""
+    """Curves of assigned velocities; runs with the same constant velocity share one."""
     steps: dict[str, tuple[FloatArray, FloatArray]] = {}
     for name, result in study.runs.items():
         t, value = _assigned_speeds(result)
@@ -259,21 +254,21 @@ def _assigned(study: JobResult) -> Iterator[Any]:
 
 
 def _assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
-    """Times and assigned velocities, NaN after each contour and where none is assigned."""
-    most = np.inf if result.run.limits.speed is None else result.run.limits.speed
+    """Times and assigned velocities; NaN after each contour and without an assigned one."""
+    limit = np.inf if result.run.limits.speed is None else result.run.limits.speed
     parts, count = [np.empty((0, 2))], len(result.path.contours)
-    for x, span in zip(result.path.contours, result.trajectory.contour_spans, strict=True):
+    for contour, span in zip(result.path.contours, result.trajectory.contour_spans, strict=True):
         if span.trajectory is not None:
             times = np.linspace(*span.t, 2 + PLACES // count)
             s = span.trajectory.s(times - span.t[0])
-            value = np.fmin(x.path.speeds[x.path.locate(s)], most)
+            value = np.fmin(contour.path.speeds[contour.path.locate(s)], limit)
             parts += [np.column_stack([times, value]), np.full((1, 2), np.nan)]
     t, values = np.concatenate(parts).T
     return t, np.where(np.isfinite(values), values, np.nan)
 
 
 def marked_run(study: JobResult) -> RunResult | None:
-    """The run whose switching points are drawn: the last that has some."""
+    """The run whose switching points are drawn: the last one with any."""
     switched = [x for x in study.runs.values() if len(x.trajectory.stretches) > 1]
     return switched[-1] if switched else None
 
@@ -295,7 +290,7 @@ def time_stamps(study: JobResult) -> Section | None:
     )
 
 
-def _stamps(name: str, result: RunResult) -> Table:
+def _stamps(name: str, result: RunResult) -> TextTable:
     """Table of the switching points of a run."""
     stretches, joints = result.trajectory.stretches, result.arm.joint_names
     columns = (
@@ -315,4 +310,4 @@ def _stamps(name: str, result: RunResult) -> Table:
     ]
     last = stretches[-1]
     rows.append((f"P{len(rows)}", last.t[1], last.s[1], "end", *[None] * len(joints)))
-    return table_of(core.Table("switching points", columns, rows), f"Run {name}")
+    return text_table(Table("switching points", columns, rows), f"Run {name}")

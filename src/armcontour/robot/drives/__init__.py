@@ -1,8 +1,7 @@
-"""The nominal robot: drives with position and velocity loops that move an arm's bodies.
+"""The nominal robot: drives with position and velocity loops that move an arm's bodies."""
 
-Compensation, learning, identification and certification use it; plants, which verify their results,
-do not.
-"""
+# Compensation, learning, identification and certification use it; plants, which verify their
+# results, do not.
 
 from armcontour.core.lazy import lazy_names
 

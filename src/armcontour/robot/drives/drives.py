@@ -101,11 +101,6 @@ class Drives:
         It includes inertia, coupling, Coriolis and centrifugal torques, payload, friction, and the
         gravity torque that the controller does not feed forward. Coulomb friction is `coulomb
         sign(dq)`, except for joints slower than `CREEP`.
-
-        Args:
-            q: Joint positions [rad], (n, dof).
-            dq: Joint velocities [rad/s], (n, dof).
-            ddq: Joint accelerations [rad/s²], (n, dof).
         """
         chain = self.arm.dynamics.chain
         torque = self.inertial_torque(q, dq, ddq) + np.asarray(chain.viscous) * dq
@@ -125,11 +120,6 @@ class Drives:
         """Mass, damping and stiffness of the closed loops around a motion, (n, dof, dof) each.
 
         The damping includes viscous friction, and not Coulomb friction.
-
-        Args:
-            q: Joint positions [rad], (n, dof).
-            dq: Joint velocities [rad/s], (n, dof).
-            ddq: Joint accelerations [rad/s²], (n, dof).
         """
         # The gravity torque that the controller feeds forward cancels.
         fed, differs = self.gravity_feedforward, self.controller is not None
@@ -144,13 +134,8 @@ class Drives:
 
 
 def nominal_inertia(arm: Arm) -> FloatArray:
-    """Nominal inertia of each joint with its drive [kg m²], (dof,).
-
-    It is the diagonal of the mass matrix in the middle of the joint ranges, without payload.
-
-    Raises:
-        InvalidInput: The masses are not known, or a joint turns no inertia.
-    """
+    """Nominal inertia of each joint with its drive [kg m²], (dof,)."""
+    # It is the diagonal of the mass matrix in the middle of the joint ranges, without payload.
     from armcontour.robot.dynamics import Dynamics
 
     chain = arm.dynamics.chain

@@ -38,27 +38,16 @@ def spread(
     moved: FloatArray,
     coulomb: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Deviations from a motion under torques, from rest, and the dry friction torques.
-
-    Newmark's method with constant mean acceleration, second order and unconditionally stable: `M
-    (x[k+1] - 2 x[k] + x[k-1]) / h² + D (x[k+1] - x[k-1]) / 2h + K mean(x) = f[k]` with `mean(x) =
-    (x[k+1] + 2 x[k] + x[k-1]) / 4`. Friction brakes with the Coulomb torque, or holds a joint at
-    rest with any torque up to that.
-
-    Args:
-        mass: M at the times, (n, dof, dof).
-        damping: D at the times, (n, dof, dof).
-        stiffness: K at the times, (n, dof, dof).
-        step: h [s].
-        torque: f, means about the times, for several cases [N m], (n, dof, cases).
-        hold: Additional stiffness of a sticking joint in each step, as a multiple of M / h² + D /
-            2h + K / 4, (n, dof); 0 for others.
-        moved: Displacement of the motion in each step [rad], (n - 1, dof).
-        coulomb: Coulomb friction [N m], (dof,).
-
-    Returns:
-        Deviations [rad], and friction torques in each step [N m], (n, dof, cases) each.
-    """
+    """Deviations from a motion under torques, from rest, and the dry friction torques."""
+    # Newmark's method with constant mean acceleration, second order and unconditionally stable:
+    # `M (x[k+1] - 2 x[k] + x[k-1]) / h² + D (x[k+1] - x[k-1]) / 2h + K mean(x) = f[k]` with
+    # `mean(x) = (x[k+1] + 2 x[k] + x[k-1]) / 4`. Friction brakes with the Coulomb torque, or holds
+    # a joint at rest with any torque up to that.
+    # mass, damping, stiffness: M, D, K at the times, (n, dof, dof); step: h [s]; torque: f, means
+    # about the times [N m], (n, dof, cases); hold: additional stiffness of a sticking joint in each
+    # step, as a multiple of M / h² + D / 2h + K / 4, (n, dof), 0 for others; moved: displacement of
+    # the motion in each step [rad], (n - 1, dof); coulomb (dof,) [N m].
+    # Returns deviations [rad], and friction torques in each step [N m], (n, dof, cases) each.
     n, dof, cases = torque.shape
     deviations, friction = np.zeros((n, dof, cases)), np.zeros((n, dof, cases))
     right, free, enough = np.zeros(dof), np.zeros(dof), EXACT * coulomb.max()
@@ -113,13 +102,12 @@ Motion = Callable[[FloatArray, int], FloatArray]
 
 
 class Equations(NamedTuple):
-    """Equations `A x = S u + U a` of deviations; vectors cover all times, time first.
+    """Equations `A x = S u + U a` of deviations; vectors cover all times, time first."""
 
-    u are commands, and a commands that bypass the integrators, such as acceleration feed-forward;
-    without an integrator, S = U. The first rows of A are the equilibrium at the first command. A is
-    lower triangular except for blocks of (dof, dof) on its diagonal. S averages over neighbouring
-    times.
-    """
+    # u are commands, and a commands that bypass the integrators, such as acceleration feed-forward;
+    # without an integrator, S = U. The first rows of A are the equilibrium at the first command. A
+    # is lower triangular except for blocks of (dof, dof) on its diagonal. S averages over
+    # neighbouring times.
 
     left: csc_array
     seen: csc_array

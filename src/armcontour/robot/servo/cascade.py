@@ -1,10 +1,9 @@
-"""Compiled response of a joint whose velocity loop has an integrator (P-PI cascade).
+"""Compiled response of a joint whose velocity loop has an integrator (P-PI cascade)."""
 
-The joint follows `ddq = clip(z, lower, upper)`, `z = kv (kp (u - q) - dq + ki x)`, `dx = kp (v - q)
-- dq - (z - ddq) / kv`, whose last term stops the integrator in saturation. The command v excludes
-friction and acceleration feed-forward. Within a step the motion is a Taylor series, exact up to
-rounding errors.
-"""
+# The joint follows `ddq = clip(z, lower, upper)`, `z = kv (kp (u - q) - dq + ki x)`,
+# `dx = kp (v - q) - dq - (z - ddq) / kv`, whose last term stops the integrator in saturation. The
+# command v excludes friction and acceleration feed-forward. Within a step the motion is a Taylor
+# series, exact up to rounding errors.
 
 from __future__ import annotations
 
@@ -14,7 +13,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.kernels import FUSED, compiled
-from armcontour.robot.servo.joint_response import MOST_PHASES, MOST_STEPS, ROUNDING, Motion, Servo
+from armcontour.robot.servo.joint_response import MAX_PHASES, MAX_STEPS, ROUNDING, Motion, Servo
 
 # Times [s] that differ by less than this are equal, as in `march`.
 NEAR = 4e-12
@@ -87,16 +86,9 @@ def count_terms(x: float) -> int:
 def expand(
     servo: Servo, u: FloatArray, side: float, q: FloatArray, x: FloatArray, z: FloatArray
 ) -> None:
-    """Complete Taylor coefficients of position, integral and demand, from the first ones.
-
-    Args:
-        servo: Gains and bounds.
-        u: Coefficients of both commands, (8,).
-        side: 1 at the upper bound of the acceleration, -1 at the lower one, else 0.
-        q: Position, with the first two coefficients, (n,).
-        x: Integral, with the first coefficient, (n,).
-        z: Output: demand, (n,).
-    """
+    """Complete Taylor coefficients of position, integral and demand, from the first ones."""
+    # u (8,): both commands; q (n,) with two coefficients; x (n,) with one; z (n,): output, the
+    # demand. `side` is 1 at the upper bound of the acceleration, -1 at the lower one, else 0.
     kp, kv, ki = servo.kp, servo.kv, servo.ki
     for k in range(len(q) - 2):
         p, v = (u[k], u[4 + k]) if k < 4 else (0.0, 0.0)
@@ -128,10 +120,8 @@ def move_command(
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def series_of_map(servo: Servo) -> FloatArray:
-    """Taylor coefficients of the map of a free motion under linear commands, (MAP_TERMS, 18).
-
-    The map has the outputs position, velocity and integral, with INPUTS columns each.
-    """
+    """Taylor coefficients of the map of a free motion under linear commands, (MAP_TERMS, 18)."""
+    # The map has the outputs position, velocity and integral, with INPUTS columns each.
     coefficients, series = np.empty((MAP_TERMS, 3 * INPUTS)), np.zeros((3, TERMS))
     for i in range(INPUTS):
         unit, u = np.zeros(INPUTS), np.zeros(8)
@@ -150,14 +140,8 @@ def series_of_map(servo: Servo) -> FloatArray:
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def write_map(series: FloatArray, rate: float, span: float, out: FloatArray) -> None:
-    """Write the map of a free motion over a time span [s], and the span, (19,).
-
-    Args:
-        series: Coefficients from `series_of_map`.
-        rate: Inverse of the shortest time constant [1/s], or more.
-        span: Time span [s].
-        out: Output.
-    """
+    """Write the map of a free motion over a time span [s], and the span, (19,)."""
+    # rate [1/s].
     halvings, h = 0, span
     while h * rate > MAP_LENGTH:
         h, halvings = h / 2, halvings + 1
@@ -191,7 +175,7 @@ def march_lines(
     motion: Motion,
     out: FloatArray,
 ) -> Motion:
-    """As `march_cascade`, for linear commands without saturation; only positions are results."""
+    """Variant of `march_cascade` for linear commands without saturation; writes positions only."""
     kp, kv, ki = servo.kp, servo.kv, servo.ki
     q, w, z, saturated, lowest, highest = motion
     rate = max(kv, math.sqrt(kv * (kp + ki)), (kv * kp * ki) ** (1 / 3))
@@ -238,10 +222,8 @@ def march_cascade(
     motion: Motion,
     out: FloatArray,
 ) -> Motion:
-    """Simulate one joint from times[0] on; as `march`, with two commands per piece, (n + 1, 8).
-
-    `held` is the demand [rad/s²] at the start and at the end. The integral follows from it.
-    """
+    """Simulate one joint from times[0] on; as `march`, with two commands per piece, (n + 1, 8)."""
+    # `held` is the demand [rad/s²] at the start and at the end. The integral follows from it.
     kp, kv, ki = servo.kp, servo.kv, servo.ki
     q, w, z, saturated, lowest, highest = motion
     u, series = np.empty(8), np.zeros((3, TERMS))
@@ -254,13 +236,13 @@ def march_cascade(
     x = (z / kv - kp * (u[0] - q) + w) / ki
     rate = max(kv, math.sqrt(kv * (kp + ki)), (kv * kp * ki) ** (1 / 3))
     longest = LENGTH / rate
-    if not (times[-1] - now) < MOST_STEPS * longest * len(times):
+    if not (times[-1] - now) < MAX_STEPS * longest * len(times):
         return Motion(math.nan, math.nan, z, saturated, lowest, highest)
     for row in range(1, len(times)):
         until, side, phases = times[row], 0.0, 0
         while until - now > NEAR:
             phases += 1
-            if phases > MOST_PHASES:
+            if phases > MAX_PHASES:
                 return Motion(math.nan, math.nan, z, saturated, lowest, highest)
             if piece < last and starts[piece] - now <= NEAR:
                 piece, side = piece + 1, 0.0

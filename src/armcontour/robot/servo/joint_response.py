@@ -1,10 +1,9 @@
-"""Compiled response of one joint to its command, exact from event to event.
+"""Compiled response of one joint to its command, exact from event to event."""
 
-A joint of second order follows `ddq = clip(kv (kp (u - q) - dq), lower, upper)`, (7); a joint of
-first order (kv = 0) follows `dq = kp (u - q)`. The command u is a cubic in time. Events are the
-starts and ends of saturation. Between events the motion has a closed form; the times of events are
-found by Newton's method, up to rounding errors.
-"""
+# A joint of second order follows `ddq = clip(kv (kp (u - q) - dq), lower, upper)`, (7); a joint of
+# first order (kv = 0) follows `dq = kp (u - q)`. The command u is a cubic in time. Events are the
+# starts and ends of saturation. Between events the motion has a closed form; the times of events
+# are found by Newton's method, up to rounding errors.
 
 from __future__ import annotations
 
@@ -37,9 +36,9 @@ NEAR = 1e-6
 # covers that for steps up to LARGEST_STEP.
 FALL = 0.6
 # Largest number of free motions per time span; no servo is that fast.
-MOST_STEPS = 1e5
+MAX_STEPS = 1e5
 # Largest number of phases (free, or at a bound) per step; with more, their durations round to 0.
-MOST_PHASES = 100_000
+MAX_PHASES = 100_000
 
 
 # Functions of every step are inlined: a call would double their time.
@@ -63,10 +62,9 @@ def shift(u: Cubic, t: float) -> Cubic:
 
 
 class Servo(NamedTuple):
-    """Gains [1/s] and acceleration bounds [rad/s²] of one joint.
+    """Gains [1/s] and acceleration bounds [rad/s²] of one joint."""
 
-    kv = 0 means first order, and ki = 0 no integrator.
-    """
+    # kv = 0 means first order, and ki = 0 no integrator.
 
     kp: float
     kv: float
@@ -76,12 +74,11 @@ class Servo(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """State of a joint, and accumulated results.
+    """State of a joint, and accumulated results."""
 
-    Position q [rad] and velocity w [rad/s]; the acceleration [rad/s²] or velocity that a drive with
-    a cycle holds, or with an integrator the demand; time in saturation [s], and lowest and highest
-    demand [rad/s²].
-    """
+    # Position q [rad] and velocity w [rad/s]; the acceleration [rad/s²] or velocity that a drive
+    # with a cycle holds, or with an integrator the demand; time in saturation [s], and lowest and
+    # highest demand [rad/s²].
 
     q: float
     w: float
@@ -92,11 +89,11 @@ class Motion(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Linear map of a free motion over a time span: from state and command to the final state.
+    """Linear map of a free motion over a time span: from state and command to the final state."""
 
-    In q - u at the end, `qq, qw` are the factors of q - u and dq at the start, and `q1, q2, q3`
-    those of the command's coefficients; `wq, ww, w1, w2, w3` are the same factors in dq at the end.
-    """
+    # In q - u at the end, `qq, qw` are the factors of q - u and dq at the start, and `q1, q2, q3`
+    # those of the command's coefficients; `wq, ww, w1, w2, w3` are the same factors in dq at the
+    # end.
 
     time: float
     qq: float
@@ -112,10 +109,9 @@ class Step(NamedTuple):
 
 
 class Signal(NamedTuple):
-    """Sum of a cubic in time and a free motion of the servo.
+    """Sum of a cubic in time and a free motion of the servo."""
 
-    The cubic has coefficients c0 to c3; the free motion has value `free` and slope `slope` at 0.
-    """
+    # The cubic has coefficients c0 to c3; the free motion has value `free` and slope `slope` at 0.
 
     c0: float
     c1: float
@@ -126,11 +122,10 @@ class Signal(NamedTuple):
 
 
 class Phase(NamedTuple):
-    """A motion between two events.
+    """A motion between two events."""
 
-    Its time [s]; the bound at which it is saturated (1 upper, -1 lower, 0 none); the bound of the
-    next phase; position q and velocity w at its end; lowest and highest demand [rad/s²].
-    """
+    # Its time [s]; the bound at which it is saturated (1 upper, -1 lower, 0 none); the bound of the
+    # next phase; position q and velocity w at its end; lowest and highest demand [rad/s²].
 
     time: float
     side: float
@@ -170,14 +165,8 @@ def modes(discriminant: float, decay: float, t: float) -> tuple[float, float]:
 
 @compiled(inner=True, fastmath=FUSED)
 def transition(kp: float, kv: float, t: float, straight: bool) -> Step:
-    """The map of the free motion over time t.
-
-    Args:
-        kp: Position loop gain [1/s].
-        kv: Velocity loop gain [1/s]; 0 for a servo of first order.
-        t: Time, at most about `LARGEST_STEP` time constants [s].
-        straight: The command is a straight line, so that factors of t² and t³ are not needed.
-    """
+    """The map of the free motion over time t [s], at most about `LARGEST_STEP` time constants."""
+    # A straight command needs no factors of t² and t³.
     if kv == 0.0:
         a = math.exp(-kp * t)
         y1, y2, y3 = _integrals(kp, 0.0, t)
@@ -192,11 +181,8 @@ def transition(kp: float, kv: float, t: float, straight: bool) -> Step:
 
 @compiled(inner=True, fastmath=FUSED)
 def _integrals(kp: float, kv: float, t: float) -> tuple[float, float, float]:
-    """Responses from rest to the commands t, t² and t³ at time t, by Taylor series.
-
-    Closed forms have differences of terms in `1 / kp³`, which lose digits if cycles are
-    short.
-    """
+    """Responses from rest to the commands t, t² and t³ at time t, by Taylor series."""
+    # Closed forms have differences of terms in `1 / kp³`, which lose digits if cycles are short.
     # Series of t times the impulse response; each term follows from the two before.
     if kv == 0.0:
         damping, stiffness = kp * t, 0.0
@@ -311,12 +297,10 @@ def _find_cubic_extrema(f: Signal, end: float) -> tuple[float, float]:
 
 @compiled(inner=True, fastmath=FUSED)
 def _find_extrema(servo: Servo, f: Signal, end: float) -> tuple[float, float]:
-    """Times in (0, end) at which a signal has an extremum; `end` for a missing one.
-
-    The signal is linear plus a free motion. The slope of a free motion is a free motion, too, and
-    has at most one extremum in a short time; the signal has at most one extremum before and one
-    after it.
-    """
+    """Times in (0, end) at which a signal has an extremum; `end` for a missing one."""
+    # The signal is linear plus a free motion. The slope of a free motion is a free motion, too, and
+    # has at most one extremum in a short time; the signal has at most one extremum before and one
+    # after it.
     if f.c1 == 0.0:
         return min(_find_extremum(servo, f.free, f.slope), end), end
     curvature = -servo.kv * f.slope - servo.kp * servo.kv * f.free
@@ -345,10 +329,8 @@ def demand(servo: Servo, u: Cubic, q: float, w: float) -> float:
 
 @compiled(inner=True, fastmath=FUSED)
 def _saturated_side(servo: Servo, z: float, u: Cubic) -> float:
-    """1 if the demand z is above its upper bound, -1 if z is below its lower bound, else 0.
-
-    Both bounds may have the same sign.
-    """
+    """1 if the demand z is above its upper bound, -1 if z is below its lower bound, else 0."""
+    # Both bounds may have the same sign.
     tolerance = ROUNDING * servo.kp * servo.kv * abs(u.value)
     if z > servo.upper + tolerance:
         return 1.0
@@ -472,18 +454,9 @@ def next_phase(
     span: float,
     step: Step,
 ) -> Phase:
-    """Motion of a second-order joint up to the next event.
-
-    Args:
-        servo: Gains and bounds.
-        u: The command from now on.
-        q: Position [rad].
-        w: Velocity [rad/s].
-        side: Bound that the last phase reached: 1 upper, -1 lower, 0 none.
-        remaining: Largest time of the phase [s].
-        span: Time with which the length of a saturation is compared [s].
-        step: Free motion over the largest step, at most about `LARGEST_STEP` time constants.
-    """
+    """Motion of a second-order joint under command u up to the next event."""
+    # `side` is the bound that the last phase reached: 1 upper, -1 lower, 0 none. The phase ends
+    # after `remaining` [s]. `step` is the free motion over the largest step.
     z = demand(servo, u, q, w)
     active_side = side if side != 0.0 else _saturated_side(servo, z, u)
     if active_side != 0.0:
@@ -498,15 +471,9 @@ def next_phase(
 
 @compiled(fastmath=FUSED)
 def progresses(kp: float, kv: float, span: float) -> bool:
-    """Whether steps advance the time in floating point, and their number is acceptable.
-
-    Args:
-        kp: Position loop gain [1/s].
-        kv: Velocity loop gain [1/s]; 0 for a servo of first order.
-        span: Time span [s].
-    """
+    """True if steps advance the time in floating point, and their number is acceptable."""
     step = LARGEST_STEP / fastest_rate(kp, kv)
-    return step >= span or (span + step > span and span < MOST_STEPS * step)
+    return step >= span or (span + step > span and span < MAX_STEPS * step)
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -518,7 +485,7 @@ def _respond_by_events(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
     phases = 0
     while now < span:
         phases += 1
-        if phases > MOST_PHASES:
+        if phases > MAX_PHASES:
             return Motion(math.nan, math.nan, 0.0, saturated, lowest, highest)
         remaining = span - now
         p = next_phase(servo, shift(u, now), q, w, side, remaining, span, step)
@@ -534,12 +501,10 @@ def _respond_by_events(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
 def _bound_free(
     servo: Servo, z: float, dz: float, last: float, dlast: float, t: float
 ) -> tuple[float, float]:
-    """Lower and upper bound on a free motion within a step, from values and slopes at both ends.
-
-    If it has an extremum inside, the extremum exceeds the start value or 0 by at most t times the
-    start slope. After the extremum, where the slope is 0, it falls by at most the fraction
-    `kp kv t² / 2` of the extremum.
-    """
+    """Lower and upper bound on a free motion within a step, from values and slopes at both ends."""
+    # If it has an extremum inside, the extremum exceeds the start value or 0 by at most t times the
+    # start slope. After the extremum, where the slope is 0, it falls by at most the fraction
+    # `kp kv t² / 2` of the extremum.
     low, high = min(z, last), max(z, last)
     if dz * dlast < 0.0:
         factor = 1 + FALL * servo.kp * servo.kv * t * t
@@ -568,11 +533,9 @@ def _bound_demand(
 def _demand_extremum(
     servo: Servo, u: Cubic, z: float, dz: float, last: float, dlast: float, t: float
 ) -> float:
-    """Extremum of the demand within a step with slopes of opposite sign at its ends.
-
-    The time is that of the extremum of a cubic through both ends, improved by one step of Newton's
-    method. The value is more exact than the time, as the slope there is 0.
-    """
+    """Extremum of the demand within a step with slopes of opposite sign at its ends."""
+    # The time is that of the extremum of a cubic through both ends, improved by one step of
+    # Newton's method. The value is more exact than the time, as the slope there is 0.
     a, b = t * dz, t * dlast
     second, third = 3 * (last - z) - 2 * a - b, 3 * (2 * (z - last) + a + b)
     root = math.sqrt(max(second * second - third * a, 0.0))
@@ -611,11 +574,7 @@ def _respond_first_order(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motio
 
 @compiled(inner=True, fastmath=FUSED, inline="always")
 def respond(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
-    """Simulate a joint over a step under the command u.
-
-    Returns:
-        State and accumulated results at the end; not finite if the step does not end.
-    """
+    """Simulate a joint over a step under the command u; not finite if the step does not end."""
     kp, kv, t = servo.kp, servo.kv, step.time
     if kv == 0.0:
         return _respond_first_order(servo, step, u, m)

@@ -44,12 +44,11 @@ class Joints(NamedTuple):
 
 
 class Run(NamedTuple):
-    """Simulated motion of all joints.
+    """Simulated motion of all joints."""
 
-    `states` are position, velocity and demand at n results, (rows, n, 3). Per row: time in
-    saturation, lowest and highest demand, the acceleration or velocity that a drive with a cycle
-    holds at the end (with an integrator the demand), and whether the simulation failed.
-    """
+    # `states` are position, velocity and demand at n results, (rows, n, 3). Per row: time in
+    # saturation, lowest and highest demand, the acceleration or velocity that a drive with a cycle
+    # holds at the end (with an integrator the demand), and whether the simulation failed.
 
     states: FloatArray
     saturated: FloatArray
@@ -90,11 +89,9 @@ def march_held(
     piece: int,
     out: FloatArray,
 ) -> Motion:
-    """Simulate a joint whose acceleration or velocity is held in each piece; as `march`.
-
-    `piece` is the number of pieces that have begun at times[0]. The integral changes once per
-    piece, as in `march_cascade`, before the demand is computed.
-    """
+    """Simulate a joint whose acceleration or velocity is held in each piece; as `march`."""
+    # `piece` is the number of pieces that have begun at times[0]. The integral changes once per
+    # piece, as in `march_cascade`, before the demand is computed.
     q, w, held, saturated, lowest, highest = m
     first, last, now = servo.kv == 0.0, len(starts), times[0]
     kp, kv, ki = servo.kp, servo.kv, servo.ki
@@ -146,23 +143,13 @@ def march(
     motion: Motion,
     out: FloatArray,
 ) -> Motion:
-    """Simulate one joint from times[0] on.
-
-    Args:
-        servo: Gains and acceleration bounds of the joint; an infinite kp is a pure delay.
-        kind: 0: held or linear commands; 1: cubics; 2: a drive holds its acceleration in each
-            piece; 3: as 0, without saturation, with positions as the only results.
-        pieces: Coefficients of the command in the time since the start of each piece, (n + 1, 4);
-            with an integrator also those of v, (n + 1, 8). The first and the last piece are
-            constant.
-        starts: Times at which all pieces but the first reach the joint [s], (n,).
-        times: Time of the start, and those of the results [s], (m + 1,).
-        motion: State at the start.
-        out: Output: position, velocity and demand at the results, (m, 3).
-
-    Returns:
-        State at the end; not finite if time steps as short as the servo needs make no progress.
-    """
+    """Simulate one joint from times[0] on; not finite if short steps make no progress."""
+    # kind 0: held or linear commands; 1: cubics; 2: a drive holds its acceleration in each piece;
+    # 3: as 0, without saturation, with positions as the only results. An infinite kp is a pure
+    # delay.
+    # pieces (n + 1, 4), the first and the last constant; with an integrator also those of v,
+    # (n + 1, 8). starts (n,): times at which all pieces but the first reach the joint [s]. times
+    # (m + 1,): start and results [s]. out (m, 3): position, velocity and demand.
     if servo.ki > 0.0 and kind != 2:
         return march_cascade(servo, pieces, starts, times, motion, out)
     m, delays, last, now = motion, math.isinf(servo.kp), len(starts), times[0]
@@ -228,17 +215,10 @@ def run_joints(
     times: FloatArray,
     states: FloatArray,
 ) -> Run:
-    """Simulate all joints, or one joint with different parameters, row by row.
-
-    Args:
-        joints: Gains and acceleration bounds.
-        kind: As in `march`.
-        commands: Pieces of the commands, (rows, n + 1, 4); (rows, n + 1, 8) with integrators.
-        starts: Times at which they reach the joints [s], (rows, n).
-        times: Time of the start, and those of the results [s], (m + 1,).
-        states: Position [rad], velocity [rad/s] and value that a drive holds at the start, (3,
-            rows).
-    """
+    """Simulate all joints, or one joint with different parameters, row by row."""
+    # kind and pieces as in `march`: commands (rows, n + 1, 4 or 8), starts (rows, n) [s], times
+    # (m + 1,) [s]. states (3, rows): position [rad], velocity [rad/s] and value that a drive holds
+    # at the start.
     rows = len(joints.kp)
     out = np.empty((rows, len(times) - 1, 3))
     saturated, lowest, highest, held = np.empty((4, rows))

@@ -23,18 +23,18 @@ GAINS = (1e-3, 1e6)
 # Smallest and largest inertia of a joint [kg m²]: from a milligram at 1 cm to ten tonnes at 10 m.
 INERTIAS = (1e-10, 1e6)
 # Largest feed-forward: no drive commands three times the velocity of its set-points.
-MOST_FEEDFORWARD = 3.0
+MAX_FEEDFORWARD = 3.0
 # Longest cycle of a drive's loop [s].
 LONGEST_CYCLE = 0.02
 # Largest dry friction, as a position error [rad], and the command velocity at which it has 71 % of
 # its size [rad/s].
-MOST_FRICTION = 0.1
+MAX_FRICTION = 0.1
 SLIDING = 5e-3
 # Largest dead time; set-points have a time advance of the dead time, so the robot waits for it [s].
 LONGEST_DEAD_TIME = 60.0
 # Largest number of time constants in a cycle. With more, the joint comes to rest long before the
 # next set-point, and the simulation needs a step for each half of a time constant.
-MOST_TIME_CONSTANTS = 1000.0
+MAX_TIME_CONSTANTS = 1000.0
 # If compensation leaves a larger fraction of the contour error on validation data, it may be worse
 # than none on other programs.
 TRUSTED = 0.5
@@ -47,7 +47,7 @@ PER_JOINT = (
 )
 
 Gains = Annotated[FloatArray, Quantity("1/s", "25 1/s", "positive", endless=True, within=GAINS)]
-FeedForwards = Annotated[FloatArray, Quantity("1", "100 %", within=(0.0, MOST_FEEDFORWARD))]
+FeedForwards = Annotated[FloatArray, Quantity("1", "100 %", within=(0.0, MAX_FEEDFORWARD))]
 AngularErrors = Annotated[FloatArray, Quantity("rad", "0.1 mrad", within=(0.0, np.pi))]
 
 
@@ -90,6 +90,10 @@ class ServoModel(Checked):
     The command passes each set-point at its time. A controller needs the next set-point for a line,
     and the one after it for the cubic; this delay is part of the dead time.
 
+    >>> model = ac.ServoModel(kp=25.0, kv=150.0, dead_time=4e-3)
+    >>> model.replace(velocity_feedforward=1.0).kp
+    array(25.)
+
     Args:
         kp: Position loop gain [1/s], one for all joints or one per joint; infinite for joints of
             order "delay" or "unknown".
@@ -128,7 +132,7 @@ class ServoModel(Checked):
 
     Raises:
         InvalidInput: A gain or an inertia is missing, not needed or out of range; a dead time is
-            negative or above LONGEST_DEAD_TIME; a feed-forward is negative, above MOST_FEEDFORWARD
+            negative or above LONGEST_DEAD_TIME; a feed-forward is negative, above MAX_FEEDFORWARD
             or not possible; friction, acceleration limit or cycle are out of range; the
             interpolation or order is unknown.
     """
@@ -146,7 +150,7 @@ class ServoModel(Checked):
     inertia: Annotated[FloatArray, Quantity("kg m^2", "1.2 kg m^2", within=INERTIAS)] | None
     velocity_feedforward: FeedForwards
     acceleration_feedforward: FeedForwards
-    friction: Annotated[FloatArray, Quantity("rad", "0.1 mrad", within=(0.0, MOST_FRICTION))]
+    friction: Annotated[FloatArray, Quantity("rad", "0.1 mrad", within=(0.0, MAX_FRICTION))]
     acceleration_limit: OwnAccelerations | None
     drive_cycle: Annotated[float, Quantity("s", "4 ms", within=(0.0, LONGEST_CYCLE))]
     model_error: AngularErrors | None
@@ -240,7 +244,7 @@ class ServoModel(Checked):
         Raises:
             InvalidInput: The number of gains, dead times or inertias is not 1 or `dof`.
         """
-        dof = checks.check_int("dof", dof, 1, checks.MOST_JOINTS)
+        dof = checks.check_int("dof", dof, 1, checks.MAX_JOINTS)
         values = [getattr(self, x) for x in PER_JOINT]
         if all(x is None or x.shape == (dof,) for x in values) and isinstance(self.order, str):
             return self
@@ -313,13 +317,13 @@ class ServoModel(Checked):
         if not excesses:
             return ""
         return (
-            "What the servo model does not explain is bounded for motion as in its logs only, but "
+            "The error bound of the servo model is valid for motion as in its logs only, but "
             f"{', and '.join(excesses)} there: plan slower, or identify from logs of this motion."
         )
 
     @property
     def has_feedforward(self) -> bool:
-        """Whether any joint has feed-forward."""
+        """True if any joint has feed-forward."""
         return bool(self.velocity_feedforward.any())
 
     def without_feedforward(self) -> ServoModel:
@@ -403,20 +407,20 @@ class ServoModel(Checked):
             cycle: Cycle [s].
 
         Raises:
-            InvalidInput: The cycle is longer than MOST_TIME_CONSTANTS time constants.
+            InvalidInput: The cycle is longer than MAX_TIME_CONSTANTS time constants.
         """
         for name, values in (("kp", self.kp), ("kv", self._loops), ("ki", self.ki)):
             largest = float(np.max(values, initial=0.0, where=np.isfinite(values)))
-            if largest * cycle > MOST_TIME_CONSTANTS:
+            if largest * cycle > MAX_TIME_CONSTANTS:
                 suffix = ", or take a servo of order first" if name == "kv" else ""
                 raise InvalidInput(
                     f"servo gain {name} is {largest:g} 1/s, which is {largest * cycle:.3g} time "
                     f"constants in a cycle of {cycle:g} s, but at most "
-                    f"{MOST_TIME_CONSTANTS:g} are simulated: lower {name} to "
-                    f"{MOST_TIME_CONSTANTS / cycle:g} 1/s, shorten the cycle{suffix}.",
+                    f"{MAX_TIME_CONSTANTS:g} are simulated: lower {name} to "
+                    f"{MAX_TIME_CONSTANTS / cycle:g} 1/s, shorten the cycle{suffix}.",
                     limit=name,
                     needed=largest,
-                    allowed=MOST_TIME_CONSTANTS / cycle,
+                    allowed=MAX_TIME_CONSTANTS / cycle,
                 )
 
     def command(self, q: FloatArray, dq: FloatArray, ddq: FloatArray | None = None) -> FloatArray:
@@ -490,10 +494,8 @@ def lead_of(kp: Any, kv: Any, velocity: Any, acceleration: Any) -> tuple[FloatAr
 
 
 def integrator_filter(ki: float, cycle: float, drive_cycle: float) -> tuple[FloatArray, FloatArray]:
-    """Numerator and denominator, in z, of `s / (s + ki)` between means over cycles.
-
-    With a drive cycle, the integral is a sum; the filter is exact if both cycles are equal.
-    """
+    """Numerator and denominator, in z, of `s / (s + ki)` between means over cycles."""
+    # With a drive cycle, the integral is a sum; the filter is exact if both cycles are equal.
     decay = np.log1p(ki * drive_cycle) / drive_cycle if drive_cycle else ki
     mean = -np.expm1(-decay * cycle) / (ki * cycle)
     return mean * np.array([1.0, -1.0]), np.array([1.0, -np.exp(-decay * cycle)])
@@ -502,17 +504,9 @@ def integrator_filter(ki: float, cycle: float, drive_cycle: float) -> tuple[Floa
 def without_integral(
     dq: FloatArray, ddq: FloatArray, servo: ServoModel, cycle: float
 ) -> FloatArray:
-    """Part of mean accelerations that the integrators do not supply [rad/s²], (n, dof).
-
-    The loop output is `K_v (1 + k_i / s)` times the velocity error, from rest, also against
-    friction.
-
-    Args:
-        dq: Means of velocities over intervals [rad/s], (n, dof).
-        ddq: Means of accelerations [rad/s²], (n, dof).
-        servo: Servo model with values per joint.
-        cycle: Length of the intervals [s].
-    """
+    """Part of mean accelerations that the integrators do not supply [rad/s²], (n, dof)."""
+    # The loop output is `K_v (1 + k_i / s)` times the velocity error, from rest, also against
+    # friction. dq and ddq are means over intervals of length `cycle`.
     if not servo.ki.any():
         return ddq
     from scipy.signal import lfilter

@@ -19,16 +19,10 @@ SNAP = 1e-9
 
 
 class ServoSimulation:
-    """Response of all joints to set-points, exact between the events of saturation.
+    """Response of all joints to set-points q, exact between the events of saturation."""
 
-    Args:
-        q: Set-points [rad], (n, dof).
-        cycle: Cycle [s].
-        servo: Servo model with values per joint.
-        lower: Lower acceleration bounds [rad/s²], (dof,); none by default.
-        upper: Upper acceleration bounds [rad/s²], (dof,); none by default.
-        steps: Number of results per interval.
-    """
+    # `servo` has values per joint; lower and upper acceleration bounds (dof,) [rad/s²], by default
+    # none; `steps` results per interval.
 
     def __init__(
         self,
@@ -62,21 +56,10 @@ class ServoSimulation:
         bounds: tuple[FloatArray, FloatArray] | None = None,
         held: FloatArray | None = None,
     ) -> Run:
-        """Simulate all joints over cycles.
-
-        Args:
-            begin: Index of the first interval; 0 starts at the first set-point.
-            end: Index after that of the last interval.
-            q: Positions at the start [rad], (dof,).
-            dq: Velocities at the start [rad/s], (dof,).
-            bounds: Lower and upper acceleration bounds for this run [rad/s²], (dof,) each; by
-                default those of the simulation.
-            held: Values that drives with a cycle hold at the start: accelerations [rad/s²], for
-                order "first" velocities; with an integrator the demand, (dof,).
-
-        Raises:
-            ExecutionError: The motion cannot be computed.
-        """
+        """Simulate all joints from interval `begin` to before `end`."""
+        # q (dof,) [rad] and dq (dof,) [rad/s] at the start. held (dof,): values that drives with a
+        # cycle hold there: accelerations [rad/s²], for order "first" velocities; with an integrator
+        # the demand.
         results = np.arange(begin * self.steps, end * self.steps + 1, dtype=np.float64)
         return self.run_at(results * (self.cycle / self.steps), q, dq, bounds, held)
 
@@ -110,15 +93,7 @@ class ServoSimulation:
         return run
 
     def velocities_after(self, t: FloatArray, q: FloatArray) -> FloatArray:
-        """Velocities of joints without velocity loop just after given times [rad/s], (m, dof).
-
-        Args:
-            t: Times [s], (m,).
-            q: Positions then [rad], (m, dof).
-
-        Returns:
-            Velocities; nan for joints of order "second".
-        """
+        """Velocities of joints just after times t [rad/s], (m, dof); nan for order "second"."""
         velocities = np.full(q.shape, np.nan)
         for j in np.flatnonzero(self.joints.kv == 0):
             k = np.searchsorted(self.starts[j], t + SNAP * self.cycle, side="right")
@@ -184,25 +159,10 @@ def respond_within(
     times: FloatArray,
     state: tuple[FloatArray, FloatArray, FloatArray],
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Response of all joints at any times within one cycle, by the same formulas.
-
-    Args:
-        q: Set-points [rad], (n, dof).
-        cycle: Cycle [s].
-        servo: Servo model with values per joint.
-        bounds: Lower and upper acceleration bounds [rad/s²], (dof,) each.
-        k: Index of the interval; 0 starts at the first set-point.
-        times: Times since the start of the interval, increasing, at least two [s].
-        state: Positions [rad], velocities [rad/s] and held values of drives with a cycle at the
-            first of these times, (dof,) each.
-
-    Returns:
-        The times, including those at which a set-point reaches a joint [s], (m,); positions [rad],
-        and velocities just before and just after [rad/s], (m, dof) each.
-
-    Raises:
-        ExecutionError: The motion cannot be computed.
-    """
+    """Response of all joints at increasing times within interval k, by the same formulas."""
+    # state: positions [rad], velocities [rad/s] and held values at the first time, (dof,) each.
+    # Returns the times, including those at which a set-point reaches a joint [s], (m,); positions
+    # [rad], and velocities just before and just after [rad/s], (m, dof) each.
     phase = servo.dead_time % cycle
     tolerance = SNAP * cycle
     times = np.union1d(
@@ -230,21 +190,10 @@ def follow(
     drive_cycle: float = 0.0,
     ddq0: float | FloatArray = 0.0,
 ) -> FloatArray:
-    """Positions of a joint over its log, exact between the breaks of its command.
-
-    Args:
-        command: The command.
-        servo: The servo; its values may be arrays (rows,), for several servos.
-        q0: Position at the first time [rad], a number or (rows,).
-        dq0: Velocity at the first time [rad/s], a number or (rows,).
-        drive_cycle: Cycle of the drive [s]; one begins at the first set-point; 0 for a continuous
-            servo.
-        ddq0: Demand of a servo with an integrator at the first time [rad/s²], as dq0.
-
-    Returns:
-        Positions at the times of the log [rad], (n,) or (rows, n); not finite where steps as short
-        as the servo needs make no progress.
-    """
+    """Positions of a joint over its log [rad], (n,), exact between the breaks of its command."""
+    # Several servos have rows: (rows, n). q0 [rad], dq0 [rad/s] and, with an integrator, the demand
+    # ddq0 [rad/s²] are those at the first time. A cycle of the drive begins at the first set-point.
+    # Not finite if steps as short as the servo needs make no progress.
     shape = np.broadcast_shapes(*(np.shape(x) for x in (*servo, q0, dq0, ddq0)))
     rows = int(np.prod(shape))
     each = JointServo(*(np.array(np.broadcast_to(x, rows), dtype=np.float64) for x in servo))
@@ -278,20 +227,10 @@ def follow(
 
 
 def polynomials(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """The command in each cycle, as a cubic in the time since the start of the cycle.
-
-    The command includes feed-forward and friction, so that a servo without them responds in the
-    same way. Interval k lies between set-points k - 1 and k. Before the first and after the last
-    set-point the command is constant.
-
-    Args:
-        q: Set-points [rad], (n, dof).
-        cycle: Cycle [s].
-        servo: Servo model; its interpolation, feed-forward and friction count, but no cycle.
-
-    Returns:
-        Coefficients [rad, rad/s, rad/s², rad/s³], (dof, n + 1, 4).
-    """
+    """The command in each cycle, a cubic in the time since its start, (dof, n + 1, 4)."""
+    # The command includes feed-forward and friction, so that a servo without them responds in the
+    # same way. Interval k lies between set-points k - 1 and k. Before the first and after the last
+    # set-point the command is constant.
     command, first, second = command_and_rates(q, cycle, servo.interpolation)
     if servo.has_feedforward:
         a, b = (np.broadcast_to(x, q.shape[1:])[:, None, None] for x in servo.lead)
@@ -306,16 +245,7 @@ def polynomials(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
 def cycle_feedforward(
     u: FloatArray, drive_cycle: float, servo: ServoModel | JointServo
 ) -> FloatArray:
-    """Commands of cycles with feed-forward and friction, from commands with two earlier cycles.
-
-    Args:
-        u: Commands [rad], (rows, count + 2).
-        drive_cycle: Cycle [s].
-        servo: Parameters of all rows.
-
-    Returns:
-        Commands [rad], (rows, count).
-    """
+    """Commands of drive cycles with feed-forward and friction, (rows, count)."""
     du, ddu = np.diff(u, axis=1)[:, 1:] / drive_cycle, np.diff(u, 2, axis=1) / drive_cycle**2
     a, b, c = (np.broadcast_to(x, len(u))[:, None] for x in (*servo.lead, servo.friction))
     return np.asarray(u[:, 2:] + a * du + b * ddu - c * sliding(du))
@@ -335,25 +265,16 @@ class JointServo(NamedTuple):
 
     @property
     def lead(self) -> tuple[FloatArray, FloatArray]:
-        """As `ServoModel.lead`."""
+        """See `ServoModel.lead`."""
         feed = self.velocity_feedforward, self.acceleration_feedforward
         return lead_of(self.kp, self.kv, *feed)
 
 
 class LoggedCommand:
-    """Command of one joint in a log, evaluated at any times.
+    """Command of one joint in a log, evaluated at any times."""
 
-    Args:
-        t: Times of the set-points [s], increasing, (n,).
-        u: Set-points [rad], (n,).
-        interpolation: "linear" or "step".
-        begin: Index of the set-point at which the motion begins; earlier ones arrive during the
-            motion.
-
-    Attributes:
-        knots: Times of all set-points.
-        t, u: Times and set-points of the motion.
-    """
+    # t (n,) [s] and u (n,) [rad] are those of the motion, which begins at set-point `begin`;
+    # earlier ones arrive during the motion. `knots` are the times of all set-points.
 
     def __init__(
         self, t: FloatArray, u: FloatArray, interpolation: str = "linear", begin: int = 0
@@ -396,16 +317,7 @@ class LoggedCommand:
 def command_and_rates(
     q: FloatArray, cycle: float, interpolation: str
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Command without feed-forward, its velocity and acceleration, as in `ServoModel`.
-
-    Args:
-        q: Set-points [rad], (n, dof).
-        cycle: Cycle [s].
-        interpolation: As in `ServoModel`.
-
-    Returns:
-        Coefficients of the three in the intervals of `polynomials`, (dof, n + 1, 4) each.
-    """
+    """Command without feed-forward, its velocity and acceleration, (dof, n + 1, 4) each."""
     n, dof = q.shape
     coefficients = np.zeros((3, dof, n + 1, 4))
     command, first, second = coefficients
@@ -436,14 +348,7 @@ def command_and_rates(
 def sample_command(
     pieces: FloatArray, cycle: float, dead_time: FloatArray, t: FloatArray
 ) -> FloatArray:
-    """Delayed command at the joint servos at given times [rad], (len(t), dof).
-
-    Args:
-        pieces: Coefficients from `polynomials`, (dof, n + 1, 4).
-        cycle: Cycle [s].
-        dead_time: Dead time of each joint [s], (dof,).
-        t: Times since the first set-point [s].
-    """
+    """Delayed command at the joint servos at times t since the first set-point [rad], (n, dof)."""
     commands = np.empty((len(t), len(pieces)))
     for j, joint_pieces in enumerate(pieces):
         phase = (t - dead_time[j]) / cycle
@@ -460,18 +365,7 @@ def sample_command(
 def command_weights(
     count: int, cycle: float, interpolation: str, t: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Weights of set-points in the command, without dead time and feed-forward.
-
-    Args:
-        count: Number of set-points.
-        cycle: Cycle [s].
-        interpolation: As in `ServoModel`.
-        t: Times since the first set-point [s], (n,).
-
-    Returns:
-        Indices of two set-points (four for "cubic"), which may repeat, and their weights, (n, 2) or
-        (n, 4) each.
-    """
+    """Indices and weights of the 2 or 4 set-points in the command at times t, (n, 2 or 4)."""
     phase = np.clip(t / cycle, 0.0, count - 1)
     k = np.minimum(np.floor(phase + SNAP), max(count - 2, 0)).astype(np.intp)
     fraction = np.clip(phase - k, 0.0, 1.0)

@@ -33,105 +33,69 @@ SNAP = 1e-9
 
 
 class SearchedPath(NamedTuple):
-    """The path.
+    """The path."""
 
-    Attributes:
-        rows: The segments, as `nearest.pack` packs them.
-        corners: Turn at the vertex before each segment [rad], (segments,).
-        around: Length of a closed path [m]; 0 for an open one.
-        low, high: Smallest and largest possible arc length of the tool, per cycle [m].
-    """
-
-    rows: FloatArray
-    corners: FloatArray
-    around: float
+    rows: FloatArray  # The segments, as `nearest.pack` packs them
+    corners: FloatArray  # Turn at the vertex before each segment [rad], (segments,)
+    around: float  # Length of a closed path [m]; 0 for an open one
+    # low, high: smallest and largest possible arc length of the tool, per cycle [m].
     low: FloatArray
     high: FloatArray
 
 
 class Clock(NamedTuple):
-    """The times of an execution.
+    """The times of an execution."""
 
-    Attributes:
-        start: Time of the first set-point [s].
-        cycle: Cycle [s].
-        steps: Number of results per cycle.
-        begin: Start of the time over which errors are evaluated [s].
-        finish: End of that time [s].
-        fixed: Whether this end is fixed; otherwise largest errors are evaluated until the joints
-            rest, and root mean squares until the tool is slower than `REST_SPEED`.
-        patience: Time at which an execution ends that does not come to rest [s].
-    """
-
-    start: float
-    cycle: float
-    steps: int
-    begin: float
-    finish: float
+    start: float  # Time of the first set-point [s]
+    cycle: float  # Cycle [s]
+    steps: int  # Number of results per cycle
+    begin: float  # Start of the time over which errors are evaluated [s]
+    finish: float  # End of that time [s]
+    # True if this end is fixed; otherwise largest errors are evaluated until the joints rest, and
+    # root mean squares until the tool is slower than `REST_SPEED`.
     fixed: bool
-    patience: float
+    patience: float  # Time at which an execution ends that does not come to rest [s]
 
 
 class Setting(NamedTuple):
-    """Data shared by all robots.
+    """Data shared by all robots."""
 
-    Attributes:
-        robot: Numbers of the links, as `arm.link_table` has them.
-        reach: Largest distance of the tool from a joint [m].
-        line: The path.
-        clock: The times.
-        kind: Kind of the commands, as in `march`.
-        inertia: Inertia of 1 kg at the tool relative to the joint's inertia, (dof, n) [1/kg].
-        lower, upper: Acceleration bounds [rad/s²], (dof,).
-    """
-
-    robot: FloatArray
-    reach: float
+    robot: FloatArray  # Numbers of the links, as `arm.link_table` has them
+    reach: float  # Largest distance of the tool from a joint [m]
     line: SearchedPath
     clock: Clock
-    kind: int
+    kind: int  # Kind of the commands, as in `march`
+    # Inertia of 1 kg at the tool relative to the joint's inertia, (dof, n) [1/kg].
     inertia: FloatArray
+    # lower, upper: acceleration bounds [rad/s²], (dof,).
     lower: FloatArray
     upper: FloatArray
 
 
 class Sample(NamedTuple):
-    """The parameters of one robot.
+    """The parameters of one robot."""
 
-    Attributes:
-        kp, kv, ki: Servo gains [1/s], (dof,); kv is 0 for a servo of first order, and ki without
-            integrator.
-        load: Additional mass at the tool [kg].
-        commands: Polynomials of the commands, as in `march`, (dof, n + 1, 4 or 8).
-        starts: Times of the set-points at the joints [s], (dof, n).
-    """
-
+    # kp, kv, ki: servo gains [1/s], (dof,); kv is 0 for a servo of first order, and ki without
+    # integrator.
     kp: FloatArray
     kv: FloatArray
     ki: FloatArray
-    load: float
-    commands: FloatArray
-    starts: FloatArray
+    load: float  # Additional mass at the tool [kg]
+    commands: FloatArray  # Polynomials of the commands, as in `march`, (dof, n + 1, 4 or 8)
+    starts: FloatArray  # Times of the set-points at the joints [s], (dof, n)
 
 
 class Errors(NamedTuple):
-    """Accumulated contour errors of one execution.
+    """Accumulated contour errors of one execution."""
 
-    Attributes:
-        integral: Integral of the squared error over time [m² s].
-        square, peak: Last and largest squared error [m²].
-        tool: Last tool point [m].
-        moved: Last displacement of the tool [m].
-        end: End of the time over which errors are evaluated [s].
-        end_integral, end_peak: Integral and largest squared error at that time.
-    """
-
-    integral: float
+    integral: float  # Integral of the squared error over time [m² s]
+    # square, peak: last and largest squared error [m²].
     square: float
     peak: float
-    tool: Point
-    moved: Point
-    end: float
+    tool: Point  # Last tool point [m]
+    moved: Point  # Last displacement of the tool [m]
+    end: float  # End of the time over which errors are evaluated [s]
+    # end_integral, end_peak: integral and largest squared error at that time.
     end_integral: float
     end_peak: float
 
@@ -146,11 +110,8 @@ def _measure(
     anchors: FloatArray,
     e: Errors,
 ) -> tuple[int, Errors]:
-    """Accumulate the contour errors of some cycles.
-
-    Returns:
-        Segment of the last nearest point, and the accumulated errors.
-    """
+    """Accumulate the contour errors of some cycles."""
+    # Returns segment of the last nearest point, and the accumulated errors.
     # Tuples of arrays are unpacked outside of the loop because unpacking is slow.
     line, clock = setting.line, setting.clock
     rows, corners, around, low, high = line
@@ -212,12 +173,9 @@ def _measure(
 def _advance_joints(
     setting: Setting, sample: Sample, begin: int, size: int, states: FloatArray, results: FloatArray
 ) -> float:
-    """Simulate all joints of a robot over cycles.
-
-    Returns:
-        A bound on the sum of all later joint velocities once the command is constant [rad/s]; NaN
-        if the simulation makes no progress.
-    """
+    """Simulate all joints of a robot over cycles."""
+    # Returns A bound on the sum of all later joint velocities once the command is constant [rad/s];
+    # NaN if the simulation makes no progress.
     clock, total = setting.clock, 0.0
     steps, count = clock.steps, size * clock.steps
     times = np.empty(count + 1)
@@ -266,13 +224,10 @@ def _advance_joints(
 
 @compiled(fastmath=FUSED)
 def simulate_sample(setting: Setting, sample: Sample) -> tuple[float, float, float, float, float]:
-    """Execute set-points on a robot.
-
-    Returns:
-        RMS and largest contour error [m], end of the time over which errors are evaluated [s],
-        fraction of this time in saturation, and largest demand over its limit. The first is NaN
-        where time steps as short as the servo needs make no progress.
-    """
+    """Execute set-points: RMS and largest contour error [m], end [s], saturation, demand."""
+    # The end is that of the time over which errors are evaluated; saturation is a fraction of this
+    # time, and the demand the largest one over its limit. The RMS is NaN if time steps as short as
+    # the servo needs make no progress.
     line, clock, dof = setting.line, setting.clock, len(sample.commands)
     cycle, knots = clock.cycle, sample.commands.shape[1] - 1
     anchors, states = np.zeros((dof, 3)), np.zeros((dof, 5))

@@ -48,9 +48,9 @@ from armcontour.simulation.robustness.uncertainty import Uncertainty
 RESOLUTION = 2e-3
 TIME_CONSTANTS = 0.5
 # Largest number of results in a cycle; a servo that needs more is not realistic.
-MOST_RESULTS = 1e5
+MAX_RESULTS = 1e5
 # Largest number of corners that are executed: all corners of 10 parameters.
-MOST_CORNERS = 1024
+MAX_CORNERS = 1024
 # Largest distance of the tool behind and ahead of the planned position, in lags of the servo.
 LAGS_BEHIND = 2.0
 LAGS_AHEAD = 1.0
@@ -64,7 +64,7 @@ BATCH = 32
 
 
 # Number of printed parameters of the worst robot.
-MOST_NAMED = 4
+MAX_NAMED = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -107,7 +107,7 @@ class MonteCarloResult(Result, Checked):
         """Largest contour errors of the robots, and the parameters of the worst."""
         drawn = "corners of the box" if self.seed is None else f"drawn robots (seed {self.seed})"
         worst = self.worst_deviations
-        largest = sorted(worst, key=lambda x: -abs(worst[x]))[:MOST_NAMED]
+        largest = sorted(worst, key=lambda x: -abs(worst[x]))[:MAX_NAMED]
         demand = self.demand_ratio.max()
         robot = ", ".join(f"{x} {worst[x]:+.3g}" for x in largest)
         return Data(
@@ -235,7 +235,7 @@ def worst_corner(
     model = _Model(set_points, path, arm, servo, limits, box, since, end_time)
     use = threads or os.cpu_count() or 1
     k = int(model.varies.sum())
-    if 2**k <= MOST_CORNERS:
+    if 2**k <= MAX_CORNERS:
         signs = np.where(np.arange(2**k)[:, None] >> np.arange(k) & 1, -1.0, 1.0)
         return model.executed(model.span(signs), None, use)
 
@@ -422,7 +422,7 @@ class _Model:
     def _steps(self) -> int:
         """Number of results per cycle."""
         span = min(RESOLUTION, TIME_CONSTANTS / self._fastest())
-        if not self.set_points.cycle < MOST_RESULTS * span:
+        if not self.set_points.cycle < MAX_RESULTS * span:
             raise ExecutionError(
                 f"The fastest servo of the box has a time constant of {1 / self._fastest():.3g} s, "
                 f"too short to simulate cycles of {self.set_points.cycle:g} s: lower its "
@@ -455,14 +455,14 @@ class _Model:
 
 
 def _search_corners(errors: Callable[[FloatArray], FloatArray], k: int) -> FloatArray:
-    """Corners to execute if there are too many, as signs, (MOST_CORNERS, k)."""
+    """Corners to execute if there are too many, as signs, (MAX_CORNERS, k)."""
     single = np.concatenate([np.eye(k), -np.eye(k)])
     single_errors = errors(single)
     toward = np.where(single_errors[:k] >= single_errors[k:], 1.0, -1.0)
     best, worst = toward, float(errors(toward[None])[0])
     corners = [toward[None], -toward[None]]
     count = 2
-    while count + k <= MOST_CORNERS:
+    while count + k <= MAX_CORNERS:
         neighbours = np.where(np.eye(k, dtype=np.bool_), -best, best)
         tried = errors(neighbours)
         corners.append(neighbours)
@@ -471,30 +471,20 @@ def _search_corners(errors: Callable[[FloatArray], FloatArray], k: int) -> Float
         if tried[i] <= worst:
             break
         best, worst = neighbours[i], float(tried[i])
-    remaining = MOST_CORNERS - count
+    remaining = MAX_CORNERS - count
     corners.append(np.random.default_rng(0).choice([-1.0, 1.0], size=(remaining, k)))
     return np.concatenate(corners)
 
 
 def spans_of(box: Uncertainty, servo: ServoModel, arm: Arm, cycle: float) -> FloatArray:
-    """Half widths of the box: kp, kv and dead time of all joints, and payload, (3 dof + 1,).
-
-    Args:
-        box: The box.
-        servo: The nominal servo, with values per joint.
-        arm: The nominal arm.
-        cycle: Cycle [s].
-
-    Raises:
-        InvalidInput: The box does not fit the robot.
-    """
+    """Half widths of the box: kp, kv and dead time of all joints, and payload, (3 dof + 1,)."""
     dof = arm.dof
     if box.of_bodies:
         raise InvalidInput(
             f"The box has {', '.join(box.of_bodies)}, which only rigid bodies have: remove "
             "them, or certify with plant: rigid_body."
         )
-    gains, late = box.gains_of(dof), box.dead_time_of(servo, dof)
+    gains, dead_time = box.gains_of(dof), box.dead_time_of(servo, dof)
     if box.jitter >= cycle / 2:
         raise InvalidInput(
             f"A jitter of {box.jitter:g} s is not below half the cycle of "
@@ -516,7 +506,7 @@ def spans_of(box: Uncertainty, servo: ServoModel, arm: Arm, cycle: float) -> Flo
             "payload from the box, or use a servo of order second."
         )
     box.check_payload(arm)
-    return np.concatenate([gains[0], gains[1], late, [np.ptp(box.payload) / 2]])
+    return np.concatenate([gains[0], gains[1], dead_time, [np.ptp(box.payload) / 2]])
 
 
 def _robot(arm: Arm, path: Path) -> tuple[FloatArray, float]:
@@ -535,12 +525,10 @@ def _robot(arm: Arm, path: Path) -> tuple[FloatArray, float]:
 
 
 def _searched_path(path: Path, set_points: SetPoints, arm: Arm, lag: float) -> SearchedPath:
-    """The path for the compiled code, with the reachable arc lengths at each time.
-
-    The length of the tool's planned motion up to a time is the arc length on the path, up to the
-    difference of the total lengths. The nearest point is searched near this arc length only,
-    because another part of the path may pass close by.
-    """
+    """The path for the compiled code, with the reachable arc lengths at each time."""
+    # The length of the tool's planned motion up to a time is the arc length on the path, up to the
+    # difference of the total lengths. The nearest point is searched near this arc length only,
+    # because another part of the path may pass close by.
     plan = set_points.trajectory
     count = max(FEWEST_PLACES, PLACES_PER_INTERVAL * len(set_points.q))
     t = np.union1d(np.linspace(0, plan.duration, count), plan.breaks)
@@ -559,13 +547,9 @@ def _searched_path(path: Path, set_points: SetPoints, arm: Arm, lag: float) -> S
 
 
 def _inertia(arm: Arm, set_points: SetPoints, box: Uncertainty) -> FloatArray:
-    """Inertia that 1 kg at the tool adds to each joint, relative to the joint's inertia [1/kg].
-
-    A point mass m at the tool adds `m |dx/dq_j|²` to the inertia M_jj of joint j.
-
-    Returns:
-        The ratio at each set-point, (dof, n); zeros, (dof, 1), if the payload does not vary.
-    """
+    """Inertia that 1 kg at the tool adds to each joint, relative to the joint's inertia [1/kg]."""
+    # A point mass m at the tool adds `m |dx/dq_j|²` to the inertia M_jj of joint j.
+    # Returns the ratio at each set-point, (dof, n); zeros, (dof, 1), if the payload does not vary.
     q = np.asarray(set_points.q)
     if not np.any(box.payload):
         return np.zeros((arm.dof, 1))

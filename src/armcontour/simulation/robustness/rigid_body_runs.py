@@ -27,38 +27,23 @@ R = TypeVar("R")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BodyRuns:
-    """Executes set-points on robots of an uncertainty set with `RigidBodyPlant`; callable.
-
-    Args:
-        set_points: The set-points.
-        path: The path that the tool must follow.
-        unknowns: The unknowns of the box.
-        limits: Limits with the joint torques that saturate.
-        options: Further options of `RigidBodyPlant`.
-    """
+    """Executes set-points on robots of an uncertainty set with `RigidBodyPlant`; callable."""
 
     set_points: SetPoints
-    path: Path
-    unknowns: Unknowns
-    limits: Limits
-    options: dict[str, Any]
+    path: Path  # The path that the tool must follow
+    unknowns: Unknowns  # The unknowns of the box
+    limits: Limits  # Limits with the joint torques that saturate
+    options: dict[str, Any]  # Further options of `RigidBodyPlant`
 
     def plant(self, errors: FloatArray) -> RigidBodyPlant:
-        """A robot of the box.
-
-        Args:
-            errors: Errors of the unknowns, (k,).
-        """
-        arm, known, servo = self.unknowns.robot(errors)
-        return RigidBodyPlant(arm, servo, self.limits, controller=known, **self.options)
+        """A robot of the box with errors (k,) of the unknowns."""
+        arm, controller, servo = self.unknowns.robot(errors)
+        return RigidBodyPlant(arm, servo, self.limits, controller=controller, **self.options)
 
     def trace(self, errors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | str:
-        """Execute on one robot, with results over time.
-
-        Returns:
-            Times [s], contour errors in both directions [m], (n,), and tool points [m],
-            (n, dimension); or a sentence if there is no execution.
-        """
+        """Execute on one robot, with results over time."""
+        # Returns times [s], contour errors in both directions [m], (n,), and tool points [m],
+        # (n, dimension); or a sentence if there is no execution.
         plant = self.plant(errors)
         try:
             executed = simulate(self.set_points, plant, resolution=max(RESOLUTION, plant.step))
@@ -68,12 +53,9 @@ class BodyRuns:
         return executed.t, np.maximum(followed.distance, followed.coverage_error), executed.tool
 
     def __call__(self, errors: FloatArray) -> tuple[float, float, float, float, float] | str:
-        """Execute on one robot.
-
-        Returns:
-            Largest and RMS contour error [m], end [s], share of time in saturation, and largest
-            torque over its limit; or a sentence if there is no execution.
-        """
+        """Execute on one robot."""
+        # Returns largest and RMS contour error [m], end [s], share of time in saturation, and
+        # largest torque over its limit; or a sentence if there is no execution.
         plant = self.plant(errors)
         try:
             executed = simulate(self.set_points, plant, resolution=max(RESOLUTION, plant.step))
@@ -95,16 +77,7 @@ class BodyRuns:
 def trace_on_bodies(
     runs: BodyRuns, errors: FloatArray, *, executor: Executor | None = None
 ) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Execute set-points on robots with specified errors, with results over time.
-
-    Args:
-        runs: The executions.
-        errors: Errors of the unknowns, (n, k).
-        executor: An executor for the work, instead of this process.
-
-    Raises:
-        ExecutionError: As for `spread_on_bodies`.
-    """
+    """Execute set-points on robots with specified errors (n, k), with results over time."""
     rows = list(errors)
     return _require_results(
         runs, rows, map_in_processes(runs.trace, rows, processes=1, executor=executor)
@@ -129,20 +102,9 @@ def spread_on_bodies(
     executor: Executor | None = None,
     done: Callable[[int], None] | None = None,
 ) -> MonteCarloResult:
-    """Execute set-points on robots with specified errors, as rigid bodies.
-
-    Args:
-        runs: The executions.
-        errors: Errors of the unknowns, (n, k).
-        seed: Seed that the errors were drawn with; None for corners.
-        processes: Number of processes; by default the number of processors.
-        executor: An executor for the work, instead of these processes.
-        done: Called with the number of robots that are done.
-
-    Raises:
-        ExecutionError: A robot does not come to rest, its drives are too weak, or the executor has
-            lost a worker.
-    """
+    """Execute set-points on robots with specified errors (n, k), as rigid bodies."""
+    # The seed is that of the errors; None for corners. `done` is called with the number of robots
+    # that are done.
     unknowns = runs.unknowns
     rows = list(np.concatenate([np.zeros((1, len(unknowns))), errors]))
     results = map_in_processes(runs, rows, processes=processes, executor=executor, done=done)
@@ -168,12 +130,7 @@ def spread_on_bodies(
 
 
 def describe(unknowns: Unknowns, errors: FloatArray) -> str:
-    """Description of the errors of a robot; equal values of several joints appear once.
-
-    Args:
-        unknowns: The unknowns.
-        errors: Their errors, (k,).
-    """
+    """Description of the errors (k,) of a robot; equal values of several joints appear once."""
     units = {"payload": " kg", "dead time": " s"}
     values_by_kind: dict[str, list[float]] = {}
     for kind, error in zip(unknowns.kinds, errors.tolist(), strict=True):

@@ -87,9 +87,6 @@ class Uncertainty(Checked):
     def gains_of(self, dof: int) -> FloatArray:
         """Largest errors of kp and of kv, (2, dof).
 
-        Args:
-            dof: Number of joints.
-
         Raises:
             InvalidInput: They do not fit the number of joints.
         """
@@ -164,33 +161,21 @@ KINDS = ("payload", "friction", "kp", "kv", "armature", "dead time")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Unknowns:
-    """The varying parameters of rigid-body robots; errors have one column per parameter.
-
-    Args:
-        box: The box.
-        arm: The nominal arm, with masses.
-        servo: The nominal servo, of second order, with values per joint.
-        kinds: Kind of each parameter, of `KINDS`.
-        joints: Joint of each parameter; -1 for one that all joints share.
-        low, high: Smallest and largest error: relative, in s or in kg; for friction the fraction,
-            (k,).
-    """
+    """The varying parameters of rigid-body robots; errors have one column per parameter."""
 
     box: Uncertainty
-    arm: Arm
-    servo: ServoModel
-    kinds: tuple[str, ...]
-    joints: tuple[int, ...]
+    arm: Arm  # The nominal arm, with masses
+    servo: ServoModel  # The nominal servo, of second order, with values per joint
+    kinds: tuple[str, ...]  # Kind of each parameter, of `KINDS`
+    joints: tuple[int, ...]  # Joint of each parameter; -1 for one that all joints share
+    # low, high: smallest and largest error: relative, in s or in kg; for friction the fraction,
+    # (k,).
     low: FloatArray
     high: FloatArray
 
     @classmethod
     def from_uncertainty(cls, box: Uncertainty, arm: Arm, servo: ServoModel) -> Unknowns:
-        """Find the parameters of a box that vary.
-
-        Raises:
-            InvalidInput: The box does not fit the arm or the servo.
-        """
+        """Find the parameters of a box that vary."""
         joint_servo = servo.for_joints(arm.dof)
         _check_fit(box, arm, joint_servo)
         # Parameters shared by all joints are listed before and after those of single joints.
@@ -238,21 +223,13 @@ class Unknowns:
         return np.where(upper == 1, self.high, self.low).reshape(-1, k)
 
     def draw(self, samples: int, seed: int) -> FloatArray:
-        """Errors of random robots, (samples, k).
-
-        Args:
-            samples: Number of robots.
-            seed: Seed of the random numbers.
-        """
+        """Errors of random robots, (samples, k)."""
         unit = np.random.default_rng(seed).uniform(size=(samples, len(self)))
         return np.asarray(self.low + unit * (self.high - self.low))
 
     def robot(self, errors: FloatArray) -> tuple[Arm, Arm, ServoModel]:
-        """Arm, controller's model of the arm, and servo for some errors.
-
-        Args:
-            errors: Errors of the parameters, (k,).
-        """
+        """Arm, controller's model of the arm, and servo for some errors."""
+        # errors (k,).
         dof, servo, chain = self.arm.dof, self.servo, self.arm.chain
         assert chain is not None and servo.kv is not None
         errors_by_kind = {kind: np.zeros(dof) for kind in KINDS}
@@ -265,14 +242,14 @@ class Unknowns:
             coulomb=np.asarray(chain.coulomb) + errors_by_kind["friction"] * self.box.coulomb,
             armature=np.asarray(chain.armature) * (1 + errors_by_kind["armature"]),
         )
-        known = self.arm.with_dynamics(payload=payload) if self.box.payload_known else self.arm
+        controller = self.arm.with_dynamics(payload=payload) if self.box.payload_known else self.arm
         # Negative by rounding only; `dead_time_of` checks the range.
         dead_time = np.maximum(
             servo.dead_time + errors_by_kind["dead time"] * self.dead_time_ratio, 0.0
         )
         return (
             true,
-            known,
+            controller,
             servo.replace(
                 kp=servo.kp * (1 + errors_by_kind["kp"]),
                 kv=servo.kv * (1 + errors_by_kind["kv"]),

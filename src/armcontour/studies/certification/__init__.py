@@ -6,8 +6,7 @@ from armcontour.studies.certification.certificate import (
     ContourCertificate,
     Uncertified,
 )
-from armcontour.studies.certification.certifying import certify
-from armcontour.studies.certification.sweeping import SweepPoint, sweep
+from armcontour.studies.certification.certification import SweepPoint, certify, sweep
 
 __all__ = [
     "Budget",

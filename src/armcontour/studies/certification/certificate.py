@@ -1,4 +1,4 @@
-"""The certificate of a plan: its errors contour by contour, its derating, and its cost in time."""
+"""The certificate of a plan: errors by contour, derating, and its cost in time."""
 
 from __future__ import annotations
 
@@ -26,8 +26,7 @@ from armcontour.planning import Tracing, explain
 from armcontour.program import Program
 from armcontour.simulation.rigid_body_plant import can_simulate
 from armcontour.simulation.robustness.monte_carlo import MonteCarloResult
-from armcontour.studies.certification._derating import Derating
-from armcontour.studies.certification.lowering import DeratedInterval
+from armcontour.studies.certification.derating import DeratedInterval, Derating
 from armcontour.verification import Check, Evaluation
 from armcontour.verification.clearance import Clearance
 from armcontour.verification.error_profile import Coverage, ErrorProfile, error_rows
@@ -38,7 +37,7 @@ GUARANTEED = "off the drawing, guaranteed"
 
 
 def _part(name: str, data: Data | None) -> tuple[Row, ...]:
-    """The rows of a part that may be unknown, for files."""
+    """Rows of a part for files; one empty row if it is unknown."""
     return (Row(name, None),) if data is None else data.with_prefix(name, FILE)
 
 
@@ -47,12 +46,12 @@ class Budget(Result):
     """The parts of the contour error, the larger one of both directions [m].
 
     Args:
-        rounding: Largest corner error of the path; the tolerance of a path of the shape free.
+        rounding: Largest corner error of the path, or the tolerance of a path of the shape free.
         servo: Largest contour error of the same plan with a nearly continuous command.
         sampling: Part that the cycle adds to `servo`; may be negative.
         box: Part that the worst robot of the box adds to both; 0 without a box.
-        model_error: Bound of the part across the path that the servo model does not explain, to
-            first order; 0 if `model_error` of the servo is not known.
+        model_error: Bound, to first order, of the part across the path that the servo model does
+            not explain; 0 if `model_error` of the servo is unknown.
         allowed: Tolerance for the sum of all parts; None without one.
         servo_allowed: Largest sum of servo, sampling, box and model error.
     """
@@ -76,7 +75,7 @@ class Budget(Result):
         return self.rounding + self.executed
 
     def to_data(self) -> Data:
-        """The bounds, what is left, and the parts."""
+        """The bounds, the remaining budget, and the parts."""
         allowed = self.servo_allowed if self.allowed is None else self.allowed
         note = f"of {number(allowed, 'm')}"
         model_error = "not explained by the servo model" if self.model_error else ""
@@ -98,7 +97,7 @@ class Budget(Result):
 
     @property
     def left(self) -> float:
-        """Unused part of the tolerance, or of `servo_allowed` without a tolerance [m]."""
+        """Unused part of the tolerance or, without one, of `servo_allowed` [m]."""
         if self.allowed is None:
             return self.servo_allowed - self.executed
         return self.allowed - self.total
@@ -106,14 +105,14 @@ class Budget(Result):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Uncertified(Result, Checked):
-    """The fastest plan of the same limits, with nothing derated and the same compensation.
+    """The fastest plan with the same limits and compensation, without derating.
 
     Args:
         duration: Duration [s].
-        contours: Duration of every contour [s].
-        contour_error: Largest contour error of both directions, and its root mean square over time,
-            from the tool to the path [m].
-        saturated: Share of the time for which each joint is saturated, (dof,).
+        contours: Duration of each contour [s].
+        contour_error: Largest contour error in both directions, and its RMS over time from the
+            tool to the path [m].
+        saturated: Share of time in which each joint is saturated, (dof,).
         box: Largest contour error in the corners of the box [m]; None without one.
     """
 
@@ -125,12 +124,12 @@ class Uncertified(Result, Checked):
 
     def to_data(self) -> Data:
         """Duration, errors and saturation."""
-        most, rms = self.contour_error
+        largest, rms = self.contour_error
         return Data(
             "Uncertified optimum",
             (
                 duration_row(self.duration),
-                Row("contour_error.max", most, "m", "contour error, largest", level=FIRST),
+                Row("contour_error.max", largest, "m", "contour error, largest", level=FIRST),
                 Row("contour_error.rms", rms, "m", "contour error, RMS"),
                 Row("saturated", self.saturated, "1", "saturated"),
                 Row("box", self.box, "m", "robots of the box, largest"),
@@ -142,29 +141,28 @@ class Uncertified(Result, Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ContourCertificate(Result):
-    """The certificate of one contour, for the time during which the process is at work on it.
+    """The certificate of one contour, while its process is on.
 
     Args:
         name: Name in messages.
         t: Start and end time in the whole motion [s].
-        work: Start and end time of the work of the process, in which errors count [s].
+        work: Start and end time of the process, in which errors count [s].
         path: The tool path.
         joint_path: The joint path.
         derating: Derating of acceleration and speed along the path.
-        factors: Shares that are left of limits derated along the whole contour, by their names.
-        lowered: What was derated: how much, where, and for what; the largest share first.
+        factors: Usable shares of limits derated along the whole contour, by name.
+        lowered: Derated limits with amount, place and cause; the largest share first.
         trajectory: Plan of the contour; times from 0 [s].
-        set_points: Set-points of the contour, after those of the moves before it that still affect
-            the servo.
-        error: Contour error in the execution of the whole program: from the tool to the path.
+        set_points: Set-points of the contour, and earlier ones that still affect the servo.
+        error: Contour error from the tool to the path in the execution of the whole program.
         coverage_error: Largest distance from the path to the tool in that execution.
-        speed_ratio: Largest ratio of the tool speed to the velocity assigned at its place in that
-            execution; 0 where none is assigned.
+        speed_ratio: Largest ratio of tool speed to assigned velocity in that execution; 0 without
+            an assigned velocity.
         budget: The parts of the contour error.
         optimum: Duration of the uncertified plan of the contour [s].
         corners: Executions in the corners of the box; None without a box.
         spread: Executions on robots drawn from the box; None without a box.
-        trials: Number of plans that were made.
+        trials: Number of plans.
     """
 
     name: str
@@ -187,7 +185,7 @@ class ContourCertificate(Result):
     trials: int
 
     def to_data(self) -> Data:
-        """The error of the contour, its parts, and what was derated."""
+        """The error of the contour, its parts, and the derating."""
         optimum = number(self.optimum, "s")
         joint = f"joint {int(self.headroom.argmax()) + 1}"
         return Data(
@@ -218,7 +216,7 @@ class ContourCertificate(Result):
 
     @property
     def shape(self) -> str | None:
-        """Shape of the corners of the path: "free", "arc", or None where none was changed."""
+        """Shape of the corners of the path: "free", "arc", or None if none was changed."""
         if isinstance(self.path, ShapedPath):
             return FREE
         return ARC if isinstance(self.path, RoundedPath) and len(self.path.corners) else None
@@ -230,12 +228,12 @@ class ContourCertificate(Result):
 
     @property
     def cost(self) -> float:
-        """Time that the certificate of the contour costs [s]."""
+        """Additional time compared to the uncertified plan of the contour [s]."""
         return self.duration - self.optimum
 
     @property
     def _robots(self) -> dict[str, Data | None]:
-        """What is known of robots of the box, by keys in JSON."""
+        """Results of robots of the box, by keys in JSON."""
         executed = {"corners": self.corners, "spread": self.spread}
         return {name: None if x is None else x.to_data() for name, x in executed.items()}
 
@@ -246,10 +244,10 @@ class ContourCertificate(Result):
 
     @property
     def headroom(self) -> FloatArray:
-        """Share by which each acceleration limit is derated, mean along the path, (dof,)."""
-        left = np.average(self.derating.share, axis=0, weights=self.derating.width)
+        """Mean share by which each acceleration limit is derated along the path, (dof,)."""
+        shares = np.average(self.derating.share, axis=0, weights=self.derating.width)
         # Rounding of a mean of ones is no derating.
-        return np.maximum(1.0 - left, 0.0)
+        return np.maximum(1.0 - shares, 0.0)
 
     @property
     def largest_headroom(self) -> FloatArray:
@@ -259,34 +257,31 @@ class ContourCertificate(Result):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Certificate(Result):
-    """The fastest plan found that keeps a goal, with the evidence.
+    """The fastest plan found that satisfies a goal, with its evidence.
 
-    A job of a single path has one contour. Its joint path and its derating are attributes of
-    the certificate too.
+    For a single contour, its joint path and derating are also attributes of the certificate.
 
     Args:
         job: The job.
         run: The run, with the corner tolerance of the certified plan.
-        goal: The goal that is kept.
-        model: The model of the robot for which the certificate is valid, in words.
+        goal: The satisfied goal.
+        model: Description of the robot model for which the certificate is valid.
         objective: The program before its corners were rounded.
-        path: The program that was planned; `path.path` is the tool path of a single contour.
+        path: The planned program; `path.path` is the tool path of a single contour.
         trajectory: The certified plan.
         set_points: Set-points of the plan.
         execution: Execution of the set-points on the model.
         evaluation: Evaluation of the execution, at 0.1 ms.
         check: Check of the plan against every limit, between samples too.
         contours: Certificates of the contours, in order.
-        rapids: Shares of limits that are left of the rapids between them, in order.
+        rapids: Usable shares of the limits of the rapids between them, in order.
         uncertified: The fastest plan without derating, for comparison.
-        shapes: Where the run asked for a free shape, the duration of the fastest plan by shape: of
-            the certified plan, and of plans with the other shape, which may not be certified if
-            none can be faster [s]. Else empty.
-        experiment: Execution of the same set-points on the arm's rigid bodies, which no trial
-            used; None if the run has no experiment, or if the experiment failed.
+        shapes: Durations of the fastest plans by shape [s] if the run requests a free shape, else
+            empty. The plan of the other shape need not be certified if it cannot be faster.
+        experiment: Execution of the same set-points on the arm's rigid bodies, which the search
+            does not use; None without an experiment, or if it failed.
         failure: The error of a failed experiment; None otherwise.
-        clearance: How far the arm stays from itself and from its cell; None where nothing looks
-            at it.
+        clearance: Clearance of the arm from itself and from its cell; None if not checked.
     """
 
     job: Job
@@ -309,7 +304,7 @@ class Certificate(Result):
     clearance: Clearance | None = None
 
     def to_data(self) -> Data:
-        """The verdict on the plan, its parts, the model, and what repeats it."""
+        """The verdict on the plan, its parts, the model, and the data to repeat it."""
         count = len(self.contours)
         title = f"Certificate of {self.job.title}, run {self.run.name}"
         contours = Table.from_results(
@@ -326,16 +321,16 @@ class Certificate(Result):
     __repr__ = short_repr
 
     def _verdict(self) -> Iterator[Row]:
-        """What is off the drawing, guaranteed; what it costs, and what is left."""
-        off = max(self.contours, key=lambda x: x.budget.total)
-        rounding = None if off.shape is None else off.budget.rounding
-        budget, most = off.budget, self.run.accuracy if self.goal.tolerance is None else None
+        """Guaranteed deviation from the drawing, cost, and remaining budget."""
+        worst = max(self.contours, key=lambda x: x.budget.total)
+        rounding = None if worst.shape is None else worst.budget.rounding
+        budget, accuracy = worst.budget, self.run.accuracy if self.goal.tolerance is None else None
         allowed = budget.servo_allowed if budget.allowed is None else None
         tolerance = None if budget.allowed is not None else self.result.tolerance
         row = off_drawing(rounding, tolerance, budget.executed, allowed, GUARANTEED)
-        sums = {"certified within": budget.allowed, "the job allows": most}
+        sums = {"certified within": budget.allowed, "the job allows": accuracy}
         ends = (f"; {words} {number(x, 'm')}" for words, x in sums.items() if x is not None)
-        yield replace(row, note=row.note + self._on(off))
+        yield replace(row, note=row.note + self._on(worst))
         note = f"limits {self.check.verdict}, between samples too" + "".join(ends)
         yield Row("kept", self.kept, JUDGED, "verdict", note, VERDICT)
         yield duration_row(self.duration, VERDICT)
@@ -343,18 +338,18 @@ class Certificate(Result):
         optimum = self.uncertified.duration
         note = f"{number(self.cost / optimum, '1')} of the uncertified {number(optimum, 's')}"
         yield Row("cost", self.cost, "s", "cost", note, VERDICT)
-        left = self.budget.to_data()["left"]
-        note = left.note + self._on(self.worst)
-        yield replace(left, name="budget.left", note=note, level=VERDICT)
+        margin = self.budget.to_data()["left"]
+        note = margin.note + self._on(self.worst)
+        yield replace(margin, name="budget.left", note=note, level=VERDICT)
         yield from warning_rows(self.warnings)
 
     def _figures(self) -> Iterator[Row]:
-        """Parts of the budget, shape, derating, model, goal, and the plan that was not derated."""
-        for x in self.budget.to_data().with_prefix("budget"):
+        """Parts of the budget, shape, derating, model, goal, and the uncertified plan."""
+        for row in self.budget.to_data().with_prefix("budget"):
             # Budgets of several contours are in their table.
-            shown = len(self.contours) == 1 and x.name != "budget.total"
-            if x.name != "budget.left":
-                yield replace(x, level=max(x.level, TABLE) if shown else FILE)
+            shown = len(self.contours) == 1 and row.name != "budget.total"
+            if row.name != "budget.left":
+                yield replace(row, level=max(row.level, TABLE) if shown else FILE)
         yield Row("shapes", self.shapes, "s")
         if self.shapes and self.run.rounding is not None:
             shape = self.run.rounding.shape
@@ -375,7 +370,7 @@ class Certificate(Result):
         yield from self.uncertified.to_data().with_prefix("uncertified", FILE)
 
     def _repeat(self) -> Iterator[Row]:
-        """All that a repetition of the plan needs, for files."""
+        """Data to repeat the plan, for files."""
         run = self.run
         rows = (
             Row("timing", "optimal"),
@@ -398,7 +393,7 @@ class Certificate(Result):
 
     @property
     def comparison(self) -> dict[str, Data]:
-        """The uncertified and the certified plan, also in the experiment, with the same figures."""
+        """Same figures of the uncertified plan, the certified plan, and its experiment."""
         before = self.uncertified.to_data()
         names, box = [x.name for x in before.rows], before["box"]
         if box.value is not None:
@@ -406,38 +401,38 @@ class Certificate(Result):
         judged = {"certified": self.evaluation}
         if self.experiment is not None:
             judged["certified, on rigid bodies"] = self.experiment.evaluation
-        found = {"uncertified optimum": before}
+        columns = {"uncertified optimum": before}
         for name, e in judged.items():
             rows = tuple(x for x in e.to_data().rows if x.name in names)
-            found[name] = Data(name, (*rows, box) if e is self.evaluation else rows)
-        return found
+            columns[name] = Data(name, (*rows, box) if e is self.evaluation else rows)
+        return columns
 
     @property
     def kept(self) -> bool:
-        """Whether every contour keeps its budget, and the plan its limits."""
+        """True if every contour satisfies its budget, and the plan its limits."""
         within = (x.budget.left >= -ROUNDING * x.budget.servo_allowed for x in self.contours)
         return all(within) and self.check.verdict != "violated"
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on robots of the box, on what was derated, and on what was not checked."""
+        """Sentences on robots of the box, derating, and unchecked limits."""
         where = f"On {self.worst.name}: " if len(self.contours) > 1 else ""
-        found = [f"{where}{x}" for x in self.worst.notes]
-        found += [f"Reduced: {x}." for x in self.lowered]
+        sentences = [f"{where}{x}" for x in self.worst.notes]
+        sentences += [f"Reduced: {x}." for x in self.lowered]
         if self.goal.saturation == "report":
-            found.append("Saturation was allowed; the certified execution includes it.")
+            sentences.append("Saturation was allowed; the certified execution includes it.")
         if self.check.not_judged:
-            found.append("Not checked: " + ", ".join(self.check.not_judged) + ".")
-        return (*found, *filter(None, [self.condition]))
+            sentences.append("Not checked: " + ", ".join(self.check.not_judged) + ".")
+        return (*sentences, *filter(None, [self.condition]))
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences on weak points of the plan, and on what the certificate is not valid for."""
+        """Sentences on weak points of the plan, and on models not covered by the certificate."""
         return (*self.result.warnings, *filter(None, [self.simulate_rigid_bodies]))
 
     @property
     def trials(self) -> int:
-        """Number of plans of contours that the search made."""
+        """Number of contour plans in the search."""
         return sum(x.trials for x in self.contours)
 
     @property
@@ -447,12 +442,12 @@ class Certificate(Result):
 
     @property
     def cost(self) -> float:
-        """Time that the certificate costs [s]."""
+        """Additional time compared to the uncertified plan [s]."""
         return self.duration - self.uncertified.duration
 
     @property
     def condition(self) -> str:
-        """Condition of what the servo model does not explain; empty if that is not known."""
+        """Condition of the bound of unexplained errors; empty without a bound."""
         if not self.budget.model_error:
             return ""
         return beyond_logs(self.job.plant_servo, self.trajectory) or (
@@ -462,33 +457,33 @@ class Certificate(Result):
 
     @property
     def pauses(self) -> float:
-        """Time for which the joints stand still so that the tool settles after rapids [s]."""
+        """Pauses in which the tool settles after rapids [s]."""
         spans = (x for x in self.trajectory.spans if x.kind == "dwell" and x.move is None)
         return sum(x.t[1] - x.t[0] for x in spans)
 
     @property
     def worst(self) -> ContourCertificate:
-        """The contour with the least left of its budget."""
+        """The contour with the smallest remaining budget."""
         return min(self.contours, key=lambda x: x.budget.left)
 
     @property
     def budget(self) -> Budget:
-        """The parts of the contour error, of the contour with the least left."""
+        """Parts of the contour error of the worst contour."""
         return self.worst.budget
 
     @property
     def corners(self) -> MonteCarloResult | None:
-        """The corners of the box, on the contour with the least left; None without a box."""
+        """Executions of the worst contour in the corners of the box; None without a box."""
         return self.worst.corners
 
     @property
     def spread(self) -> MonteCarloResult | None:
-        """Robots drawn from the box, on the contour with the least left; None without a box."""
+        """Executions of the worst contour on robots drawn from the box; None without a box."""
         return self.worst.spread
 
     @property
     def headroom(self) -> FloatArray:
-        """Share by which each joint's acceleration limit is derated, mean along all contours."""
+        """Mean share by which each acceleration limit is derated along all contours, (dof,)."""
         lengths = [x.path.length for x in self.contours]
         means = [x.headroom for x in self.contours]
         return np.asarray(np.average(means, axis=0, weights=lengths))
@@ -500,37 +495,34 @@ class Certificate(Result):
 
     @property
     def lowered(self) -> tuple[str, ...]:
-        """What was derated, a clause each: of several contours, the one that lost most of each."""
-        most: dict[tuple[str, str], tuple[float, str]] = {}
-        for x in self.contours:
-            of = f"{x.name}: " if len(self.contours) > 1 else ""
-            for y in x.lowered:
-                known = most.get((y.what, y.cause))
-                if known is None or known[0] < y.share:
-                    most[y.what, y.cause] = (y.share, f"{of}{y}")
-        return tuple(said for _, said in sorted(most.values(), reverse=True))
+        """Derated limits as clauses; of several contours, the one with the largest reduction."""
+        largest: dict[tuple[str, str], tuple[float, str]] = {}
+        for contour in self.contours:
+            prefix = f"{contour.name}: " if len(self.contours) > 1 else ""
+            for y in contour.lowered:
+                previous = largest.get((y.what, y.cause))
+                if previous is None or previous[0] < y.share:
+                    largest[y.what, y.cause] = (y.share, f"{prefix}{y}")
+        return tuple(said for _, said in sorted(largest.values(), reverse=True))
 
     @property
     def simulate_rigid_bodies(self) -> str | None:
-        """Sentence that a certificate for servos is not valid for the arm's rigid bodies.
-
-        None for a certificate on rigid bodies, and without bodies or without MuJoCo.
-        """
+        """Sentence that a certificate for servos does not cover rigid bodies; else None."""
         bodies = self.job.arm.has_bodies and self.job.plant_servo.kv is not None and can_simulate()
         if self.goal.plant == "rigid_body" or not bodies:
             return None
-        said = "coupled dynamics of the arm's rigid bodies can increase the error"
+        limitation = "coupled dynamics of the arm's rigid bodies can increase the error"
         if self.experiment is not None:
             e, allowed = self.experiment.evaluation, self.budget.servo_allowed
-            off = max(e.contour_error.max, e.coverage_error.max)
-            said = (
+            error = max(e.contour_error.max, e.coverage_error.max)
+            limitation = (
                 "in the experiment on the arm's rigid bodies the contour error is "
-                f"{number(off, 'm')} of {number(allowed, 'm')} allowed for servos"
+                f"{number(error, 'm')} of {number(allowed, 'm')} allowed for servos"
             )
         advice = "plant: rigid_body (--plant rigid_body) certifies for these"
         if len(self.path.moves) > 1:
             advice = "an experiment of the job measures it"
-        return f"Valid for independent joint servos only: {said}; {advice}."
+        return f"Valid for independent joint servos only: {limitation}; {advice}."
 
     @property
     def joint_path(self) -> JointPath:
@@ -544,11 +536,7 @@ class Certificate(Result):
 
     @property
     def _only(self) -> ContourCertificate:
-        """The only contour.
-
-        Raises:
-            InvalidInput: There is more than one contour.
-        """
+        """The only contour."""
         if len(self.contours) != 1:
             raise InvalidInput(
                 f"The certificate of the job {self.job.name} has {len(self.contours)} contours: "

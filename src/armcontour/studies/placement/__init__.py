@@ -1,10 +1,10 @@
 """Placement: where on the table a part, or the base of an arm, lies best."""
 
 from armcontour.jobs.place_search import AXES, MIDDLE, OBJECTIVES, ORIGIN, UNITS, WHAT, Axis
-from armcontour.studies.placement.judging import KINDS, Verdict
-from armcontour.studies.placement.moving import Moves, place_job
+from armcontour.studies.placement.best_place import place
+from armcontour.studies.placement.place_evaluation import KINDS, Verdict
+from armcontour.studies.placement.placed_job import Moves, place_job
 from armcontour.studies.placement.placement import Place, Placement
-from armcontour.studies.placement.placing import place
 
 __all__ = [
     "AXES",

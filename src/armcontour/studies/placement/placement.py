@@ -1,4 +1,4 @@
-"""Results of placing: what is known of every place of a grid, and the best one."""
+"""Results of a placement: verdicts on the places of a grid, and the best place."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from armcontour.core.text import short_repr
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.place_search import DURATION, UNITS, Axis
 from armcontour.robot.scene import PART
-from armcontour.studies.placement.judging import COMPARED, Verdict
-from armcontour.studies.placement.moving import Moves, place_job
+from armcontour.studies.placement.place_evaluation import COMPARED, Verdict
+from armcontour.studies.placement.placed_job import Moves, place_job
 
-# Values of a place that `Placement.values` gives.
+# Figures of places for `Placement.values`.
 FIGURES = ("duration", "bound", "singular", "clearance", "torque_margin")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """A place and what is known of it.
+    """A place and its verdict.
 
     Args:
         values: Values of the axes [m, rad].
-        verdict: What is known.
+        verdict: The verdict.
     """
 
     values: Mapping[str, float]
@@ -46,29 +46,29 @@ class Place:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Placement(Result):
-    """Where a job's part, or the base of its arm, lies best.
+    """The best place of a job's part, or of the base of its arm.
 
     Args:
-        job: The job in its own place.
+        job: The job at its own place.
         run: Its run.
         axes: The axes of the grid.
-        moves: What coordinates of a place mean.
-        what: What is moved, "part" or "base".
-        objective: What is best: "duration", "manipulability", "clearance" or "torque".
-        uncertainty: Position error of the part [m, rad]; all figures then are of the
-            worst of a place and the corners around it.
-        verdicts: What is known of every place, the last axis fastest.
+        moves: Motion of part or base by the coordinates of a place.
+        moved: "part" or "base".
+        objective: "duration", "manipulability", "clearance" or "torque".
+        uncertainty: Position error of the part [m, rad]; figures are the worst of a place and the
+            corners around it.
+        verdicts: Verdicts on all places, the last axis fastest.
         best: The best place of the grid.
-        refined: The best place found between those of the grid; that of the grid if none is better.
-        own: The verdict on the job's own place, without the uncertainty.
-        notes: Sentences on what was taken for granted.
+        refined: The best place after refinement; that of the grid if none is better.
+        own: The verdict on the job's own place.
+        notes: Sentences on assumptions.
     """
 
     job: Job
     run: Run
     axes: tuple[Axis, ...]
     moves: Moves
-    what: str = PART
+    moved: str = PART
     objective: str
     uncertainty: Mapping[str, float] = field(default_factory=dict)
     verdicts: tuple[Verdict, ...]
@@ -84,16 +84,16 @@ class Placement(Result):
 
     @property
     def refusals(self) -> dict[str, int]:
-        """How many places are refused, by the kinds of refusals, the most frequent first."""
+        """Number of refused places by kind of refusal, the most frequent first."""
         return dict(Counter(x.refusal for x in self.verdicts if x.refusal).most_common())
 
     @property
     def planned(self) -> int:
-        """How many places of the grid have a plan."""
+        """Number of places of the grid with a plan."""
         return sum(x.planned for x in self.verdicts)
 
     def values(self, name: str) -> FloatArray:
-        """One value of all places, not a number where it is not known, in the shape of the grid.
+        """A figure of all places in the shape of the grid; NaN if unknown.
 
         Args:
             name: One of FIGURES.
@@ -102,19 +102,19 @@ class Placement(Result):
         return np.array([getattr(x, name) for x in self.verdicts]).reshape(self.shape)
 
     def place(self, index: int) -> dict[str, float]:
-        """The values of the axes at a place of the grid [m, rad].
+        """Values of the axes at a place of the grid [m, rad].
 
         Args:
-            index: Its index among the verdicts.
+            index: Index among the verdicts.
         """
-        at = np.unravel_index(
+        indices = np.unravel_index(
             checks.check_int("index", index, 0, len(self.verdicts) - 1), self.shape
         )
-        return {x.name: float(x.values[k]) for x, k in zip(self.axes, at, strict=True)}
+        return {x.name: float(x.values[k]) for x, k in zip(self.axes, indices, strict=True)}
 
     @checked
     def frame(self, place: Place | None = None) -> Frame:
-        """Where the part, or the base, is taken, in the coordinates of the job's path.
+        """Displacement of the part or base, in the coordinates of the job's path.
 
         Args:
             place: A place; by default the refined one.
@@ -123,19 +123,19 @@ class Placement(Result):
 
     @checked
     def placed(self, place: Place | None = None) -> Job:
-        """The job with its part or base in a place.
+        """The job with its part or base at a place.
 
         Args:
-            place: As in `frame`.
+            place: A place; by default the refined one.
         """
-        return place_job(self.job, self.frame(place), self.what)
+        return place_job(self.job, self.frame(place), self.moved)
 
     @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
-        """The best place, the job's own place, and how many places were refused.
+        """The best place, the job's own place, and the numbers of refusals.
 
         Args:
-            files: The files of the result, relative to its folder.
+            files: Files of the result, relative to its folder.
         """
         compared = COMPARED[self.objective][0]
         refused = [f"{n} refused by {kind}" for kind, n in self.refusals.items()]
@@ -169,7 +169,7 @@ class Placement(Result):
             Row("arm", self.job.arm.name),
             Row("run", self.run.name),
             Row("objective", self.objective),
-            Row("moved", self.what),
+            Row("moved", self.moved),
             Row("anchor", self.moves.anchor, "m"),
             Row("absolute", self.moves.absolute),
             Row("moved_by.position", frame.position, "m"),
@@ -177,13 +177,13 @@ class Placement(Result):
             Row("notes", self.notes),
             Row("files", list(files)),
         ]
-        off = Data("", tuple(Row(x, y, UNITS[x]) for x, y in self.uncertainty.items()))
-        rows += off.with_prefix("uncertainty") or (Row("uncertainty", {}),)
+        uncertainty = Data("", tuple(Row(x, y, UNITS[x]) for x, y in self.uncertainty.items()))
+        rows += uncertainty.with_prefix("uncertainty") or (Row("uncertainty", {}),)
         rows.append(Row("units", {x.name: x.unit for x in rows if x.unit}))
         axes = [(x.name, x.values[0], x.values[-1], len(x.values)) for x in self.axes]
         columns = tuple(Row(x, None) for x in ("name", "from", "to", "places"))
         return Data(
-            f"Placement of the {self.what}: {self.job.title}, run {self.run.name}, for "
+            f"Placement of the {self.moved}: {self.job.title}, run {self.run.name}, for "
             f"{self.objective}",
             tuple(rows),
             (Table("axes", columns, axes),),

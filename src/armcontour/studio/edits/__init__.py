@@ -1,6 +1,61 @@
 """Named edits of the page as changes of keys of the job file."""
 
-from armcontour.studio.edits.changes import EDITS, changes_of
-from armcontour.studio.edits.state import EditState
+from __future__ import annotations
 
-__all__ = ["EDITS", "EditState", "changes_of"]
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+from armcontour.core.errors import InvalidInput
+from armcontour.core.text import show
+from armcontour.files.job_edits import Change
+from armcontour.studio.edits.conversion import waypoint_changes
+from armcontour.studio.edits.keys import set_value, unset_value
+from armcontour.studio.edits.layout import obstacle, place, tilt
+from armcontour.studio.edits.waypoints import (
+    corner_tolerance,
+    draw,
+    insert_waypoint,
+    move_waypoint,
+    remove_waypoint,
+    set_waypoint,
+)
+from armcontour.studio.handles import EditState
+
+# Keys of edits with text values.
+TEXTS = ("name", "action", "kind")
+
+
+def changes_of(edit: Mapping[str, Any], state: EditState) -> tuple[Change, ...]:
+    """Changes of keys that an edit makes; `do` selects it."""
+    do = edit.get("do")
+    if not isinstance(do, str) or do not in EDITS:
+        raise InvalidInput(f"There is no edit {show(do)}: the edits are {', '.join(EDITS)}.")
+    for name in TEXTS:
+        if not isinstance(edit.get(name, ""), str):
+            raise InvalidInput(f"The edit {do} needs text for {name}, not {show(edit[name])}.")
+    try:
+        return tuple(EDITS[do](edit, state))
+    except KeyError as error:
+        raise InvalidInput(f"The edit {do} lacks {error.args[0]}.") from None
+
+
+def _to_waypoints(edit: Mapping[str, Any], state: EditState) -> list[Change]:
+    """Convert the contour of a drawing to points or segments of the job."""
+    return waypoint_changes(state.handles, state.data)
+
+
+EditFunction: TypeAlias = Callable[[Mapping[str, Any], EditState], Sequence[Change]]
+EDITS: dict[Any, EditFunction] = {
+    "set": set_value,
+    "unset": unset_value,
+    "tilt": tilt,
+    "move_waypoint": move_waypoint,
+    "set_waypoint": set_waypoint,
+    "insert_waypoint": insert_waypoint,
+    "remove_waypoint": remove_waypoint,
+    "corner_tolerance": corner_tolerance,
+    "place": place,
+    "to_waypoints": _to_waypoints,
+    "obstacle": obstacle,
+    "draw": draw,
+}

@@ -1,4 +1,4 @@
-"""Edits of values: where a key is set for the run that is shown, and how its value is written."""
+"""Edits of values and runs: key of the shown run, and form in which a value is written."""
 
 from __future__ import annotations
 
@@ -20,27 +20,23 @@ from armcontour.files.patch import IN_RUN, MERGED, Name, arm_keys, key_of, locat
 from armcontour.files.si_data import quantity_of
 from armcontour.files.units import unit_of, write_like
 from armcontour.jobs import Job, Run
-from armcontour.studio.edits.state import EditState
+from armcontour.studio.handles import EditState
 
 SHARP = "sharp"
-# The tolerance of corners that were sharp before.
+# Tolerance of corners that were sharp before.
 FIRST_TOLERANCE = "1 mm"
-# Mappings by numbers, of waypoints and of tools.
+# Mappings with numbers of waypoints or tools as keys.
 NUMBERED = ("at", "tools")
-# Mappings that a job has, be they empty.
-NEEDED: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs",))
+# Required mappings, which may be empty.
+REQUIRED_LIBRARIES: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs",))
 
 
 def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Set a key, to a text as typed, a number in SI units, or null.
-
-    With `run` it is set for the run that is shown alone, with `insert` as a new item of a list.
-    """
+    """Set a key, with `run` for the shown run only, with `insert` as a new list item."""
     return [replace(x, keys=_plain(x.keys)) for x in _set(edit, state)]
 
 
 def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """The changes that set a key."""
     keys, value = _place(edit, state), edit["value"]
     if edit.get("run") is True and keys[0] in IN_RUN:
         return _in_run(keys, value, state)
@@ -49,15 +45,15 @@ def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     if edit.get("insert") is True:
         return [Change(keys, value, insert=True)]
     if isinstance(value, dict) and isinstance(now, dict):
-        # One by one, so that the comments of each stay.
-        own = {k: written(x, now.get(k), (*keys, k)) for k, x in value.items()}
-        return [Change((*keys, k), own.get(k, REMOVE)) for k in {**now, **own}]
+        # Key by key, so that comments stay.
+        formatted = {k: format_value(x, now.get(k), (*keys, k)) for k, x in value.items()}
+        return [Change((*keys, k), formatted.get(k, REMOVE)) for k in {**now, **formatted}]
     if keys == ("arm",) and isinstance(value, str) and isinstance(now, Mapping):
         # The equipment of the arm stays.
         new = {"name": REMOVE, "file": REMOVE, **arm_keys(value)}
         return [Change(("arm", key), x) for key, x in new.items()]
     if keys[-2:] == ("corners", "shape"):
-        # Sharp corners are no shape in the file, and have no tolerance.
+        # In the file sharp corners have no shape and no tolerance.
         if value == SHARP or not isinstance(values, Mapping):
             arcs = {"shape": value, "tolerance": FIRST_TOLERANCE}
             keys, value = tuple(outer), SHARP if value == SHARP else arcs
@@ -66,16 +62,16 @@ def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     ):
         keys, value = tuple(outer), _for_joints(keys, value, values, state)
     else:
-        value = written(value, now, keys)
+        value = format_value(value, now, keys)
     return resolve_patch(state.data, {keys: value}, state.run)
 
 
 def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Remove a key, and mappings that are empty without it."""
+    """Remove a key, and mappings that become empty."""
     keys = _plain(_place(edit, state))
-    while len(keys) > 1 and isinstance(keys[-1], str) and keys[:-1] not in NEEDED:
+    while len(keys) > 1 and isinstance(keys[-1], str) and keys[:-1] not in REQUIRED_LIBRARIES:
         outer = value_at(state.data, keys[:-1])
-        # A run and a layer that is read may be empty.
+        # A run or a layer may be empty.
         empty = keys[0] == "runs" and len(keys) == 3 or keys[:2] == ("path", "layers")
         if empty or not isinstance(outer, Mapping) or set(outer) != {keys[-1]}:
             break
@@ -84,66 +80,49 @@ def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def _place(edit: Mapping[str, Any], state: EditState) -> Keys:
-    """The keys that an edit changes; texts in a list of keys are names."""
-    given = key_of(edit["key"])
+    """Keys that an edit changes; texts in a list of keys are names."""
+    keys = key_of(edit["key"])
     if not isinstance(edit["key"], str):
-        given = tuple(Name(x) if isinstance(x, str) else x for x in given)
-    return locate_key(given, state.data, state.run)
+        keys = tuple(Name(x) if isinstance(x, str) else x for x in keys)
+    return locate_key(keys, state.data, state.run)
 
 
 def _plain(keys: Keys) -> Keys:
-    """Keys with plain texts."""
     return tuple(str(x) if isinstance(x, str) else x for x in keys)
 
 
 def _in_run(keys: Keys, value: Any, state: EditState) -> list[Change]:
-    """Set a key that the job has, for the run that is shown alone."""
-    changes, here = list[Change](), ("runs", state.run, str(keys[0]))
+    """Set a key of the job for the shown run only."""
+    changes, run_keys = list[Change](), ("runs", state.run, str(keys[0]))
     shared = value_at(state.data, keys[:1])
     if len(keys) > 1 and keys[0] not in MERGED and isinstance(shared, Mapping):
-        # The run's mapping takes the place of the job's.
-        changes = [Change(here, deepcopy(shared))]
-    own = replace(state, data=change_data(state.data, changes))
-    # A number has the unit that is shown.
-    value = written(value, value_at(state.data, _plain(keys)), keys)
-    return changes + _set({"key": [*here, *_plain(keys[1:])], "value": value}, own)
+        # The mapping of the run replaces that of the job.
+        changes = [Change(run_keys, deepcopy(shared))]
+    run_state = replace(state, data=change_data(state.data, changes))
+    # A number has the displayed unit.
+    value = format_value(value, value_at(state.data, _plain(keys)), keys)
+    return changes + _set({"key": [*run_keys, *_plain(keys[1:])], "value": value}, run_state)
 
 
 def _for_joints(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]:
-    """One value per joint, where there was one for all: one of them is new.
-
-    Raises:
-        InvalidInput: The key has no values of joints, or there is no such joint.
-    """
+    """One value per joint instead of one for all joints; one of them is new."""
     *outer, joint = keys
     now = joint_values(tuple(outer), state.handles.job, state.run)
     if now is None:
         raise InvalidInput(f"{'.'.join(map(str, outer))} has no values of single joints.")
     checks.check_int("number of the joint", joint, 0, len(now) - 1)
     si = [value if k == joint else float(x) for k, x in enumerate(now)]
-    return [written(x, old, (*outer, k)) for k, x in enumerate(si)]
+    return [format_value(x, old, (*outer, k)) for k, x in enumerate(si)]
 
 
 def joint_values(keys: Keys, job: Job, run: str) -> FloatArray | None:
-    """The values of all joints for limits and gains of a run in SI units, (dof,); None for others.
-
-    Args:
-        keys: The keys, such as limits and joint_velocity, or servo and kp.
-        job: The job.
-        run: The name of the run.
-    """
-    found = value_of(keys[-2:], job, run_of(job, run))
-    return found if isinstance(found, np.ndarray) and found.shape == (job.arm.dof,) else None
+    """Limits or gains of all joints in a run in SI units, (dof,); None for other keys."""
+    values = value_of(keys[-2:], job, run_of(job, run))
+    return values if isinstance(values, np.ndarray) and values.shape == (job.arm.dof,) else None
 
 
 def value_of(keys: Keys, job: Job, run: Run) -> Any:
-    """The value of a key in a run in SI units; None if it has none.
-
-    Args:
-        keys: The keys, such as limits and joint_velocity, or servo and kp.
-        job: The job.
-        run: The run.
-    """
+    """Value of a key, such as ("servo", "kp"), in a run in SI units; None without one."""
     owners = {"corners": run.rounding, "servo": job.servo, "cycle": run.cycle}
     name = str(keys[0])
     value = owners.get(name, getattr(run, name, None))
@@ -151,31 +130,19 @@ def value_of(keys: Keys, job: Job, run: Run) -> Any:
 
 
 def run_of(job: Job, name: str) -> Run:
-    """The run of a job with a name.
-
-    Raises:
-        InvalidInput: There is no such run.
-    """
-    for x in job.runs:
-        if x.name == name:
-            return x
+    """The run of a job with a name."""
+    for candidate in job.runs:
+        if candidate.name == name:
+            return candidate
     raise InvalidInput(f"The job has no run {show(name)}.")
 
 
-def written(value: Any, old: Any, keys: Keys) -> Any:
-    """A value of a key, in the form in which the old one is written.
-
-    A number without a unit that somebody typed has the unit of the old value.
-
-    Args:
-        value: The value: as typed, a number in SI units, or a list of these.
-        old: The old value as written; None if there is none.
-        keys: The keys of the value.
-    """
+def format_value(value: Any, old: Any, keys: Keys) -> Any:
+    """Format a value like the old one, whose unit a number typed without a unit has."""
     if isinstance(value, list):
         olds = old if isinstance(old, list) and len(old) == len(value) else [old] * len(value)
         pairs = enumerate(zip(value, olds, strict=True))
-        return [written(x, was, (*keys, k)) for k, (x, was) in pairs]
+        return [format_value(x, was, (*keys, k)) for k, (x, was) in pairs]
     kind = quantity_of(JobModel, keys)
     if kind is None or isinstance(value, bool):
         return value
@@ -190,7 +157,33 @@ def written(value: Any, old: Any, keys: Keys) -> Any:
 
 
 def _typed(number: str, old: Any, kind: Quantity) -> Any:
-    """A number that was typed without a unit, with the unit that the old value has."""
+    """A number typed without a unit, with the unit of the old value."""
     if isinstance(old, int | float) and not isinstance(old, bool):
         return float(number)
     return f"{number} {unit_of(old, kind)[0]}"
+
+
+def add_run(data: Mapping[str, Any], name: str, like: Any) -> list[Change]:
+    """Changes that add a copy of a run."""
+    runs = data.get("runs") or {}
+    if name in runs:
+        raise InvalidInput(f"The job has a run {name} already.")
+    if like not in list(runs):
+        raise InvalidInput(f"The job has no run {show(like)}.")
+    return [Change(("runs", name), deepcopy(runs[like]))]
+
+
+def remove_run(data: Mapping[str, Any], name: str) -> list[Change]:
+    """Changes that remove a run and the keys that name it."""
+    runs = data.get("runs") or {}
+    if name not in runs:
+        raise InvalidInput(f"The job has no run {name}.")
+    if len(runs) == 1:
+        raise InvalidInput(f"{name} is the only run, and a job needs one.")
+    changes, experiment = [Change(("runs", name))], data.get("experiment") or {}
+    if name in (experiment.get("runs") or []):
+        changes.append(Change(("experiment", "runs", experiment["runs"].index(name))))
+    for key in ("certificate", "placement"):
+        if (data.get(key) or {}).get("run") == name:
+            changes.append(Change((key, "run")))
+    return changes

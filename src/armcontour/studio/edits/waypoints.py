@@ -1,17 +1,18 @@
-"""Edits of the points of a path: moved, set, inserted and removed."""
+"""Edits of waypoints, corner tolerances and pen segments."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import show
 from armcontour.files.job_edits import Change, Keys, value_at
-from armcontour.studio.edits.corners import renumbered
-from armcontour.studio.edits.keys import written
-from armcontour.studio.edits.state import EditState, uv_of
+from armcontour.files.patch import locate_key
+from armcontour.studio.edits.keys import format_value
 from armcontour.studio.handles import (
     CENTER,
     END,
@@ -21,13 +22,59 @@ from armcontour.studio.handles import (
     SEGMENTS,
     SPLINE,
     VIA,
+    EditState,
     Handles,
     Waypoint,
+    uv_of,
 )
+
+# Largest index of a waypoint.
+MAX_WAYPOINT = 10_000_000
+
+TO = "to"
+# A shape that starts this close to the end of the path continues it [m].
+NEAR = 1e-9
+
+
+def corner_tolerance(edit: Mapping[str, Any], state: EditState) -> list[Change]:
+    """Set the tolerance of one corner; null removes it."""
+    if edit["index"] is None:
+        raise InvalidInput(
+            "This corner is at no waypoint of a path of one contour, so that it cannot have a "
+            "tolerance of its own: set that of all corners."
+        )
+    index = checks.check_int("number of the waypoint", edit["index"], 0, MAX_WAYPOINT)
+    keys = locate_key(("corners", "at"), state.data, state.run)
+    key: Keys = (*keys, index + 1)
+    tolerances = value_at(state.data, keys)
+    if edit["value"] is None:
+        alone = isinstance(tolerances, dict) and set(tolerances) == {index + 1}
+        return [Change(keys if alone else key)]
+    return [Change(key, format_value(edit["value"], value_at(state.data, key), key))]
+
+
+def renumber_corners(index: int, by: int, state: EditState) -> list[Change]:
+    """Changes of corner tolerances when the waypoints from `index` on are renumbered by `by`."""
+    changes = []
+    last = len(state.handles.ends) - 1
+    # If an end of the path is removed, its neighbour becomes an end without a corner.
+    ends = {1, last} if by < 0 and index in (0, last) else set()
+    runs = (("runs", name, "corners", "at") for name in state.data["runs"])
+    for keys in (("corners", "at"), *runs):
+        tolerances = value_at(state.data, keys)
+        if not isinstance(tolerances, dict):
+            continue
+        # The waypoint that is removed has the number index + 1.
+        remaining = {k: x for k, x in tolerances.items() if by > 0 or k != index + 1}
+        moved = {k + by if k > index else k: x for k, x in remaining.items()}
+        new = {k: x for k, x in moved.items() if k not in ends}
+        if new != tolerances:
+            changes.append(Change(keys, new) if new else Change(keys))
+    return changes
 
 
 def move_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Move a point to a place in the picture; with `step` to one whose digits are round."""
+    """Move a waypoint in the picture; `step` rounds its coordinates."""
     point = _waypoint(edit, state)
     within = EXACT
     if edit.get("step") is not None:
@@ -37,64 +84,67 @@ def move_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def set_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Set the coordinates of a point, as typed."""
+    """Set the coordinates of a waypoint, as typed."""
     point = _waypoint(edit, state)
-    given = edit["value"]
-    if not isinstance(given, list) or len(given) != len(point.written):
+    values = edit["value"]
+    if not isinstance(values, list) or len(values) != len(point.written):
         raise InvalidInput(
-            f"Waypoint {point.index + 1} has {len(point.written)} coordinates, not {show(given)}."
+            f"Waypoint {point.index + 1} has {len(point.written)} coordinates, not {show(values)}."
         )
     new = [
-        written(x, old, (*point.keys, k))
-        for k, (x, old) in enumerate(zip(given, point.written, strict=True))
+        format_value(x, old, (*point.keys, k))
+        for k, (x, old) in enumerate(zip(values, point.written, strict=True))
     ]
     return _coordinates(point.keys, point.written, new)
 
 
 def _coordinates(keys: Keys, old: Sequence[Any], new: Sequence[Any]) -> list[Change]:
-    """The changes of those coordinates that are different."""
+    """Changes of the coordinates that differ."""
     pairs = enumerate(zip(old, new, strict=True))
     return [Change((*keys, k), x) for k, (was, x) in pairs if x != was or type(x) is not type(was)]
 
 
 def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Insert a point, which gets a number in the order of the path."""
-    handles, index = editable(state), edit["index"]
+    """Insert a waypoint at an index of the path."""
+    handles, index = require_editable(state), edit["index"]
     ends = handles.ends
     checks.check_int("number of the waypoint", index, 0, len(ends))
-    beside = ends[min(index, len(ends) - 1)]
-    if beside.role == END:
-        beside = next(x for x in reversed(ends[: beside.index]) if x.role == POINT)
-    at = list(handles.to_file(uv_of("at", edit["at"]), beside))
+    neighbour = ends[min(index, len(ends) - 1)]
+    if neighbour.role == END:
+        neighbour = next(x for x in reversed(ends[: neighbour.index]) if x.role == POINT)
+    coordinates = list(handles.to_file(uv_of("at", edit["at"]), neighbour))
     if handles.kind == SEGMENTS:
-        changes = _insert_segment(index, at, state)
+        changes = _insert_segment(index, coordinates, state)
     else:
-        changes = [Change((*_list_of(handles), index), at, insert=True)]
+        changes = [Change((*_list_of(handles), index), coordinates, insert=True)]
     like = min(index, len(ends) - 1)
-    return [*changes, *insert_orientation(index, like, state), *renumbered(index, 1, state)]
+    return [*changes, *copy_orientation(index, like, state), *renumber_corners(index, 1, state)]
 
 
-def _insert_segment(index: int, at: list[Any], state: EditState) -> list[Change]:
-    """Insert a point between segments: the line that goes there becomes two."""
+def _insert_segment(index: int, coordinates: list[Any], state: EditState) -> list[Change]:
+    """Insert a waypoint between segments: a line is divided into two."""
     path = state.data["path"]
     segments = path[SEGMENTS]
     if index == 0:
         line = {"to": path["start"]}
-        return [Change(("path", "start"), at), Change(("path", SEGMENTS, 0), line, insert=True)]
+        return [
+            Change(("path", "start"), coordinates),
+            Change(("path", SEGMENTS, 0), line, insert=True),
+        ]
     if index > len(segments):
-        return [Change(("path", SEGMENTS, len(segments)), {"to": at}, insert=True)]
+        return [Change(("path", SEGMENTS, len(segments)), {"to": coordinates}, insert=True)]
     parted = segments[index - 1]
     if parted.get(VIA) is not None or parted.get(CENTER) is not None:
         raise InvalidInput(
-            f"Segment {index} is an arc, which takes no more points: move its end or the point "
+            f"Segment {index} is an arc, which cannot be divided: move its end or the point "
             "that it goes through."
         )
-    return [Change(("path", SEGMENTS, index - 1), {**parted, "to": at}, insert=True)]
+    return [Change(("path", SEGMENTS, index - 1), {**parted, "to": coordinates}, insert=True)]
 
 
 def remove_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Remove a point at the end of a segment."""
-    handles, point = editable(state), _waypoint(edit, state, computed=True)
+    """Remove a waypoint at the end of a segment."""
+    handles, point = require_editable(state), _waypoint(edit, state, computed=True)
     if point.role not in (POINT, END):
         raise InvalidInput(
             f"Waypoint {point.index + 1} is the {point.role} point of an arc, which needs it: "
@@ -118,35 +168,27 @@ def remove_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     orientation = value_at(state.data, ("path", "orientation"))
     if isinstance(orientation, list) and index < len(orientation):
         changes.append(Change(("path", "orientation", index)))
-    return [*changes, *renumbered(index, -1, state)]
+    return [*changes, *renumber_corners(index, -1, state)]
 
 
-def insert_orientation(index: int, like: int, state: EditState) -> list[Change]:
-    """The orientation of a new point, which is that of one beside it."""
-    given = value_at(state.data, ("path", "orientation"))
-    if not isinstance(given, list) or like >= len(given):
+def copy_orientation(index: int, like: int, state: EditState) -> list[Change]:
+    """Copy the orientation of a neighbour for a new waypoint."""
+    orientations = value_at(state.data, ("path", "orientation"))
+    if not isinstance(orientations, list) or like >= len(orientations):
         return []
-    return [Change(("path", "orientation", index), given[like], insert=True)]
+    return [Change(("path", "orientation", index), orientations[like], insert=True)]
 
 
-def editable(state: EditState) -> Handles:
-    """The handles of a job whose points can be changed.
-
-    Raises:
-        InvalidInput: They come from a file.
-    """
+def require_editable(state: EditState) -> Handles:
+    """The handles of a job; refuses points that come from a file."""
     if state.handles.why_not is not None:
         raise InvalidInput(state.handles.why_not)
     return state.handles
 
 
 def _waypoint(edit: Mapping[str, Any], state: EditState, *, computed: bool = False) -> Waypoint:
-    """The point that an edit names.
-
-    Raises:
-        InvalidInput: There is no such point, or it cannot be moved.
-    """
-    points = editable(state).waypoints
+    """The waypoint of an edit. It must exist and be movable."""
+    points = require_editable(state).waypoints
     point = points[checks.check_int("number of the waypoint", edit["index"], 0, len(points) - 1)]
     if point.why_not is not None and not computed:
         raise InvalidInput(f"Waypoint {point.index + 1} cannot be moved. {point.why_not}")
@@ -154,5 +196,42 @@ def _waypoint(edit: Mapping[str, Any], state: EditState, *, computed: bool = Fal
 
 
 def _list_of(handles: Handles) -> Keys:
-    """The keys of the list of points of a job."""
     return ("path", SPLINE, POINTS) if handles.kind == SPLINE else ("path", POINTS)
+
+
+def draw(edit: Mapping[str, Any], state: EditState) -> list[Change]:
+    """Append drawn segments: lines to points, arcs via points, circles around centres."""
+    handles, path = require_editable(state), state.data["path"]
+    if handles.kind == SPLINE:
+        raise InvalidInput("A spline has no lines and arcs: draw on an empty plane instead (New).")
+    drawn = edit["segments"]
+    if not isinstance(drawn, list) or not all(isinstance(x, Mapping) for x in drawn):
+        raise InvalidInput("The pen draws a list of segments.")
+    ends, start = handles.ends, uv_of("start", edit["start"])
+    like = next((x for x in reversed(ends) if x.role == POINT), handles.origin)
+    normal = handles.frame.rotation.T @ handles.plane.normal
+    segments: list[dict[str, Any]] = []
+    for segment in drawn:
+        points = {k: uv_of(k, segment[k]) for k in (VIA, TO, CENTER) if k in segment}
+        segments.append({k: list(handles.to_file(at, like)) for k, at in points.items()})
+        if CENTER in points:
+            segments[-1]["angle"] = "360 deg"
+            if len(like.written) == 3:
+                segments[-1]["normal"] = normal.tolist()
+    first = list(handles.to_file(start, like))
+    if ends and np.linalg.norm(ends[-1].uv - start) > NEAR:
+        segments.insert(0, {TO: first})
+    kind = handles.kind
+    if kind == SEGMENTS or (kind == POINTS and all(set(x) == {TO} for x in segments)):
+        new = [x[TO] if kind == POINTS else x for x in segments]
+        keys: Keys = ("path", kind)
+        count = len(path[kind])
+        changes = [Change((*keys, count + k), x, insert=True) for k, x in enumerate(new)]
+    else:
+        # Points become lines.
+        begin, *others = path.get(POINTS) or [first]
+        values = {"start": begin, SEGMENTS: [*({TO: x} for x in others), *segments]}
+        changes = [Change(("path", POINTS)), *(Change(("path", k), x) for k, x in values.items())]
+    for k in range(len(segments)):
+        changes += copy_orientation(len(ends) + k, len(ends) - 1, state)
+    return changes

@@ -1,4 +1,4 @@
-"""Figures of a full run, or what the run refuses and where; and what to change of it."""
+"""Tasks with figures of a run: results, advice, comparison, checks of limits and clearance."""
 
 from __future__ import annotations
 
@@ -6,38 +6,48 @@ from collections.abc import Generator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from armcontour.core.errors import ArmContourError, InvalidInput
+import numpy as np
+
+from armcontour.core.errors import ArmContourError, Collision, InvalidInput
+from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks.request import Request
-from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:
+    from armcontour.core.checks import FloatArray
+    from armcontour.jobs import RunResult
     from armcontour.jobs.improvements import Advice
 
-# Jobs of more segments are not planned again while somebody works on them.
-MOST_SEGMENTS = 200
-LONG = "The program is long: the command run plans its changes with --changes."
-# The steps of what to change for the last figures, by what they are of.
+
+# Larger jobs get no advice in the Studio, because it plans them many times.
+MAX_SEGMENTS = 200
+LONG_NOTE = "The program is long: the command run plans its changes with --changes."
+# Generator of the advice for the last figures, by text and run.
 _advising: dict[tuple[str, str | None], Generator[float, None, Advice]] = {}
 
+# Points of each curve.
+POINTS = 2_000
 
-def figures(x: Request) -> Frame:
-    """Figures of a full run, or what the run refuses and where."""
+# Number of times at which the clearance is computed, and of nearest pairs in the table.
+CLEARANCE_TIMES, MAX_PAIRS = 400, 10
+
+
+def figures(request: Request) -> PageFrame:
+    """Exact figures of a run, or its refusal with the position."""
     from armcontour.core.render import frame
     from armcontour.jobs.advice import advising, is_small
     from armcontour.jobs.job_result import judging_rows
-    from armcontour.studio.picture import time_header
+    from armcontour.studio.picture import refusal_header, time_header
     from armcontour.studio.preview import Tier
-    from armcontour.studio.refusals import refusal_header
 
     try:
-        result = x.result
+        result = request.result
     except ArmContourError as error:
         try:
-            told = refusal_header(error, x.view, tier=3, run=x.run or "")
+            refusal = refusal_header(error, request.view, tier=3, run=request.run or "")
         except InvalidInput:
-            # The data make no job, so that there is no plane to draw in.
-            told = {"tier": 3, "run": x.run, "sentence": str(error), "at": {}}
-        return Frame("refusal", told)
+            # The data make no job, so there is no plane for a position.
+            refusal = {"tier": 3, "run": request.run, "sentence": str(error), "at": {}}
+        return PageFrame("refusal", refusal)
     data = result.to_data()
     header = {
         "run": result.run.name,
@@ -46,36 +56,151 @@ def figures(x: Request) -> Frame:
         **time_header(result.explanation),
         "start": result.trajectory(0.0),
         "warnings": data.warnings,
-        "notes": [*data.notes, *x.job.arm.notes],
+        "notes": [*data.notes, *request.job.arm.notes],
     }
     _advising.clear()
-    if is_small(x.job, MOST_SEGMENTS):
-        _advising[x.text, x.run] = advising(x.job, result)
-    return Frame("figures", header)
+    if is_small(request.job, MAX_SEGMENTS):
+        _advising[request.text, request.run] = advising(request.job, result)
+    return PageFrame("figures", header)
 
 
-def changes(x: Request) -> Frame:
-    """The next step of what to change; the last one has the changes."""
+def changes(request: Request) -> PageFrame:
+    """Next step of the advice; the last one contains the proposed changes."""
     from armcontour.jobs.advice import advising, is_small
 
-    if not is_small(x.job, MOST_SEGMENTS):
-        return Frame("changes", {"run": x.run, "share": 1.0, "changes": [], "note": LONG})
-    steps = _advising.get((x.text, x.run)) or advising(x.job, x.result)
-    _advising[x.text, x.run] = steps
+    if not is_small(request.job, MAX_SEGMENTS):
+        return PageFrame(
+            "changes", {"run": request.run, "share": 1.0, "changes": [], "note": LONG_NOTE}
+        )
+    steps = _advising.get((request.text, request.run)) or advising(request.job, request.result)
+    _advising[request.text, request.run] = steps
     try:
-        return Frame("changes", {"run": x.run, "share": next(steps)})
+        return PageFrame("changes", {"run": request.run, "share": next(steps)})
     except StopIteration as end:
         advice: Advice = end.value
-    found = [
+    proposals = [
         {
             **{"label": y.label, "effect": y.effect, "edits": [_set(*z) for z in y.edits]},
             "condition": y.condition and f"if {y.condition}",
         }
         for y in advice.improvements
     ]
-    return Frame("changes", {"run": x.run, "share": 1.0, "changes": found, "note": advice.note})
+    return PageFrame(
+        "changes", {"run": request.run, "share": 1.0, "changes": proposals, "note": advice.note}
+    )
 
 
 def _set(key: str, value: Any) -> dict[str, Any]:
-    """The edit that sets a key."""
     return {"do": "set", "key": key, "value": value}
+
+
+def compare(request: Request) -> PageFrame:
+    """Comparison of the shown run with another run or with the job before the last edit."""
+    from armcontour.core.render import cells, number
+    from armcontour.jobs.differences import differences
+    from armcontour.studio.view import to_float32
+
+    other = request.option("with", "")
+    if other:
+        names, that = (str(request.run), other), replace(request, run=other)
+    else:
+        names, text = ("now", "before"), request.option("text", "")
+        if not text:
+            raise InvalidInput("There is no edit yet: edit the job, or choose another run.")
+        that = replace(request, text=text)
+    results = request.result, that.result
+    table = differences(results[0].to_data(), results[1].to_data(), names)
+    saved = results[1].trajectory.duration - results[0].trajectory.duration
+    words = "shorter" if saved > 0 else "longer"
+    sentence = f"The motion is {number(abs(saved), 's')} {words}: {names[0]} against {names[1]}."
+    length = max(y.path.length for y in results)
+    duration = max(y.motion.t[-1] for y in results)
+    s, t = np.linspace(0, length, POINTS), np.linspace(0, duration, POINTS)
+    arrays = {"s": s, "t": t}
+    for k, result in enumerate(results):
+        arrays[f"speed_{k}"], arrays[f"error_{k}"] = _speed(result, s), _error(result, t)
+    header = {"run": request.run, "sentence": sentence, "names": names, "table": cells(table)}
+    return PageFrame("result", header, {name: to_float32(y) for name, y in arrays.items()})
+
+
+def _speed(result: RunResult, s: FloatArray) -> FloatArray:
+    """Planned tool speeds at arc lengths, NaN beyond the end [m/s]."""
+    within = s <= result.path.length
+    speed = np.full(len(s), np.nan)
+    speed[within] = result.trajectory.speed_at(s[within])
+    return speed
+
+
+def _error(result: RunResult, t: FloatArray) -> FloatArray:
+    """Contour errors at times, NaN outside of contours [m]."""
+    assert result.evaluation is not None
+    e = result.evaluation.contour_error
+    return np.interp(t, e.t, e.values, left=np.nan, right=np.nan)
+
+
+def check(request: Request) -> PageFrame:
+    """Check of the plan against all limits, without code of the planner."""
+    from armcontour.core.render import number
+    from armcontour.verification import check
+
+    plan = request.set_points
+    result = check(plan.trajectory, request.job.arm, plan.run.limits, plan.path)
+    worst = result.worst
+    most_used = ""
+    if worst is not None:
+        most_used = f" {_words(worst.name)} is used most: {number(worst.ratio, '1')}."
+    rows = [
+        (
+            _words(y.name) + ("" if y.joint is None else f", joint {y.joint + 1}"),
+            *(number(y.ratio, "1"), number(y.value, y.unit)),
+            number(y.limit, y.unit) if np.isfinite(y.limit) else "none",
+            *(number(y.t, "s"), y.verdict),
+        )
+        for y in result.uses
+    ]
+    verdict = {"kept": "All limits are kept.", "violated": "A limit is exceeded."}
+    sentence = (
+        verdict.get(result.verdict, "The check cannot decide if all limits are kept.") + most_used
+    )
+    return PageFrame(
+        "result",
+        {
+            **{"run": plan.run.name, "verdict": result.verdict, "sentence": sentence},
+            **{"table": [("Limit", "Used", "Value", "Allowed", "At", "Verdict"), *rows]},
+            **{"states": result.states, "not_judged": [_words(y) for y in result.not_judged]},
+        },
+    )
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def clearance(request: Request) -> PageFrame:
+    """Distances of the arm from itself and its cell over time, and the nearest pairs."""
+    from armcontour.core.render import cells, frame
+    from armcontour.jobs import run
+    from armcontour.studio.view import to_float32
+
+    cell = request.job.cell
+    try:
+        plan = request.set_points
+    except Collision:
+        # The task reports the distances also of a colliding motion.
+        job = replace(request.job, ignore_collisions=True)
+        (plan,) = run(job, simulate=False, progress=request.progress).runs.values()
+    result = cell.check(plan.trajectory)
+    t = np.linspace(0.0, plan.trajectory.duration, CLEARANCE_TIMES)
+    over_time = cell.smallest_distances(plan.trajectory(t))
+    data = result.to_data()
+    pairs = data.tables[0]
+    header = {
+        **{"run": plan.run.name, "sentence": result.sentence, "kept": result.satisfied},
+        "rows": frame(data),
+        "warnings": [] if result.below_base is None else [result.below_base],
+        "kinds": list(over_time),
+        "table": cells(replace(pairs, rows=pairs.rows[:MAX_PAIRS])),
+        "left_out": len(result.left_out),
+    }
+    over_time["t"] = t
+    return PageFrame("result", header, {name: to_float32(y) for name, y in over_time.items()})

@@ -13,79 +13,77 @@ from typing import TYPE_CHECKING, Any
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Step
-from armcontour.studio.tasks.logs import learned
+from armcontour.studio.page_frame import PageFrame
+from armcontour.studio.tasks.logs import learn_from_logs
 from armcontour.studio.tasks.request import Request
-from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:
     from armcontour.files.exports.formats import ExportFormat
     from armcontour.jobs import Job, RunResult
 
-# The template whose files have names of KRL, of so many letters at most.
-KUKA, MOST_LETTERS = "kuka", 24
+# Template with file names of KRL, and their largest length.
+KUKA, MAX_LETTERS = "kuka", 24
 
 
-def report(x: Request) -> Frame:
-    """The report of the run as one page of HTML; with the option `all`, of all runs."""
+def report(request: Request) -> PageFrame:
+    """HTML report of the run; with the option `all`, of all runs."""
     from armcontour.jobs import run
     from armcontour.report import render_report
 
-    job = x.whole_job
-    if not x.option("all", False):
-        chosen = tuple(y for y in job.runs if x.run in (None, y.name))[:1]
+    job = request.whole_job
+    if not request.option("all", False):
+        chosen = tuple(y for y in job.runs if request.run in (None, y.name))[:1]
         job = replace(job, runs=chosen)
-    study = run(job, progress=x.progress)
-    x.progress(Step(("writing",)))
-    return Frame.of_file(f"{job.name}-report.html", render_report(study).encode(), {"run": x.run})
+    study = run(job, progress=request.progress)
+    request.progress(Step(("writing",)))
+    return PageFrame.of_file(
+        f"{job.name}-report.html", render_report(study).encode(), {"run": request.run}
+    )
 
 
-def certify(x: Request) -> Frame:
-    """The fastest plan whose execution keeps the tolerance, as a report; and its figures.
-
-    Options: fields of `jobs.CertificateGoal`, such as `tolerance` [m].
-
-    Raises:
-        InvalidInput: Neither the job nor the options have a tolerance.
-    """
+def certify(request: Request) -> PageFrame:
+    """Certificate as a report; options are fields of `CertificateGoal`."""
     from armcontour.core.render import plain, verdict
     from armcontour.report import render_report
     from armcontour.studies.certification import certify
-    from armcontour.studies.certification.certifying import goal_of
+    from armcontour.studies.certification.certification import goal_of
 
-    if x.whole_job.certificate is None and "tolerance" not in x.options:
+    if request.whole_job.certificate is None and "tolerance" not in request.options:
         raise InvalidInput(
-            "Certify needs a tolerance, as the job has none: enter it beside Certify."
+            "Certify needs a tolerance, because the job has none: enter it next to Certify."
         )
-    goal = goal_of(x.whole_job, **x.options)
-    found = certify(x.whole_job, x.run, goal=goal, progress=x.progress)
-    x.progress(Step(("writing",)))
-    data = found.to_data()
+    goal = goal_of(request.whole_job, **request.options)
+    certificate = certify(request.whole_job, request.run, goal=goal, progress=request.progress)
+    request.progress(Step(("writing",)))
+    data = certificate.to_data()
     header = {
-        **{"run": found.run.name, "sentence": f"{verdict(data)} It holds for: {found.model}."},
+        **{
+            "run": certificate.run.name,
+            "sentence": f"{verdict(data)} It holds for: {certificate.model}.",
+        },
         **{"notes": [*data.notes, *data.warnings], "certificate": plain(data)},
     }
-    page = render_report(found.study, certificate=found)
-    return Frame.of_file(f"{found.job.name}-certificate.html", page.encode(), header)
+    page = render_report(certificate.study, certificate=certificate)
+    return PageFrame.of_file(f"{certificate.job.name}-certificate.html", page.encode(), header)
 
 
-def export(x: Request) -> Frame:
-    """The set-points or the plan in a format of a controller or a table.
-
-    Options: `format`, a name of a format; for "template" its `template`; `of`, "set_points",
-    "planned", or "learned" from `logs`; `cycle` of a plan [s].
-    """
+def export(request: Request) -> PageFrame:
+    """Exported set-points or plan; options `format`, `template`, `format_class`, `cycle` [s]."""
     from armcontour.files.exports.formats import TemplateFormat, format_named, write_destination
     from armcontour.files.exports.table import make_table
     from armcontour.files.exports.template import SHIPPED, describe_program, ending_of
     from armcontour.jobs import analog_outputs
 
-    of, source = format_named(str(x.option("format", "csv"))), x.option("of", "set_points")
+    format_class, source = (
+        format_named(str(request.option("format", "csv"))),
+        request.option("of", "set_points"),
+    )
     if source == "learned":
-        study = learned(x)
+        study = learn_from_logs(request)
         plan = replace(study.plan, set_points=study.lesson)
     else:
-        plan = x.set_points
-    format = of(**{name: y for name, y in x.options.items() if name == "template"})
+        plan = request.set_points
+    format = format_class(**{name: y for name, y in request.options.items() if name == "template"})
     template, ending = None, format.ending
     if isinstance(format, TemplateFormat):
         template = format.label
@@ -94,23 +92,23 @@ def export(x: Request) -> Frame:
             raise InvalidInput(f"There is no template {template!r}: there are {names}.")
         ending = ending_of(template)
     set_points = source != "planned"
-    x.progress(Step(("writing",)))
+    request.progress(Step(("writing",)))
     with tempfile.TemporaryDirectory() as folder:
-        stem = f"{x.job.name}-{plan.run.name}"
+        stem = f"{request.job.name}-{plan.run.name}"
         if template == KUKA:
-            # KRL finds a program by the name of its file, and takes few names.
+            # KRL identifies a program by the name of its file and allows only short names.
             stem = re.sub(r"\W", "_", stem if stem[:1].isalpha() else f"p_{stem}", flags=re.ASCII)
-            stem = stem[:MOST_LETTERS]
+            stem = stem[:MAX_LETTERS]
         file = FilePath(folder) / f"{stem}{ending}"
         table = make_table(
             plan.set_points if set_points else plan.trajectory,
-            name=f"{x.job.name} {'set-points' if set_points else 'reference'}",
-            arm=x.job.arm,
-            cycle=None if set_points else x.option("cycle", plan.run.cycle),
+            name=f"{request.job.name} {'set-points' if set_points else 'reference'}",
+            arm=request.job.arm,
+            cycle=None if set_points else request.option("cycle", plan.run.cycle),
             derivatives=2,
-            analog=_analog(format, plan, x.job, analog_outputs),
+            analog=_analog(format, plan, request.job, analog_outputs),
         )
-        told = describe_program(
+        notes = describe_program(
             table,
             format.label,
             None,
@@ -123,13 +121,13 @@ def export(x: Request) -> Frame:
     called = f"{'Format' if template is None else 'Template'} {format.label}"
     header = {
         **{"run": plan.run.name, "points": len(plan.set_points.q)},
-        "warnings": (*plan.warnings, *(f"{called}: {said}" for said in told)),
+        "warnings": (*plan.warnings, *(f"{called}: {said}" for said in notes)),
     }
-    return Frame.of_file(name, content, header)
+    return PageFrame.of_file(name, content, header)
 
 
 def _analog(format: ExportFormat, plan: RunResult, job: Job, outputs: Callable[..., Any]) -> Any:
-    """The analog outputs of a plan, for formats that have them."""
+    """Analog outputs of a plan, if the format supports them."""
     from armcontour.files.exports.formats import WITH_ANALOG
 
     if not isinstance(format, WITH_ANALOG):

@@ -18,20 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True)
 class Request:
-    """A task on a document.
-
-    Args:
-        text: Text of the job file.
-        source: Its name in messages.
-        folder: Folder of relative file names.
-        run: Name of the run.
-        trust_xacro: Whether the arm may be a .xacro file.
-        options: Options of the task.
-        logs: Files of logs of the robot.
-        allowed: Folders in which files may be read; without any, everywhere.
-        named: Files elsewhere that may be read.
-        progress: Called with steps.
-    """
+    """A task on a document, with cached results."""
 
     text: str
     source: str = "job"
@@ -46,14 +33,14 @@ class Request:
 
     @cached_property
     def data(self) -> dict[str, Any]:
-        """The job as parsed."""
+        """Data of the job."""
         from armcontour.files.job_file import read_data
 
         return read_data(self.text, self.source)
 
     @cached_property
     def previewer(self) -> CoarsePlanner:
-        """Keeps what does not change from one task to the next."""
+        """Planner that keeps results from one task to the next."""
         key = self.folder, self.trust_xacro
         if key not in _previewers:
             from armcontour.studio.preview import CoarsePlanner
@@ -64,12 +51,12 @@ class Request:
 
     @cached_property
     def job(self) -> Job:
-        """The job with the run only, without requirements of a certificate."""
+        """The job with only this run, without the keys of a certificate."""
         return self.previewer.job(self.data, self.run)
 
     @cached_property
     def whole_job(self) -> Job:
-        """The job with all that its file has."""
+        """The job with all keys of its file."""
         from armcontour.files import parse_job
 
         return parse_job(
@@ -84,24 +71,24 @@ class Request:
         """Plan and set-points of the run."""
         from armcontour.jobs import run
 
-        (found,) = run(self.job, simulate=False, progress=self.progress).runs.values()
-        return found
+        (plan,) = run(self.job, simulate=False, progress=self.progress).runs.values()
+        return plan
 
     @cached_property
     def result(self) -> RunResult:
-        """The result of the run, with an experiment only where that judges previews, too."""
+        """Result of the run, judged as in the preview."""
         from armcontour.jobs import run
 
-        (this,) = self.job.runs
-        this = replace(this, experiment=this.judge)
-        (found,) = run(replace(self.job, runs=(this,)), progress=self.progress).runs.values()
-        if found.failure is not None:
-            raise found.failure
-        return found
+        (single,) = self.job.runs
+        single = replace(single, experiment=single.judge)
+        (result,) = run(replace(self.job, runs=(single,)), progress=self.progress).runs.values()
+        if result.failure is not None:
+            raise result.failure
+        return result
 
     @cached_property
     def view(self) -> View:
-        """The plane that the document is drawn in."""
+        """Projection of the document onto the picture."""
         from armcontour.studio.handles import handles_of
         from armcontour.studio.view import View
 
@@ -110,9 +97,9 @@ class Request:
 
     def option(self, name: str, default: Any) -> Any:
         """An option of the task, or a default."""
-        found = self.options.get(name)
-        return default if found is None else found
+        value = self.options.get(name)
+        return default if value is None else value
 
 
-# One, of the last folder.
+# The planner of the last folder.
 _previewers: dict[tuple[str, bool], CoarsePlanner] = {}

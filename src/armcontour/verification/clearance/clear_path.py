@@ -13,7 +13,7 @@ from armcontour.verification.clearance.clearance import Cell
 ROUNDED = (0.9, 0.5, 0.2, 0.0)
 # Search for intermediate postures: growth of a branch per step [rad], margin around both ends for
 # random postures [rad], and largest number of checked lines.
-STEP, AROUND, MOST_PIECES = 0.4, 1.5, 1500
+STEP, AROUND, MAX_PIECES = 0.4, 1.5, 1500
 # Number of attempted shortcuts between two postures of a path.
 SHORTCUTS = 60
 
@@ -21,28 +21,16 @@ SHORTCUTS = 60
 def connect(
     cell: Cell, first: FloatArray, last: FloatArray, ranges: tuple[FloatArray, FloatArray]
 ) -> JointPath | None:
-    """Find a joint path between two postures that satisfies all margins; None if not found.
-
-    Two trees of postures grow towards each other (RRT-Connect; Kuffner and LaValle, 2000). Every
-    line is proven to be collision-free. The result is deterministic.
-
-    Args:
-        cell: The arm and its cell.
-        first: The first posture [rad], (dof,).
-        last: The last posture [rad], (dof,).
-        ranges: Lowest and highest joint positions [rad], (dof,) each.
-    """
+    """Find a joint path between two postures that satisfies all margins; None if not found."""
+    # Two trees of postures grow towards each other (RRT-Connect; Kuffner and LaValle, 2000). Every
+    # line is proven to be collision-free. The result is deterministic.
     postures = _search(cell, first, last, ranges)
     return None if postures is None else path_through(cell, _shorten(cell, postures))
 
 
 def path_through(cell: Cell, postures: FloatArray) -> JointPath | None:
-    """A collision-free joint path through postures with rounded corners; None if there is none.
-
-    Args:
-        cell: The arm and its cell.
-        postures: The postures [rad], (n, dof).
-    """
+    """A collision-free joint path through postures with rounded corners; None if there is none."""
+    # postures (n, dof) [rad].
     apart = np.append(True, np.abs(np.diff(postures, axis=0)).max(axis=1) > 1e-9)
     for share in ROUNDED if apart.sum() > 2 else ROUNDED[-1:]:
         path = round_postures(postures[apart], share)
@@ -52,12 +40,8 @@ def path_through(cell: Cell, postures: FloatArray) -> JointPath | None:
 
 
 def round_postures(postures: FloatArray, share: float) -> JointPath:
-    """Straight lines in joint space between postures, with parabolas at the corners.
-
-    Args:
-        postures: The postures, no two consecutive ones equal [rad], (n, dof).
-        share: Fraction of half of each line that its parabolas take; 0 stops at every corner.
-    """
+    """Straight lines in joint space between postures, with parabolas at the corners."""
+    # share: fraction of half of each line that its parabolas take; 0 stops at every corner.
     steps = np.diff(postures, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     directions = steps / lengths[:, None]
@@ -108,41 +92,33 @@ def _search(
 
 
 class _Lines:
-    """Straight lines in joint space, with a budget of checks.
+    """Straight lines in joint space, with a budget of checks."""
 
-    Args:
-        cell: The arm and its cell.
-
-    Attributes:
-        left: Number of remaining checks.
-    """
+    # cell: the arm and its cell.
+    # left: number of remaining checks.
 
     def __init__(self, cell: Cell) -> None:
         self._cell = cell
-        self.left = MOST_PIECES
+        self.left = MAX_PIECES
 
     def clear(self, first: FloatArray, last: FloatArray) -> bool:
-        """Whether the line between two postures is collision-free; False after the last check."""
+        """True if the line between two postures is collision-free; False after the last check."""
         self.left -= 1
         return self.left >= 0 and self._cell.keeps(JointPath.spline([first, last]))
 
 
 class _Tree:
-    """Postures connected to a root by collision-free lines.
+    """Postures connected to a root by collision-free lines."""
 
-    Args:
-        root: The root [rad], (dof,).
-    """
+    # root: the root [rad], (dof,).
 
     def __init__(self, root: FloatArray) -> None:
         self.postures = [root]
         self.parents = [0]
 
     def grow(self, goal: FloatArray, lines: _Lines, *, whole: bool = False) -> int | None:
-        """Grow from the nearest posture towards a goal; index of the last new posture, or None.
-
-        With `whole` the growth continues to the goal, otherwise it is one step.
-        """
+        """Grow from the nearest posture towards a goal; index of the last new posture, or None."""
+        # With `whole` the growth continues to the goal, otherwise it is one step.
         rows = np.array(self.postures)
         k = int(np.argmin(np.linalg.norm(rows - goal, axis=1)))
         newest: int | None = None

@@ -66,7 +66,7 @@ class PairClearance:
 
     @property
     def satisfied(self) -> bool:
-        """Whether the margin is satisfied, proven for all times."""
+        """True if the margin is satisfied, proven for all times."""
         return self.low >= self.margin
 
     def later(self, by: float) -> PairClearance:
@@ -110,7 +110,7 @@ class Clearance(Result):
 
     @property
     def satisfied(self) -> bool:
-        """Whether all margins are satisfied, proven for all times."""
+        """True if all margins are satisfied, proven for all times."""
         return all(x.satisfied for x in self.pairs)
 
     @property
@@ -272,6 +272,9 @@ def check_clearance(
     joints could bring two bodies together (conservative advancement; Mirtich, 1996). Violations are
     reported with their first time.
 
+    >>> ac.check_clearance(planned, arm).satisfied
+    True
+
     Args:
         motion: A planned or an executed motion, or a joint path, with arc length instead of time.
         arm: The arm, with the shapes of its links.
@@ -309,7 +312,7 @@ class Cell:
 
     @checked
     def check(self, motion: Motion, *, resolution: Tolerance = 1e-3) -> Clearance:
-        """As `check_clearance`.
+        """Prove the distances in a motion, as `check_clearance` does.
 
         Args:
             motion: The motion.
@@ -404,14 +407,7 @@ def cell_of(arm: Arm, scene: Scene | None) -> Cell:
 
 
 class _Search:
-    """Search for the smallest distances of pairs.
-
-    Args:
-        motion: The motion.
-        pairs: The pairs.
-        distances: Their distances.
-        resolution: Accuracy of the smallest distance of a kind [m].
-    """
+    """Search for the smallest distances of pairs, to an accuracy `resolution` per kind [m]."""
 
     def __init__(
         self,
@@ -440,11 +436,9 @@ class _Search:
         self._at = np.zeros(n)
 
     def run(self) -> bool:
-        """Divide time windows until their bounds decide; return whether all margins are satisfied.
-
-        With an infinite resolution only this is determined, and the first violation ends the
-        search.
-        """
+        """Divide time windows until their bounds decide; True if all margins are satisfied."""
+        # With an infinite resolution only this is determined, and the first violation ends the
+        # search.
         for first in range(0, len(self._t) - 1, AT_ONCE):
             last = min(first + AT_ONCE, len(self._t) - 1)
             travel = self._travel[first : last + 1] - self._travel[first]
@@ -455,7 +449,7 @@ class _Search:
 
     @property
     def _decided(self) -> bool:
-        """Whether a margin is violated, if only this is to be determined."""
+        """True if a margin is violated, if only this is to be determined."""
         return self._resolution == np.inf and bool((self._high < self._margins).any())
 
     def results(self) -> list[PairClearance]:
@@ -482,11 +476,9 @@ class _Search:
         ]
 
     def _run_part(self, t: FloatArray, travel: FloatArray) -> None:
-        """Search a part of the motion.
-
-        `t` are the times of its breaks [s], `travel` the largest travel of each joint since the
-        start of the part [rad], (n, dof).
-        """
+        """Search a part of the motion."""
+        # `t` are the times of its breaks [s], `travel` the largest travel of each joint since the
+        # start of the part [rad], (n, dof).
         pair = np.arange(len(self.pairs))
         begin, end = np.full(len(pair), t[0]), np.full(len(pair), t[-1])
         travelled = np.zeros(len(pair)), self._radii @ travel[-1]

@@ -1,9 +1,10 @@
-"""Distances of bodies, by the library coal."""
+"""Distances of bodies, by the library coal, and pairs that touch in every posture."""
 
 from __future__ import annotations
 
 import importlib.util
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -12,40 +13,46 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray, kernel_array
 from armcontour.core.errors import InvalidInput
-from armcontour.robot import Chain
+from armcontour.robot import Arm, Chain
 from armcontour.robot.chain import joint_frames, link_table
 from armcontour.robot.kernels import frames_of
-from armcontour.robot.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
-from armcontour.verification.clearance.pairs import Body, Pair
+from armcontour.robot.scene import (
+    ArmShapes,
+    Box,
+    Capsule,
+    Cylinder,
+    HalfSpace,
+    LeftOut,
+    Mesh,
+    Scene,
+    Shape,
+    Sphere,
+)
+from armcontour.verification.clearance.pairs import Body, Pair, pairs_of
 
-# What distances are uncertain by: the tolerance of the library's iteration [m].
+# Uncertainty of distances: the tolerance of the library's iteration [m].
 UNCERTAINTY = 2e-6
-# Meshes as the library has them, for as long as they are used: hulls take milliseconds.
+REASON = "touching with all joints at 0, and in every other posture that was tried"
+# Number of other postures that are tried.
+POSTURES = 15
+# Library objects of meshes in use, because hulls take milliseconds.
 MESHES: WeakKeyDictionary[Mesh, Any] = WeakKeyDictionary()
 
 
 class Distances:
-    """Distances of pairs of bodies of a chain.
-
-    Args:
-        chain: The chain.
-        pairs: The pairs.
-
-    Raises:
-        InvalidInput: The library coal is missing, or it finds no convex hull of a mesh.
-    """
+    """Distances of pairs of bodies of a chain."""
 
     def __init__(self, chain: Chain, pairs: Sequence[Pair]) -> None:
         self._coal = _coal()
-        # Not `ComputeDistance`, which is faster: what it finds depends on what it was asked before.
+        # `ComputeDistance` is faster, but its result depends on the calls before.
         self._least = self._coal.distance
         self._pairs = pairs
-        # Places in the list of all bodies; bodies are compared by identity.
+        # Indices in the list of all bodies; bodies are compared by identity.
         self._bodies: dict[int, int] = {}
         self._list: list[Body] = []
         made = partial(_geometry, self._coal)
-        for x in pairs:
-            for body in (x.first, x.second):
+        for pair in pairs:
+            for body in (pair.first, pair.second):
                 if id(body) not in self._bodies:
                     self._bodies[id(body)] = len(self._list)
                     self._list.append(body)
@@ -53,8 +60,8 @@ class Distances:
         # Frames of the bodies in the frames of joints, which have z along the joint axis.
         turns = [np.eye(3), *np.swapaxes(joint_frames(chain), 1, 2)]
         self._joints = np.array([x.link - 1 for x in self._list], dtype=np.intp)
-        places = [turns[x.link] @ x.place.matrix for x in self._list]
-        self._places = np.array(places).reshape(-1, 3, 4)
+        placements = [turns[x.link] @ x.place.matrix for x in self._list]
+        self._places = np.array(placements).reshape(-1, 3, 4)
         self._shapes = [(made(x.first.shape), made(x.second.shape)) for x in pairs]
         self._exact = [
             None
@@ -69,104 +76,92 @@ class Distances:
         self._request.enable_signed_distance = True
         self._still = self._coal.Transform3s()
 
-    def measure(self, q: FloatArray, at: IntArray, pair: IntArray) -> FloatArray:
-        """Distances of pairs at joint positions [m], (m,); where they overlap, below zero.
-
-        Args:
-            q: Joint positions [rad], (n, dof).
-            at: Indices of the joint positions, (m,).
-            pair: Indices of the pairs, (m,).
-        """
-        turned, moved = self._relative(q, at, pair)
-        found, place, result = [], self._coal.Transform3s(), self._coal.DistanceResult()
+    def measure(self, q: FloatArray, state: IntArray, pair: IntArray) -> FloatArray:
+        """Distances of pairs at joint positions [m], (m,); where they overlap, below zero."""
+        # q (n, dof) [rad], at (m,), pair (m,).
+        turned, moved = self._relative(q, state, pair)
+        distances, placement, result = [], self._coal.Transform3s(), self._coal.DistanceResult()
         for p, turn, move in zip(pair.tolist(), turned, moved, strict=True):
-            place.setTransform(turn, move)
-            found.append(self._distance(p, place, result))
-        return np.array(found)
+            placement.setTransform(turn, move)
+            distances.append(self._distance(p, placement, result))
+        return np.array(distances)
 
     def points(self, q: FloatArray) -> FloatArray:
-        """The two nearest points of every pair, in the work frame [m], (pairs, 2, 3).
-
-        Args:
-            q: Joint positions for each pair [rad], (pairs, dof).
-        """
+        """The two nearest points of every pair, in the work frame [m], (pairs, 2, 3)."""
+        # q (pairs, dof) [rad].
         every = np.arange(len(self._pairs))
         turned, moved = self._relative(q, every, every)
-        # Not kept from call to call: several threads may ask.
-        found, result = np.empty((len(every), 2, 3)), self._coal.DistanceResult()
+        # The result object is new in each call because several threads may call.
+        points, result = np.empty((len(every), 2, 3)), self._coal.DistanceResult()
         for k in range(len(every)):
             self._distance(k, self._coal.Transform3s(turned[k], moved[k]), result)
-            found[k, 0] = result.getNearestPoint1()
-            found[k, 1] = result.getNearestPoint2()
+            points[k, 0] = result.getNearestPoint1()
+            points[k, 1] = result.getNearestPoint2()
         first = self._placements(q)[every, self._ends[:, 0]]
-        return np.asarray(found @ np.swapaxes(first[..., :3], 1, 2) + first[:, None, :, 3])
+        return np.asarray(points @ np.swapaxes(first[..., :3], 1, 2) + first[:, None, :, 3])
 
-    def _distance(self, pair: int, place: Any, result: Any) -> float:
-        """Distance of a pair with its second body so placed in the frame of the first one."""
+    def _distance(self, pair: int, placement: Any, result: Any) -> float:
+        """Distance of a pair, with the placement of the second body in the frame of the first."""
         first, second = self._shapes[pair]
-        # As `_between`: this is called by the hundred thousand.
+        # A copy of `_between`, because this function is called 100,000 times.
         result.clear()
-        found: float = self._least(first, self._still, second, place, self._request, result)
+        distance: float = self._least(first, self._still, second, placement, self._request, result)
         exact = self._exact[pair]
-        if exact is not None and found < self._pairs[pair].margin + UNCERTAINTY:
-            found = max(found, self._between(*exact, place, result))
-        return found
+        if exact is not None and distance < self._pairs[pair].margin + UNCERTAINTY:
+            distance = max(distance, self._between(*exact, placement, result))
+        return distance
 
-    def _between(self, first: Any, second: Any, place: Any, result: Any) -> float:
+    def _between(self, first: Any, second: Any, placement: Any, result: Any) -> float:
         """Distance of two bodies of the library."""
         result.clear()
-        return float(self._coal.distance(first, self._still, second, place, self._request, result))
+        return float(
+            self._coal.distance(first, self._still, second, placement, self._request, result)
+        )
 
     def _placements(self, q: FloatArray) -> FloatArray:
         """Placements of all bodies, (n, bodies, 3, 4)."""
         joints = frames_of(self._links, kernel_array(q))
-        # The base, link 0, takes the place of the tool.
+        # The base (link 0) is stored at the index -1, instead of the tool.
         joints[:, -1] = self._base
         poses = joints[:, self._joints]
-        found: FloatArray = poses[..., :3] @ self._places
-        found[..., 3] += poses[..., 3]
-        return found
+        placements: FloatArray = poses[..., :3] @ self._places
+        placements[..., 3] += poses[..., 3]
+        return placements
 
     def _relative(
-        self, q: FloatArray, at: IntArray, pair: IntArray
+        self, q: FloatArray, state: IntArray, pair: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Rotations and positions of second bodies in the frames of first ones, (m, 3, 3), (m, 3).
-
-        The library takes contiguous arrays in half of the time.
-        """
+        """Rotations (m, 3, 3) and positions (m, 3) of second bodies in the frames of first ones."""
+        # The library takes contiguous arrays in half of the time.
         placed = self._placements(q)
-        first, second = placed[at, self._ends[pair, 0]], placed[at, self._ends[pair, 1]]
+        first, second = placed[state, self._ends[pair, 0]], placed[state, self._ends[pair, 1]]
         back = np.swapaxes(first[:, :, :3], 1, 2)
         second[:, :, 3] -= first[:, :, 3]
-        found = back @ second
-        return np.ascontiguousarray(found[:, :, :3]), np.ascontiguousarray(found[:, :, 3])
+        relative = back @ second
+        return np.ascontiguousarray(relative[:, :, :3]), np.ascontiguousarray(relative[:, :, 3])
 
 
 def can_measure() -> bool:
-    """Whether the library of distances is installed."""
+    """True if the library of distances is installed."""
     return importlib.util.find_spec("coal") is not None
 
 
 def _coal() -> Any:
-    """The library coal, which comes with pinocchio.
-
-    Raises:
-        InvalidInput: It is not installed.
-    """
+    """The library coal, which comes with pinocchio."""
     try:
         import coal
     except ImportError:
         raise InvalidInput(
             "Clearance needs the package coal: pip install 'armcontour[dynamics]' (there are no "
-            "wheels for Windows), or take scene out of the job."
+            "wheels for Windows), or remove scene from the job."
         ) from None
     return coal
 
 
 def _hulls_decide(pair: Pair) -> bool:
-    """Whether the distance of the convex shapes of a pair is that of its bodies."""
+    """True if the distance of the convex shapes of a pair is that of its bodies."""
     bodies = (pair.first, pair.second)
-    # Above a plane a body is as near as its convex hull.
+    # A body and its convex hull have the same distance from a plane.
     return all(x.exact is None for x in bodies) or any(
         isinstance(x.shape, HalfSpace) for x in bodies
     )
@@ -190,7 +185,9 @@ def _geometry(coal: Any, shape: Shape) -> Any:
                 make = _hull if shape.triangles is None else _triangles
                 MESHES[shape] = make(coal, shape)
             return MESHES[shape]
-    raise InvalidInput(f"There are no distances of a shape of the kind {type(shape).__name__}.")
+    raise InvalidInput(
+        f"Distances are not available for shapes of the kind {type(shape).__name__}."
+    )
 
 
 def _hull(coal: Any, shape: Mesh) -> Any:
@@ -199,10 +196,10 @@ def _hull(coal: Any, shape: Mesh) -> Any:
     model.beginModel(0, len(shape.points))
     model.addVertices(np.ascontiguousarray(shape.points))
     model.endModel()
-    # Not `buildConvexRepresentation`, which takes the triangles to be convex already.
+    # `buildConvexRepresentation` would assume that the triangles are convex.
     model.buildConvexHull(True, "Qt")
     if model.convex is None:
-        raise InvalidInput(f"There is no convex hull of {shape.source or 'a mesh'}.")
+        raise InvalidInput(f"No convex hull can be computed of {shape.source or 'a mesh'}.")
     return model.convex
 
 
@@ -215,3 +212,32 @@ def _triangles(coal: Any, shape: Mesh) -> Any:
     model.addTriangles(np.ascontiguousarray(shape.triangles, dtype=np.int64))
     model.endModel()
     return model
+
+
+def exclude_touching(arm: Arm) -> ArmShapes:
+    """Shapes of an arm, with pairs excluded that touch with all joints at 0 and elsewhere."""
+    # The arm may not be able to take the posture with all joints at 0, so a pair is excluded only
+    # if it touches in all other sampled postures, too.
+    assert arm.shapes is not None
+    pairs, _ = pairs_of(arm, Scene())
+    if not pairs or not can_measure():
+        return arm.shapes
+    assert arm.chain is not None
+    distances = Distances(arm.chain, pairs)
+    remaining = np.arange(len(pairs))
+    for q in _postures(arm):
+        distance = distances.measure(q[None], np.zeros(len(remaining), dtype=np.intp), remaining)
+        remaining = remaining[distance <= UNCERTAINTY]
+    touching = (pairs[k] for k in remaining.tolist())
+    left_out = [LeftOut(first=x.first.name, second=x.second.name, reason=REASON) for x in touching]
+    return replace(arm.shapes, left_out=(*arm.shapes.left_out, *dict.fromkeys(left_out)))
+
+
+def _postures(arm: Arm) -> FloatArray:
+    """All joints at 0, and postures distributed over the joint ranges [rad], (n, dof)."""
+    low, high = (np.clip(x, -np.pi, np.pi) for x in arm.limits.joint_range(arm.dof))
+    # Multiples of square roots of primes are evenly distributed, differently for each joint.
+    steps = np.sqrt([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37][: arm.dof])
+    steps = np.concatenate([steps, np.sqrt(41 + np.arange(arm.dof - len(steps)))])
+    shares = np.arange(1, POSTURES + 1)[:, None] * steps % 1
+    return np.vstack([np.zeros(arm.dof), low + shares * (high - low)])

@@ -23,50 +23,30 @@ FIRST_RAISED, BELOW = 2, 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Body:
-    """A shape that moves with a link, or is fixed.
+    """A shape that moves with a link, or is fixed."""
 
-    Args:
-        name: Name of the link or obstacle.
-        link: The link that it moves with; 0 for the base and for obstacles.
-        shape: The shape.
-        place: The frame of the shape, in the frame of the link.
-        exact: The exact body if the shape is a larger one.
-        tool: Whether it belongs to the tool.
-    """
-
-    name: str
-    link: int
+    name: str  # Name of the link or obstacle
+    link: int  # The link that it moves with; 0 for the base and for obstacles
     shape: Shape
-    place: Frame
-    exact: Shape | None = None
-    tool: bool = False
+    place: Frame  # The frame of the shape, in the frame of the link
+    exact: Shape | None = None  # The exact body if the shape is a larger one
+    tool: bool = False  # True if it belongs to the tool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pair:
-    """Two bodies whose distance is checked.
+    """Two bodies whose distance is checked."""
 
-    Args:
-        first, second: The bodies; the second one moves with the later link.
-        kind: "environment", "own" or "tool".
-        margin: Smallest allowed distance [m].
-        radii: Largest approach per joint motion [m/rad], (dof,).
-    """
-
+    # first, second: the bodies; the second one moves with the later link.
     first: Body
     second: Body
-    kind: str
-    margin: float
-    radii: FloatArray
+    kind: str  # "environment", "own" or "tool"
+    margin: float  # Smallest allowed distance [m]
+    radii: FloatArray  # Largest approach per joint motion [m/rad], (dof,)
 
 
 def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, ...]]:
-    """Pairs of bodies of an arm and its cell: the checked ones, and the excluded ones.
-
-    Raises:
-        InvalidInput: The arm has no shapes, or an obstacle allows an unknown body to touch it or
-            has the name of a moving body.
-    """
+    """Pairs of bodies of an arm and its cell: the checked ones, and the excluded ones."""
     chain, shapes = _parts(arm)
     bodies = [
         Body(name=x.name, link=x.link, shape=x.shape, place=x.place, exact=x.exact, tool=x.tool)
@@ -99,11 +79,7 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
 
 
 def mounting_pairs(arm: Arm, scene: Scene) -> tuple[Pair, ...]:
-    """Links that should stay above the mounting plane of the base, each paired with the plane.
-
-    Raises:
-        InvalidInput: As in `pairs_of`.
-    """
+    """Links that should stay above the mounting plane of the base, each paired with the plane."""
     if arm.dimension != 3 or not scene.has_mounting_plane:
         return ()
     chain, shapes = _parts(arm)
@@ -125,8 +101,8 @@ def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
         raise InvalidInput(f"The arm {arm.name} has no chain of links, so it has no clearance.")
     if arm.shapes is None or not arm.shapes.shapes:
         raise InvalidInput(
-            f"The shapes of the links of the arm {arm.name} are not known, so nothing can be said "
-            "of its clearance: give a description (URDF) with collision geometry, or "
+            f"The shapes of the links of the arm {arm.name} are not known, so its clearance "
+            "cannot be computed: give a description (URDF) with collision geometry, or "
             "arm.shapes of a job (arm.with_shapes in Python)."
         )
     return arm.chain, arm.shapes

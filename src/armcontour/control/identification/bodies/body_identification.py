@@ -123,11 +123,11 @@ class BodyIdentification(IdentifiedJoints):
                 below zero.
         """
         for joint in self.joints:
-            for x in (joint.kp, joint.kv):
-                if not x.determined and not self.gains_known:
+            for gain in (joint.kp, joint.kv):
+                if not gain.determined and not self.gains_known:
                     raise InvalidInput(
-                        f"{self.source} does not determine {x.name} of {joint.name}, and there is "
-                        "no nominal servo whose value it could keep: give servo=."
+                        f"{self.source} does not determine {gain.name} of {joint.name}, and there "
+                        "is no nominal servo whose value it could keep: give servo=."
                     )
         if self.dead_time.high < 0:
             raise InvalidInput(

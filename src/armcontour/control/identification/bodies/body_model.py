@@ -27,33 +27,25 @@ LEAST_MASS = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Model:
-    """The nominal robot and the unknowns.
-
-    Args:
-        arm: The nominal arm.
-        servo: The servo at which the search starts, of order "second", with values per joint.
-        keep_kv: True if K_v is fixed and viscous friction unknown, else the reverse: a log shows
-            only the sum of J K_v and viscous friction.
-        gravity: Gravity feed-forward of the controller, one of GRAVITIES.
-        lag: Delay of the torques of the loops [s].
-
-    Attributes:
-        inertia: J, with which the controller scales its loops [kg m²], (dof,).
-        names: Names of the unknowns, keys of UNITS, (unknowns,). Of the payload's centre the mass
-            times its deviation from the nominal centre is sought [kg m].
-        joints: Their joints, from 0; -1 for those of the whole robot, (unknowns,). Of "armature" -1
-            means a factor of all nominal drive inertias.
-        nominal: Their nominal values, logarithms for gains, (unknowns,).
-    """
+    """The nominal robot and the unknowns."""
 
     arm: Arm
+    # The servo at which the search starts, of order "second", with values per joint.
     servo: ServoModel
+    # True if K_v is fixed and viscous friction unknown, else the reverse: a log shows only the sum
+    # of J K_v and viscous friction.
     keep_kv: bool
-    gravity: str
-    lag: float = 0.0
+    gravity: str  # Gravity feed-forward of the controller, one of GRAVITIES
+    lag: float = 0.0  # Delay of the torques of the loops [s]
+    # J, with which the controller scales its loops [kg m²], (dof,).
     inertia: FloatArray = field(init=False)
+    # Names of the unknowns, keys of UNITS, (unknowns,). Of the payload's centre the mass times its
+    # deviation from the nominal centre is sought [kg m].
     names: Any = field(init=False)
+    # Their joints, from 0; -1 for those of the whole robot, (unknowns,). Of "armature" -1 means a
+    # factor of all nominal drive inertias.
     joints: IntArray = field(init=False)
+    # Their nominal values, logarithms for gains, (unknowns,).
     nominal: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
@@ -145,14 +137,8 @@ class Model:
     def torques(
         self, values: FloatArray, motion: NominalMotion, lead: FloatArray, slope: FloatArray
     ) -> FloatArray:
-        """Torques on the joints per unit of the unknowns, (n, dof, unknowns).
-
-        Args:
-            values: Values of the unknowns.
-            motion: The motion with these values.
-            lead: Command less position [rad], (n, dof).
-            slope: Rate of the command [rad/s], (n, dof).
-        """
+        """Torques on the joints per unit of the unknowns, (n, dof, unknowns)."""
+        # lead (n, dof) [rad], slope (n, dof) [rad/s].
         drives = self.drives(values)
         load, each = self._load_torques(drives, motion), np.eye(self.arm.dof)
         spring = drives.stiffness * (lead + self.lag * motion.dq)
@@ -175,12 +161,9 @@ class Model:
         return np.concatenate([columns[x] for x in dict.fromkeys(self.names.tolist())], axis=2)
 
     def _load_torques(self, drives: Drives, motion: NominalMotion) -> FloatArray:
-        """Joint torques per mass of the payload and per mass times deviation of its centre.
-
-        Returns:
-            Torques per mass at the nominal centre [N m/kg], and per moment along the tip's axes
-            [N m/(kg m)], (n, dof, 4).
-        """
+        """Joint torques per mass of the payload and per mass times deviation of its centre."""
+        # Returns torques per mass at the nominal centre [N m/kg], and per moment along the tip's
+        # axes [N m/(kg m)], (n, dof, 4).
         dynamics, nominal = drives.arm.dynamics, self.load.center
         load, tip = dynamics.chain.payload, dynamics.chain.tip
         center = nominal if load is None else load.center

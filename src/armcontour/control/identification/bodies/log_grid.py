@@ -24,38 +24,21 @@ CUT = 15.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Gridded:
-    """A log, and the grid of times on which it is simulated.
-
-    Args:
-        log: The log.
-        held: True if each set-point is held until the next; else commands are interpolated.
-        t: The grid [s], (n,).
-        near: Smoothed measured positions on the grid [rad], (n, dof).
-        rows: Samples of the log that are compared.
-        index: Indices of the four grid times around each of them, (samples, 4).
-        weight: Their weights, (samples, 4).
-    """
+    """A log, and the grid of times on which it is simulated."""
 
     log: Log
-    held: bool
-    t: FloatArray
-    near: FloatArray
-    rows: slice
-    index: IntArray
-    weight: FloatArray
+    held: bool  # True if each set-point is held until the next; else commands are interpolated
+    t: FloatArray  # The grid [s], (n,)
+    near: FloatArray  # Smoothed measured positions on the grid [rad], (n, dof)
+    rows: slice  # Samples of the log that are compared
+    index: IntArray  # Indices of the four grid times around each of them, (samples, 4)
+    weight: FloatArray  # Their weights, (samples, 4)
 
     @classmethod
     def from_log(
         cls, log: Log, interpolation: str, settled: float, *, step: float = STEP
     ) -> Gridded:
-        """The grid of a log.
-
-        Args:
-            log: The log.
-            interpolation: Interpolation of set-points, "linear" or "step".
-            settled: Time after which the initial state has no effect [s].
-            step: Longest time between two times of the grid [s].
-        """
+        """The grid of a log."""
         from scipy.interpolate import CubicSpline
 
         t = regular_times(float(log.t[0]), float(log.t[-1]), step)
@@ -107,14 +90,9 @@ class Gridded:
         return interpolate(times, log.t, log.command)
 
     def bent_command(self, delay: float) -> FloatArray:
-        """The command on the grid, if its corners are midway between samples of the log [rad].
-
-        Lines between samples cut these corners: at an angular frequency ω and a sample interval
-        T, the true command is 1 / cos(ω T / 2) times as large. This is its series in differences.
-
-        Args:
-            delay: Dead time [s].
-        """
+        """The command on the grid, if its corners are midway between samples of the log [rad]."""
+        # Lines between samples cut these corners: at an angular frequency ω and a sample interval
+        # T, the true command is 1 / cos(ω T / 2) times as large. This is its series in differences.
         second, fourth = (
             np.diff(np.pad(self.log.command, ((k, k), (0, 0)), mode="edge"), 2 * k, axis=0)
             for k in (1, 2)

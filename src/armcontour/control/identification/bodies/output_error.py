@@ -26,7 +26,7 @@ from armcontour.robot.drives.response import NominalMotion, simulate
 # deviations of an unknown with 20,000 residuals.
 NEAR = 1e-7
 # Largest number of simulations of a search, and of searches with new weights of the joints.
-MOST_SIMULATIONS, SEARCHES = 50, 3
+MAX_SIMULATIONS, SEARCHES = 50, 3
 # Weights of the joints are final if the scatter of no joint changes by more than this share.
 SAME_SCATTER = 0.01
 # Gains stay within this factor of where the search starts.
@@ -66,16 +66,11 @@ MOVES = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trial:
-    """The simulated motion of every log, and its difference from the measured motion.
+    """The simulated motion of every log, and its difference from the measured motion."""
 
-    Args:
-        values: Values of the unknowns.
-        motions: The simulated motions.
-        residuals: Measured less simulated positions of every log [rad], (samples, dof) each.
-    """
-
-    values: FloatArray
+    values: FloatArray  # Values of the unknowns
     motions: tuple[NominalMotion, ...]
+    # Measured less simulated positions of every log [rad], (samples, dof) each.
     residuals: tuple[FloatArray, ...]
 
     @property
@@ -91,24 +86,15 @@ class Trial:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OutputError:
-    """Unknowns with the smallest errors.
+    """Unknowns with the smallest errors."""
 
-    Args:
-        trial: The motion with these values.
-        free: Unknowns that were sought; the others are nominal.
-        jacobian: Derivatives of the simulated positions in multiples of `scatter`,
-            (samples, dof, unknowns).
-        residuals: Residuals in multiples of `scatter`, (samples, dof).
-        scatter: Root mean square of the residuals of each joint [rad], (dof,).
-        remaining: The next linear step of the unknowns, (unknowns,).
-    """
-
-    trial: Trial
-    free: BoolArray
+    trial: Trial  # The motion with these values
+    free: BoolArray  # Unknowns that were sought; the others are nominal
+    # Derivatives of the simulated positions in multiples of `scatter`, (samples, dof, unknowns).
     jacobian: FloatArray
-    residuals: FloatArray
-    scatter: FloatArray
-    remaining: FloatArray
+    residuals: FloatArray  # Residuals in multiples of `scatter`, (samples, dof)
+    scatter: FloatArray  # Root mean square of the residuals of each joint [rad], (dof,)
+    remaining: FloatArray  # The next linear step of the unknowns, (unknowns,)
 
     @property
     def precision(self) -> Precision:
@@ -119,55 +105,41 @@ class OutputError:
 def attempt(
     model: Model, grids: list[Gridded], values: FloatArray, before: Trial | None = None
 ) -> Trial:
-    """Simulate all logs with some values of the unknowns.
-
-    Raises:
-        ExecutionError: A joint runs away.
-    """
+    """Simulate all logs with some values of the unknowns."""
     drives, delay = model.drives(values), float(values[-1])
     motions, residuals = [], []
-    for k, x in enumerate(grids):
+    for k, grid in enumerate(grids):
         motion = simulate(
             drives,
-            x.command(delay + model.lag),
-            x.t,
-            x.near if before is None else before.motions[k].q,
-            speed=x.speed,
+            grid.command(delay + model.lag),
+            grid.t,
+            grid.near if before is None else before.motions[k].q,
+            speed=grid.speed,
             viscous=model.viscous(values),
             lag=model.lag,
         )
         motions.append(motion)
-        residuals.append(x.measured - x.sampled(motion.q))
+        residuals.append(grid.measured - grid.sampled(motion.q))
     return Trial(values=values, motions=tuple(motions), residuals=tuple(residuals))
 
 
 def derivatives(model: Model, grids: list[Gridded], trial: Trial) -> FloatArray:
     """Derivatives of the positions by the unknowns at all samples, (samples, dof, unknowns)."""
     parts = []
-    for x, motion in zip(grids, trial.motions, strict=True):
+    for grid, motion in zip(grids, trial.motions, strict=True):
         delay = float(trial.values[-1]) + model.lag
-        early, later = (x.command(delay + s * SHIFT) for s in (-1, 1))
+        early, later = (grid.command(delay + s * SHIFT) for s in (-1, 1))
         lead, slope = (early + later) / 2 - motion.q, (early - later) / (2 * SHIFT)
         torque = model.torques(trial.values, motion, lead, slope)
-        parts.append(x.sampled(motion.to_torque(torque)))
+        parts.append(grid.sampled(motion.to_torque(torque)))
     return np.concatenate(parts)
 
 
 def fit(
     model: Model, grids: list[Gridded], values: FloatArray, free: BoolArray, near: float = NEAR
 ) -> OutputError:
-    """Fit the unknowns by bounded least squares, each joint weighted by its scatter.
-
-    Args:
-        model: The robot.
-        grids: The logs.
-        values: Values from which the search starts.
-        free: Unknowns that are sought, (unknowns,).
-        near: Share of the sum of squares below which a reduction ends the search.
-
-    Raises:
-        ExecutionError: The robot cannot be simulated at the start.
-    """
+    """Fit the free unknowns by bounded least squares, each joint weighted by its scatter."""
+    # A reduction of the sum of squares by less than the share `near` ends the search.
     gains = model.are(*LOGARITHMIC)
     lowest = np.where(model.are(*POSITIVE), 0.0, -np.inf)
     low = np.where(gains, values - np.log(LARGEST_FACTOR), lowest)
@@ -175,29 +147,29 @@ def fit(
     trial, ends = attempt(model, grids, values), ~free
     scatter = trial.scatter
 
-    def move(x: FloatArray) -> Trial:
+    def move(unknowns: FloatArray) -> Trial:
         nonlocal trial
-        if (x != trial.values[free]).any():
+        if (unknowns != trial.values[free]).any():
             values = trial.values.copy()
-            values[free] = x
+            values[free] = unknowns
             trial = attempt(model, grids, values, trial)
         return trial
 
-    def residuals(x: FloatArray) -> FloatArray:
+    def residuals(unknowns: FloatArray) -> FloatArray:
         """Residuals; nan if the robot cannot be simulated."""
         try:
-            errors = move(x).residuals
+            errors = move(unknowns).residuals
         except (ExecutionError, InvalidInput):
             return np.array([np.nan])
         return np.asarray(-(np.concatenate(errors) / scatter).ravel())
 
-    def slopes(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        columns = derivatives(model, grids, move(x)) / scatter[:, None]
-        return residuals(x), columns[:, :, free].reshape(-1, len(x))
+    def slopes(unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
+        columns = derivatives(model, grids, move(unknowns)) / scatter[:, None]
+        return residuals(unknowns), columns[:, :, free].reshape(-1, len(unknowns))
 
     for _ in range(SEARCHES if free.any() else 0):
         bounds = low[free], high[free]
-        solution = solve(residuals, slopes, trial.values[free], bounds, MOST_SIMULATIONS, near)
+        solution = solve(residuals, slopes, trial.values[free], bounds, MAX_SIMULATIONS, near)
         before, scatter, ends = scatter, move(solution.x).scatter, ~free
         ends[free] = solution.active_mask != 0
         if (np.abs(scatter / before - 1) < SAME_SCATTER).all():
@@ -233,20 +205,14 @@ def allowed(model: Model, values: FloatArray) -> FloatArray:
 
 
 def moved(model: Model, grids: list[Gridded]) -> BoolArray:
-    """Unknowns except those of joints that no log moves, (unknowns,).
-
-    A joint that only moves due to others shows that friction holds it, but not how large it is.
-    """
+    """Unknowns except those of joints that no log moves, (unknowns,)."""
+    # A joint that only moves due to others shows that friction holds it, but not how large it is.
     ranges = np.max([np.ptp(x.log.command, axis=0) for x in grids], axis=0)
     return np.asarray((model.joints < 0) | (ranges > MOVES)[model.joints])
 
 
 def seen(model: Model, grids: list[Gridded], values: FloatArray) -> BoolArray:
-    """Unknowns that the logs would determine if there were only the noise of the encoders.
-
-    Raises:
-        ExecutionError: A joint runs away.
-    """
+    """Unknowns that the logs would determine if there were only the noise of the encoders."""
     jacobian = derivatives(model, grids, attempt(model, grids, values))
     scaled = jacobian / noise_of(grids)[:, None]
     precision = Precision.from_jacobian(scaled.reshape(-1, len(values)))
@@ -257,14 +223,8 @@ def seen(model: Model, grids: list[Gridded], values: FloatArray) -> BoolArray:
 
 
 def determined(model: Model, precision: Precision, free: BoolArray, limit: FloatArray) -> BoolArray:
-    """Mask of determined unknowns: the worst ones become nominal until all others are determined.
-
-    Args:
-        model: The robot.
-        precision: The precision of a fit.
-        free: Unknowns that are sought, (unknowns,).
-        limit: Largest standard deviations, (unknowns,).
-    """
+    """Mask of determined unknowns: the worst become nominal until all others are determined."""
+    # free (unknowns,), limit (unknowns,).
     free = free.copy()
     trust = np.where(model.are(*LOGARITHMIC), TRUSTED, 1.0)
     while free.any():
@@ -285,22 +245,20 @@ def with_mass(model: Model, free: BoolArray) -> BoolArray:
 
 
 def doubts(model: Model, grids: list[Gridded], fit: OutputError) -> FloatArray:
-    """Bias of the unknowns, to first order, due to two assumptions of the model, (unknowns,).
-
-    It is the change of the estimates if commands had their corners between the samples instead of
-    at them, or held set-points came one interval earlier, and if the drives' cycle were longer by
-    half. Without this bias, 95 % intervals contained the true value in 60 to 80 % of the cases.
-    """
+    """Bias of the unknowns, to first order, due to two assumptions of the model, (unknowns,)."""
+    # It is the change of the estimates if commands had their corners between the samples instead of
+    # at them, or held set-points came one interval earlier, and if the drives' cycle were longer by
+    # half. Without this bias, 95 % intervals contained the true value in 60 to 80 % of the cases.
     drives = model.drives(fit.trial.values)
     delay = float(fit.trial.values[-1]) + model.lag
     changes = []
-    for x, motion in zip(grids, fit.trial.motions, strict=True):
-        command = x.command(delay)
-        sooner = x.command(delay - x.log.interval) if x.held else x.bent_command(delay)
-        rate = (x.command(delay - SHIFT) - x.command(delay + SHIFT)) / (2 * SHIFT)
+    for grid, motion in zip(grids, fit.trial.motions, strict=True):
+        command = grid.command(delay)
+        sooner = grid.command(delay - grid.log.interval) if grid.held else grid.bent_command(delay)
+        rate = (grid.command(delay - SHIFT) - grid.command(delay + SHIFT)) / (2 * SHIFT)
         delayed = drives.stiffness * (motion.dq - rate) + drives.damping * motion.ddq
         torque = np.stack([drives.stiffness * (sooner - command), model.lag / 2 * delayed], axis=-1)
-        changes.append(x.sampled(motion.to_torque(torque)))
+        changes.append(grid.sampled(motion.to_torque(torque)))
     change = np.concatenate(changes) / fit.scatter[:, None]
     shift = np.zeros(len(fit.free))
     if fit.free.any():
@@ -311,11 +269,7 @@ def doubts(model: Model, grids: list[Gridded], fit: OutputError) -> FloatArray:
 
 
 def choose_model(models: list[Model], grids: list[Gridded]) -> tuple[Model, Trial]:
-    """The model whose gravity feed-forward leaves the smallest errors, and its motion.
-
-    Raises:
-        ExecutionError: The robot cannot be simulated with any of them.
-    """
+    """The model whose gravity feed-forward leaves the smallest errors, and its motion."""
     best, failure = None, ExecutionError("it cannot be simulated.")
     for model in models:
         start = np.array(model.nominal)
@@ -337,14 +291,8 @@ def choose_model(models: list[Model], grids: list[Gridded]) -> tuple[Model, Tria
 def fit_determined(
     model: Model, grids: list[Gridded], values: FloatArray
 ) -> tuple[OutputError, BoolArray]:
-    """The fit of the unknowns that the logs determine; the others stay nominal.
-
-    Returns:
-        The fit, and the unknowns in which the search did not converge.
-
-    Raises:
-        ExecutionError: The robot cannot be simulated.
-    """
+    """The fit of the unknowns that the logs determine; the others stay nominal."""
+    # Returns the fit, and the unknowns in which the search did not converge.
     free, restless = seen(model, grids, values), np.zeros(len(values), dtype=bool)
     while True:
         result = fit(model, grids, np.where(free, values, model.nominal), free)
@@ -361,18 +309,17 @@ def fit_determined(
 
 
 def check_fit(grids: list[Gridded], trial: Trial) -> FloatArray:
-    """Share of the mean square lag behind the commands that the model explains, (dof,).
-
-    Raises:
-        InvalidInput: The model does not explain the motion of a joint.
-    """
+    """Share of the mean square lag behind the commands that the model explains, (dof,)."""
     errors = np.zeros(grids[0].log.dof)
     lags, ranges = 0 * errors, 0 * errors
-    for x, residuals in zip(grids, trial.residuals, strict=True):
+    for grid, residuals in zip(grids, trial.residuals, strict=True):
         # The model need not explain the noise of the encoders.
-        errors += np.sum(residuals**2, axis=0) - len(residuals) * x.noise**2
-        lags += np.sum((interpolate(x.log.t[x.rows], x.log.t, x.log.command) - x.measured) ** 2, 0)
-        ranges = np.maximum(ranges, np.ptp(x.log.command, axis=0))
+        errors += np.sum(residuals**2, axis=0) - len(residuals) * grid.noise**2
+        lags += np.sum(
+            (interpolate(grid.log.t[grid.rows], grid.log.t, grid.log.command) - grid.measured) ** 2,
+            0,
+        )
+        ranges = np.maximum(ranges, np.ptp(grid.log.command, axis=0))
     explained = np.asarray(1 - np.maximum(errors, 0.0) / np.maximum(lags, 1e-300))
     poor = (ranges > MOVES) & (explained < EXPLAINS)
     if poor.any():

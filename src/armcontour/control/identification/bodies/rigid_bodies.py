@@ -66,6 +66,12 @@ def identify_bodies(
     `J K_v (K_p (u(t - dead time) - q) - dq)` and gravity feed-forward, with viscous and Coulomb
     friction and a payload. Undetermined parameters keep their nominal values.
 
+    >>> log = ac.Log(t=set_points.t, command=set_points.q, measured=set_points.q)
+    >>> ac.identify_bodies(log, arm)
+    Traceback (most recent call last):
+        ...
+    armcontour.core.errors.InvalidInput: the log covers 1.66 s, but a robot is identified only ...
+
     Args:
         logs: A log of all joints of the arm, or several.
         arm: The nominal arm, with masses, payload, friction and drive inertias.
@@ -79,8 +85,8 @@ def identify_bodies(
             arm.
     """
     every = [arrange_joints(x, arm.joint_names) for x in list_logs(logs)]
-    for x in every:
-        x.check_gaps()
+    for log in every:
+        log.check_gaps()
     report = subprogress(progress)
     interpolation = choose_interpolation(every, options.interpolation)
     guess = ServoModel(kp=KP, kv=KV) if servo is None else servo
@@ -135,9 +141,9 @@ def _describe(
             tied: Estimate(name=tied, unit=UNITS[tied], value=float(nominal[j]))
         }
         rests = []
-        for x, errors in zip(grids, fit.trial.residuals, strict=True):
-            rests.append(np.full(len(x.log.t), np.nan))
-            rests[-1][x.rows] = errors[:, j]
+        for grid, errors in zip(grids, fit.trial.residuals, strict=True):
+            rests.append(np.full(len(grid.log.t), np.nan))
+            rests[-1][grid.rows] = errors[:, j]
         joints.append(
             BodyJoint(
                 name=name,
@@ -163,10 +169,8 @@ def _describe(
 
 
 def identified(model: Model, values: FloatArray) -> tuple[Arm, ServoModel]:
-    """The arm and the servo for values of the unknowns.
-
-    Negative viscous friction is moved to K_v, because only the sum of both has an effect.
-    """
+    """The arm and the servo for values of the unknowns."""
+    # Negative viscous friction is moved to K_v, because only the sum of both has an effect.
     drives, viscous = model.drives(values), model.viscous(values)
     lower = np.minimum(viscous, 0.0)
     kv = (drives.damping + lower) / model.inertia

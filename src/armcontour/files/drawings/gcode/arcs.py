@@ -41,21 +41,13 @@ MISS = REPEATED_POINT / 2
 
 @dataclass(frozen=True, slots=True)
 class ArcPart:
-    """One arc of at most a full circle, with the data of a path's segment.
+    """One arc of at most a full circle, with the data of a path's segment."""
 
-    Args:
-        tangent: Unit tangent at the start.
-        normal: Unit vector from the start to the centre.
-        curvature: Curvature [1/m].
-        length: Length [m].
-        end: End point [m].
-    """
-
-    tangent: Point
-    normal: Point
-    curvature: float
-    length: float
-    end: Point
+    tangent: Point  # Unit tangent at the start
+    normal: Point  # Unit vector from the start to the centre
+    curvature: float  # Curvature [1/m]
+    length: float  # Length [m]
+    end: Point  # End point [m]
 
     def circle(self, start: Point) -> ArcPart:
         """The full circle of the arc, from `start` to `start`."""
@@ -65,37 +57,19 @@ class ArcPart:
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """A programmed arc of up to one full turn.
+    """A programmed arc of up to one full turn."""
 
-    Args:
-        center: Centre [m].
-        start: Start point [m].
-        end: End point [m].
-        turn: 1 for counter-clockwise, -1 for clockwise.
-        sweep: Swept angle [rad], positive.
-        radius: Distance from the centre to the start [m].
-        end_radius: Distance from the centre to the end [m].
-    """
-
-    center: Point
-    start: Point
-    end: Point
-    turn: int
-    sweep: float
-    radius: float
-    end_radius: float
+    center: Point  # Centre [m]
+    start: Point  # Start point [m]
+    end: Point  # End point [m]
+    turn: int  # 1 for counter-clockwise, -1 for clockwise
+    sweep: float  # Swept angle [rad], positive
+    radius: float  # Distance from the centre to the start [m]
+    end_radius: float  # Distance from the centre to the end [m]
 
 
 def arc_around(start: Point, end: Point, center: Point, turn: int, dialect: str) -> Circle:
-    """The arc around a centre; a full circle if start and end are the same point.
-
-    Args:
-        start: Start point [m].
-        end: End point [m].
-        center: Programmed centre [m].
-        turn: 1 for counter-clockwise, -1 for clockwise.
-        dialect: "mm" or "inch", the unit of the program, which decides the tolerances.
-    """
+    """The arc around a centre; a full circle if start and end are the same point."""
     px, py = start[0] - center[0], start[1] - center[1]
     qx, qy = end[0] - center[0], end[1] - center[1]
     radius, end_radius = math.hypot(px, py), math.hypot(qx, qy)
@@ -236,16 +210,9 @@ def helix_length(circle: Circle, turns: int, rise: float) -> float:
 def helix_points(
     circle: Circle, turns: int, tolerance: float, spend: Callable[[int], None]
 ) -> list[Point]:
-    """Ends of chords that stay within a tolerance of a helix, in its plane [m].
-
-    The radius changes linearly from start to end.
-
-    Args:
-        circle: The last turn of the helix, in its plane.
-        turns: Number of turns.
-        tolerance: Largest distance between chord and helix [m].
-        spend: Called with the number of chords before they are made; may refuse them.
-    """
+    """Ends of chords that stay within a tolerance of a helix, in its plane [m]."""
+    # The radius changes linearly from start to end. `spend` takes the number of chords before they
+    # are made and may refuse them.
     arc, largest = circle, max(circle.radius, circle.end_radius)
     step = 2 * math.asin(math.sqrt(min(tolerance / (2 * largest), 0.5))) * 2
     # A chord spans at most a quarter of a turn, also with a wide tolerance.

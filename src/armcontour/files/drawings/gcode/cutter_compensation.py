@@ -44,32 +44,19 @@ STRAIGHT_BACK = 1e-9
 
 @dataclass(slots=True)
 class _Move:
-    """A programmed move in the plane XY.
+    """A programmed move in the plane XY."""
 
-    Args:
-        row: Its row in the table of pieces of `_crossings`.
-        end: End [m].
-        z: Height at the end [m].
-        line: Line of the program.
-        feed: Speed, tolerance and line; None for a rapid.
-        actions: Actions at its end, before the next move.
-    """
-
-    row: tuple[float, ...]
-    end: InPlane
-    z: float
+    row: tuple[float, ...]  # Its row in the table of pieces of `_crossings`
+    end: InPlane  # End [m]
+    z: float  # Height at the end [m]
     line: int
-    feed: Feed | None = None
+    feed: Feed | None = None  # Speed, tolerance and line; None for a rapid
+    # Actions at its end, before the next move.
     actions: list[Callable[[], None]] = field(default_factory=list)
 
 
 class Compensation:
-    """Converts programmed moves to moves of the tool's centre.
-
-    Args:
-        draft: The program that takes the moves.
-        chord_tolerance: Largest distance between a helix and its chords [m].
-    """
+    """Converts programmed moves to moves of the tool's centre."""
 
     def __init__(self, draft: ProgramDraft, chord_tolerance: float) -> None:
         self.draft, self.chord_tolerance = draft, chord_tolerance
@@ -99,12 +86,7 @@ class Compensation:
         return self.draft.begun
 
     def start(self, code: int, offset: float) -> None:
-        """G41, G42: the next move in the plane leads to the contour.
-
-        Args:
-            code: The code.
-            offset: Offset of the tool's centre to the left of the contour [m].
-        """
+        """G41, G42: the next move in the plane leads to the contour."""
         self.refuse(codes.g_name(code))
         self.code, self.offset = code, offset
         if not self.leaves:

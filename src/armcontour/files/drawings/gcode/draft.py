@@ -21,7 +21,7 @@ NEAR = REPEATED_POINT**2
 # Largest rounding error of a z of zero after relative moves [m].
 FLAT = 1e-12
 # One line can request any number of turns; more segments do not fit into a planner's memory.
-MOST_SEGMENTS = 1_000_000
+MAX_SEGMENTS = 1_000_000
 
 Point = tuple[float, float, float]
 # Speed [m/s], largest corner error [m] and line of a feed move; NaN where the file gives none.
@@ -56,10 +56,8 @@ class ProgramDraft:
         self.layer, self.layers, self.typed = "", 0, False
 
     def set_layer(self, number: str | None, kind: str | None) -> None:
-        """Start a layer or a type by a slicer's comment, and with it another contour.
-
-        Contours are on the layers of their types; in a file without types, of their layers.
-        """
+        """Start a layer or a type by a slicer's comment, and with it another contour."""
+        # Contours are on the layers of their types; in a file without types, of their layers.
         name = self.layer
         if kind is not None:
             name, self.typed = "".join(filter(str.isprintable, kind)).strip(), True
@@ -94,9 +92,9 @@ class ProgramDraft:
     def room_for(self, segments: int) -> None:
         """Count segments of helices and of further turns."""
         self.segments += segments
-        if self.segments > MOST_SEGMENTS:
+        if self.segments > MAX_SEGMENTS:
             raise Fault(
-                f"helices and further turns of more than {MOST_SEGMENTS} segments together: ask "
+                f"helices and further turns of more than {MAX_SEGMENTS} segments together: ask "
                 "for fewer turns P, or for a wider chord tolerance"
             )
 

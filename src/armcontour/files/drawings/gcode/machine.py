@@ -33,14 +33,7 @@ OF_M = "DEHLOPQST"
 
 
 class Unknown:
-    """Skips codes and words that are not executed, with notes, or refuses them.
-
-    Args:
-        notes: Takes the notes.
-        skip: Words and codes to skip, such as "M6" or "T"; `read_path` refuses
-            words of coordinates.
-        lenient: Whether unknown codes without coordinates are skipped.
-    """
+    """Skips codes and words that are not executed, with notes, or refuses them."""
 
     def __init__(self, notes: Notes, skip: Collection[str], lenient: bool) -> None:
         self.notes, self.skipped, self.lenient = notes, frozenset(skip), lenient
@@ -124,8 +117,8 @@ class Unknown:
             strange = code not in codes.UNDERSTOOD_G and block.motion is None
             owns_line = strange or code in codes.OWN_THE_LINE
             block.drop(OTHER_AXES + "XYZIJKR" + OF_M if owns_line else "DHL")
-        for found in [x for x in block.m if f"M{x:g}" in self.skipped]:
-            self._leave_m(block, [found])
+        for number in [x for x in block.m if f"M{x:g}" in self.skipped]:
+            self._leave_m(block, [number])
         for letter in [x for x in block.words if x in self.skipped]:
             del block.words[letter]
             self.notes.count(f"the word {letter}")
@@ -174,12 +167,7 @@ LONG_DWELL = 60.0
 
 
 class Machine:
-    """Modal state of a program, and the draft of its moves.
-
-    Args:
-        options: Options of the reader.
-        dialect: Properties of the whole program.
-    """
+    """Modal state of a program, and the draft of its moves."""
 
     def __init__(self, options: ReadOptions, dialect: Dialect) -> None:
         stated = options.unit is not None
@@ -235,11 +223,7 @@ class Machine:
         self.draft.feed(position[0], position[1], position[2], feed)
 
     def execute(self, block: Block) -> bool:
-        """Execute a line.
-
-        Returns:
-            Whether it ends the program.
-        """
+        """Execute a line; True if it ends the program."""
         if not block.m and self._is_simple(block):
             if "F" in block.words:
                 self.modes.set_feed(block)
@@ -516,6 +500,6 @@ class Machine:
 
 def _explain_tool(number: int) -> str:
     return (
-        f"its diameter (tools: {{{number}: 3 mm}} under path, or --tool '{number}: 3 mm', with "
-        "the tool's own diameter)"
+        f"its diameter (tools: {{{number}: 3 mm}} under path, or --tool-diameter '{number}: 3 mm', "
+        "with the tool's own diameter)"
     )

@@ -62,10 +62,8 @@ class Offsets:
             self.placed = [True] * 3
 
     def set_position(self, values: dict[int, float], position: list[float]) -> None:
-        """G92: assign coordinates to the position of the tool, by a shift.
-
-        If the position of the tool is unknown, these coordinates define it.
-        """
+        """G92: assign coordinates to the position of the tool, by a shift."""
+        # If the position of the tool is unknown, these coordinates define it.
         for i, value in values.items():
             if self.placed[i]:
                 self.shift[i] = position[i] - value
@@ -102,33 +100,21 @@ SAME = 1e-9
 
 @dataclasses.dataclass(slots=True)
 class Modes:
-    """Modal state: units, plane, distance mode, motion and feed.
+    """Modal state: units, plane, distance mode, motion and feed."""
 
-    Attributes:
-        unit: Length of the program's unit [m].
-        stated: Whether the file or the options give the unit.
-        plane: Code of the plane of arcs and cycles.
-        absolute: Whether coordinates are absolute (G90).
-        arc_absolute: Whether centres of arcs are absolute (G90.1).
-        motion: Code of the active motion, None after G80.
-        tolerance: Largest corner error [m], NaN if not specified.
-        return_to_r: Whether cycles return to R (G99) and not to their first height (G98).
-        inverse_time: Whether F is the inverse of a move's minutes (G93), not a rate (G94).
-        feed: F [m/s], under G93 [1/min]; None if no feed is active.
-        feed_given: Whether the file has given an F.
-    """
-
-    unit: float
-    stated: bool
-    plane: int = codes.XY
-    absolute: bool = True
-    arc_absolute: bool = False
-    motion: int | None = None
-    tolerance: float = math.nan
+    unit: float  # Length of the program's unit [m]
+    stated: bool  # Whether the file or the options give the unit
+    plane: int = codes.XY  # Code of the plane of arcs and cycles
+    absolute: bool = True  # Whether coordinates are absolute (G90)
+    arc_absolute: bool = False  # Whether centres of arcs are absolute (G90.1)
+    motion: int | None = None  # Code of the active motion, None after G80
+    tolerance: float = math.nan  # Largest corner error [m], NaN if not specified
+    # Whether cycles return to R (G99) and not to their first height (G98).
     return_to_r: bool = False
+    # Whether F is the inverse of a move's minutes (G93), not a rate (G94).
     inverse_time: bool = False
-    feed: float | None = None
-    feed_given: bool = False
+    feed: float | None = None  # F [m/s], under G93 [1/min]; None if no feed is active
+    feed_given: bool = False  # Whether the file has given an F
 
     @property
     def inch(self) -> bool:
@@ -155,11 +141,7 @@ class Modes:
         self.feed = _in_metres(value, self.unit)
 
     def speed_of(self, length: float) -> float:
-        """The speed of a feed move [m/s]; NaN if the file gives none.
-
-        Args:
-            length: Length of the move [m].
-        """
+        """The speed of a feed move [m/s]; NaN if the file gives none."""
         feed = self.feed
         if self.inverse_time:
             if not feed:
@@ -178,11 +160,9 @@ class Modes:
         return feed
 
     def _unit_for(self, block: Block) -> float:
-        """The unit of length of F on a line [m].
-
-        On a line that changes the unit, machines read F in the old or in the new unit.
-        If no unit was stated before, only the new one is possible.
-        """
+        """The unit of length of F on a line [m]."""
+        # On a line that changes the unit, machines read F in the old or in the new unit. If no unit
+        # was stated before, only the new one is possible.
         unit = unit_of(block)
         if unit is None or abs(unit - self.unit) <= SAME * self.unit:
             return self.unit
@@ -221,12 +201,7 @@ TOOL_CHANGE = 6
 
 
 class Switches:
-    """States of spindle, coolant, tool and outputs; a change is an event.
-
-    Args:
-        draft: Receives the events.
-        dialect: Properties of the whole program.
-    """
+    """States of spindle, coolant, tool and outputs; a change is an event."""
 
     def __init__(self, draft: Compensation, dialect: Dialect) -> None:
         self.draft, self.dialect = draft, dialect
@@ -289,11 +264,7 @@ class Switches:
 
 
 class Extruder:
-    """E of printers and glue guns: on along moves that feed material, off along all others.
-
-    Args:
-        switches: Receives the events.
-    """
+    """E of printers and glue guns: on along moves that feed material, off along all others."""
 
     def __init__(self, switches: Switches) -> None:
         self.switches = switches
@@ -332,12 +303,7 @@ class Extruder:
         return fed
 
     def feed_alone(self, length: float, speed: float) -> None:
-        """Feed material while the tool rests, to prime or to retract.
-
-        Args:
-            length: Length of material, negative if it is retracted [m].
-            speed: Its speed [m/s]; the time is 0 if the file gives none.
-        """
+        """Feed material while the tool rests, to prime or to retract."""
         draft = self.switches.draft
         self.switch(False)
         draft.rest()

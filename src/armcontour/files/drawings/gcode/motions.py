@@ -33,15 +33,7 @@ UNKNOWN = (
 
 
 class ProgrammedTool:
-    """Position of the tool in the drawing, and its moves.
-
-    Args:
-        draft: Receives the moves.
-        notes: Receives notes, and has the line.
-        modes: The modal state.
-        offsets: From the program to the drawing.
-        chord_tolerance: Largest distance between a helix and its chords [m].
-    """
+    """Position of the tool in the drawing, and its moves."""
 
     def __init__(
         self,
@@ -80,10 +72,11 @@ class ProgrammedTool:
     def _check_range(self, point: list[float]) -> None:
         if max(point) <= FARTHEST and min(point) >= -FARTHEST:
             return
-        for i, x in enumerate(point):
-            if not abs(x) <= FARTHEST:
+        for i, coordinate in enumerate(point):
+            if not abs(coordinate) <= FARTHEST:
                 raise Fault(
-                    f"a move to {AXES[i]} = {x:g} m, beyond the {FARTHEST:g} m that are read"
+                    f"a move to {AXES[i]} = {coordinate:g} m, beyond the {FARTHEST:g} m that are "
+                    "read"
                 )
 
     def go(self, target: list[float]) -> None:
@@ -108,11 +101,9 @@ class ProgrammedTool:
             self.draft.resume_at(self.position)
 
     def lose(self, name: str, axes: set[int]) -> None:
-        """Move some axes to a position that the file does not define, after a stop.
-
-        The program continues at the next point that the file defines. Before the first contour the
-        tool is at zero of the program.
-        """
+        """Move some axes to a position that the file does not define, after a stop."""
+        # The program continues at the next point that the file defines. Before the first contour
+        # the tool is at zero of the program.
         self.notes.count(name, UNKNOWN)
         self.draft.rest()
         if self.draft.begun:
@@ -124,10 +115,8 @@ class ProgrammedTool:
         self.draft.resume_at(self.position)
 
     def go_to_reference(self, block: Block, code: int) -> None:
-        """G28, G30: move through the point of the line to the reference position.
-
-        Without coordinates all axes move there, otherwise the axes of the line.
-        """
+        """G28, G30: move through the point of the line to the reference position."""
+        # Without coordinates all axes move there, otherwise the axes of the line.
         words = block.words
         words.pop("P", None)
         named = {i for i, x in enumerate(AXES) if x in words} or {0, 1, 2}
@@ -282,18 +271,13 @@ def center_letters(block: Block, plane: int, absolute: bool) -> tuple[str, str]:
 # Clearance above the last depth at which a rapid of a peck cycle stops [m] (0.010 inch).
 CLEARANCE = 0.254e-3
 # One line can request any number of holes and pecks; this many contours take half a gigabyte.
-MOST_PECKS = 100_000
+MAX_PECKS = 100_000
 # Words that stay valid while the same cycle is active.
 STICKY = "RQP"
 
 
 class Cycles:
-    """The active drilling cycle, its words and its moves.
-
-    Args:
-        tool: The tool.
-        modes: The modal state.
-    """
+    """The active drilling cycle, its words and its moves."""
 
     def __init__(self, tool: ProgrammedTool, modes: Modes) -> None:
         self.tool, self.modes = tool, modes
@@ -308,11 +292,7 @@ class Cycles:
         self.code = self.level = None
 
     def run(self, block: Block) -> None:
-        """Run the active cycle at the positions of a line; removes its words from the line.
-
-        Raises:
-            Fault: Words are missing or invalid.
-        """
+        """Run the active cycle at the positions of a line; removes its words from the line."""
         code = self.modes.motion
         assert code is not None
         a, b, c = PLANES[self.modes.plane]
@@ -332,9 +312,9 @@ class Cycles:
                 "by G0 before"
             )
         self.made += math.ceil(repeats * max((retract - bottom) / step, 1.0))
-        if self.made > MOST_PECKS:
+        if self.made > MAX_PECKS:
             raise Fault(
-                f"cycles of more than {MOST_PECKS} holes and pecks together: give fewer repeats L, "
+                f"cycles of more than {MAX_PECKS} holes and pecks together: give fewer repeats L, "
                 "or a larger Q"
             )
         if self.tool.position[c] < retract:

@@ -80,13 +80,7 @@ def _lines(data: bytes, source: str) -> list[str]:
 
 
 class _Runner:
-    """Executes the lines of a program in their order.
-
-    Args:
-        lines: All lines of the file.
-        source: Name of the file.
-        machine: The machine that executes the lines.
-    """
+    """Executes the lines of a program in their order."""
 
     def __init__(self, lines: list[str], source: str, machine: Machine) -> None:
         self.lines, self.source, self.machine = lines, source, machine

@@ -21,17 +21,11 @@ from armcontour.files.drawings.gcode.codes import (
 MILLIMETRE, INCH = 1e-3, 0.0254
 IDLE = "Skipped because it causes no motion: {}."
 # Largest number of kinds that a note names.
-MOST_KINDS = 12
+MAX_KINDS = 12
 
 
 class Fault(Exception):
-    """An error in a line; the text completes a sentence that names the line.
-
-    Args:
-        text: The words, with `{}` in place of each length.
-        lengths: The lengths [m], which are written in the unit of the program.
-        line: The line, if it is not the current one.
-    """
+    """An error in a line; the text completes a sentence that names the line."""
 
     def __init__(self, text: str, *lengths: float, line: int = 0) -> None:
         super().__init__(text)
@@ -71,7 +65,7 @@ class Notes:
                     f"{x} ({count_noun(n, 'time')}, first in line {i})"
                     for x, (n, i) in kinds.items()
                 ],
-                MOST_KINDS,
+                MAX_KINDS,
             )
             for sentence, kinds in self.counts.items()
         }
@@ -80,7 +74,7 @@ class Notes:
 
 
 # Seventeen digits distinguish all doubles; longer numbers are not meaningful.
-MOST_CHARACTERS = 34
+MAX_CHARACTERS = 34
 # Largest value of any word; coordinates have a separate limit.
 LARGEST_VALUE = 1e9
 # A program has lines of some ten characters, and comments of some hundred.
@@ -121,15 +115,7 @@ PRINTER = re.compile(r"[mM](?:8[23]|1[04][49]|140|190)(?![0-9.])")
 
 
 class Block:
-    """The words of a line.
-
-    Attributes:
-        g: G codes in tenths.
-        m: M codes.
-        motion: The code of the group for motion.
-        words: Values of all other letters, in their order; NaN of those without a value.
-        before_m: Number of words before the first M code.
-    """
+    """The words of a line."""
 
     __slots__ = ("before_m", "g", "m", "motion", "words")
 
@@ -197,10 +183,10 @@ def _read_other(block: Block, text: str, position: int) -> int:
 
 
 def _add(block: Block, letter: str, number: str, position: int) -> None:
-    if len(number) > MOST_CHARACTERS:
+    if len(number) > MAX_CHARACTERS:
         raise Fault(
             f"the number after {letter} has {len(number)} characters, but at most "
-            f"{MOST_CHARACTERS} are read: round it"
+            f"{MAX_CHARACTERS} are read: round it"
         )
     if letter == "N":
         if position or number[0] in "+-":
@@ -305,17 +291,11 @@ def _explain_syntax_error(text: str, position: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """Properties of a whole program.
+    """Properties of a whole program."""
 
-    Attributes:
-        changes_tools: Whether it has M6; otherwise T alone changes the tool.
-        extrudes: Whether some move feeds material.
-        printer: Whether it is a printer's, in which G4 P is in milliseconds.
-    """
-
-    changes_tools: bool
-    extrudes: bool
-    printer: bool
+    changes_tools: bool  # Whether it has M6; otherwise T alone changes the tool
+    extrudes: bool  # Whether some move feeds material
+    printer: bool  # Whether it is a printer's, in which G4 P is in milliseconds
 
 
 def dialect_of(lines: list[str]) -> Dialect:

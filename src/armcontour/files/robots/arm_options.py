@@ -1,0 +1,98 @@
+"""`ArmOptions`: options for loading an arm from a file or a model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path as FilePath
+from typing import Any
+
+from armcontour.core import checks
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Checked
+from armcontour.core.quantities import Quantity
+
+# Value of an argument of a .xacro file.
+Value = str | int | float | bool
+# Endings of robot descriptions and of MJCF files.
+DESCRIPTIONS, MJCF = (".urdf", ".xacro"), (".xml", ".mjcf")
+# Longest name; some packages add prefixes to the names of joints and links.
+MAX_CHARACTERS = 1000
+# Options that each kind of arm has.
+ANY = ("joint_limits", "srdf")
+MODEL = (*ANY, "tip", "locked")
+DESCRIPTION = (*MODEL, "base", "packages", "arguments")
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmOptions(Checked):
+    """Options for loading an arm from a file or a model.
+
+    >>> options = ac.ArmOptions(tip="tool0", locked={"gripper": 0.02})
+    >>> options.tip
+    'tool0'
+
+    Args:
+        tip: Link at the end of the arm, for a robot description (.urdf, .xacro); by default the end
+            of its only chain of moving joints. For a model, one of its frames, by default tool0 or
+            flange; of an MJCF file, a body or a site.
+        base: Fixed link at the start of the arm, for a robot description; by default the root.
+        joint_limits: A joint_limits.yaml of MoveIt, which replaces limits of the arm's own file.
+            Its default scaling factors are not applied.
+        locked: Positions of locked joints by name, for a description or a model [rad or m], or
+            texts such as "90 deg"; by default joints outside of the arm are at 0, or at the end of
+            their range that is nearest to 0.
+        packages: Folders of ROS packages by name, for a robot description. Other packages are
+            searched by their `package.xml` near the file; those of a .xacro file first in a
+            sourced ROS.
+        arguments: Values of the arguments of a .xacro file, by name.
+        srdf: A file of MoveIt (.srdf) with the pairs of links that may touch each other.
+
+    Raises:
+        InvalidInput: A value of another class.
+    """
+
+    tip: str | None = None
+    base: str | None = None
+    joint_limits: str | FilePath | None = None
+    locked: Mapping[str, float | str] | None = None
+    packages: Mapping[str, str | FilePath] | None = None
+    arguments: Mapping[str, Value] | None = None
+    srdf: str | FilePath | None = None
+
+    @property
+    def limits_file(self) -> FilePath | None:
+        """The path of `joint_limits`."""
+        return None if self.joint_limits is None else FilePath(self.joint_limits)
+
+
+def locked_position(options: ArmOptions, name: str, *, slides: bool) -> float:
+    """The position of a locked joint [rad], or [m] of one that slides."""
+    value, unit = (options.locked or {})[name], "m" if slides else "rad"
+    if not isinstance(value, str):
+        return checks.check_number(f"arm.locked.{name}", value, unit)
+    from armcontour.files.units import read_quantity
+
+    try:
+        return read_quantity(value, Quantity(unit, "90 deg"))
+    except ValueError as error:
+        raise InvalidInput(f"arm.locked.{name} {error}.") from None
+
+
+def check_options(options: ArmOptions, names: tuple[str, ...], arm: str) -> None:
+    """Refuse options that an arm does not have."""
+    for option in fields(ArmOptions):
+        if option.name not in names and getattr(options, option.name):
+            files = ".urdf, .xacro and MJCF files" if option.name in MODEL else ".urdf and .xacro"
+            raise InvalidInput(f"{arm} has no option {option.name}, which is for {files}.")
+
+
+def is_model(value: Any) -> bool:
+    """True if a value is a `pinocchio.Model`, without loading pinocchio."""
+    return type(value).__name__ == "Model" and type(value).__module__.startswith("pinocchio")
+
+
+def is_description(file: str | FilePath) -> bool:
+    """True if the extension of a file is that of a robot description."""
+    return FilePath(file).suffix.lower() in DESCRIPTIONS

@@ -1,0 +1,293 @@
+"""Make a chain of moving joints from a robot description, with all other joints locked."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.frames import Frame, exp, from_rpy
+from armcontour.core.text import list_some, plain_number, show
+from armcontour.files.robots.tree import Joint, Tree
+from armcontour.robot.chain import Chain, check_inertia, join_bodies
+
+# Longest sequence of joints of which each mimics the next; grippers have about 3.
+MAX_MIMICS = 50
+# Largest number of held joints in a note.
+MAX_HELD = 8
+# Largest position, axis component, mass or inertia [SI]: products of larger numbers may overflow.
+LARGEST = 1e9
+TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+
+
+class Description:
+    """The part of a robot description that belongs to an arm."""
+
+    def __init__(
+        self,
+        tree: Tree,
+        route: Sequence[Joint],
+        moving: Sequence[Joint],
+        locked: Mapping[str, float],
+        base: str,
+    ) -> None:
+        self.tree = tree
+        self.moving = moving
+        self.locked = locked
+        self.base = base
+        self.tip = route[-1].child if route else base
+        self.below = tree.below(base)
+        self.notes: list[str] = []
+        self._names = {joint.name for joint in moving}
+
+    def chain(self) -> Chain:
+        """The chain of the moving joints, with the bodies that move with each joint."""
+        carried = self.carried()
+        heavy = self._has_bodies(carried)
+        self._note_held_joints()
+        places = [carried[joint.parent][1] @ self._place(joint) for joint in self.moving]
+        bodies: dict[str, Any] = {}
+        if heavy:
+            links: list[Any] = [[] for _ in self.moving]
+            for name, (link, place) in carried.items():
+                body = self._body(name) if link else None
+                if body is not None:
+                    mass, frame, inertia = body
+                    frame = place @ frame
+                    turned = frame.rotation @ inertia @ frame.rotation.T
+                    links[link - 1].append((mass, frame.position, turned))
+            joined = zip(*map(join_bodies, links), strict=True)
+            bodies = dict(zip(("masses", "centers", "inertias"), joined, strict=True))
+        return Chain(
+            joints=tuple(joint.name for joint in self.moving),
+            rotations=np.array([x.rotation for x in places]),
+            positions=np.array([x.position for x in places]),
+            axes=np.array([self._axis(joint) for joint in self.moving]),
+            viscous=np.array([self._loss(joint, "damping") for joint in self.moving]),
+            coulomb=np.array([self._loss(joint, "friction") for joint in self.moving]),
+            tip=carried[self.tip][1],
+            **bodies,
+        )
+
+    def carried(self) -> dict[str, tuple[int, Frame]]:
+        """Index of the chain's link that carries each link, from 0, and the frame in it."""
+        number = {joint.name: k for k, joint in enumerate(self.moving, start=1)}
+        frames = {self.base: (0, Frame())}
+        for joint in self.below:
+            if joint.name in number:
+                frames[joint.child] = number[joint.name], Frame()
+            else:
+                link, place = frames[joint.parent]
+                frames[joint.child] = link, place @ self._place(joint)
+        return frames
+
+    def _place(self, joint: Joint) -> Frame:
+        """Frame of the link after a joint, locked or at 0, in the frame of the link before it."""
+        xyz, rpy = origin_of(joint.element, f"Joint {joint.name} of {self.tree.file}")
+        place = Frame(position=xyz, rotation=from_rpy(rpy))
+        value = 0.0 if joint.name in self._names else self._locked_position(joint, ())
+        if not abs(value) <= LARGEST:
+            raise InvalidInput(
+                f"Joint {joint.name} of {self.tree.file} is locked at {value:g}, beyond "
+                f"{LARGEST:g}: give a position that it can take."
+            )
+        if value == 0:
+            return place
+        along = self._axis(joint) * value
+        if joint.kind == "prismatic":
+            return place @ Frame(position=along)
+        return place @ Frame(rotation=exp(along))
+
+    def _locked_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
+        """Position of a locked joint: as given, as the mimicked joint requires, or nearest to 0."""
+        file, specified = self.tree.file, self.locked.get(joint.name)
+        if joint.kind in ("fixed", "planar", "floating"):
+            if specified is not None:
+                raise InvalidInput(
+                    f"Joint {joint.name} of {file} is {joint.kind} and cannot be locked at a value."
+                )
+            return 0.0
+        if joint.master is not None and specified is None:
+            return self._mimicking_position(joint, (*mimics, joint.name))
+        value = (
+            0.0
+            if specified is None
+            else checks.check_number(f"position of {joint.name}", specified)
+        )
+        lower, upper = (joint.number("limit", key, file) for key in ("lower", "upper"))
+        if joint.kind != "continuous" and lower is not None and upper is not None:
+            if specified is None and lower <= upper:
+                return min(max(value, lower), upper)
+            if specified is not None and not lower <= value <= upper:
+                unit = _unit(joint)
+                raise InvalidInput(
+                    f"Joint {joint.name} of {file} is locked at {value:g} {unit}, outside its "
+                    f"range from {lower:g} to {upper:g} {unit}: give its position, with "
+                    f"locked={{{joint.name!r}: ...}} (in a job, arm.locked)."
+                )
+        return value
+
+    def _mimicking_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
+        """Position of a joint that mimics another joint; joints of the arm count as being at 0."""
+        master = self.tree.joints.get(joint.master or "")
+        if master is None or master.name in mimics or len(mimics) > MAX_MIMICS:
+            raise InvalidInput(
+                f"Joint {joint.name} of {self.tree.file} mimics no joint that could move it."
+            )
+        file = self.tree.file
+        factor = joint.number("mimic", "multiplier", file)
+        offset = joint.number("mimic", "offset", file) or 0.0
+        position = 0.0 if master.name in self._names else self._locked_position(master, mimics)
+        return (1.0 if factor is None else factor) * position + offset
+
+    def _note_held_joints(self) -> None:
+        """Note the positions of joints outside the chain that the options do not lock."""
+        held = [
+            f"{joint.name} at {self._locked_position(joint, ()):.6g} {_unit(joint)}"
+            for joint in self.below
+            if joint.kind not in ("fixed", "planar", "floating")
+            and joint.name not in {*self._names, *self.locked}
+            and not self._follows_arm(joint)
+        ]
+        if held:
+            self.notes.append(
+                f"joints beside the arm are held still, {list_some(held, MAX_HELD)}: other "
+                "positions are given with locked= (in a job, arm.locked)"
+            )
+
+    def _follows_arm(self, joint: Joint) -> bool:
+        """True if a joint mimics a joint of the arm, directly or through other joints."""
+        for _ in range(MAX_MIMICS):
+            master = None if joint.name in self.locked else self.tree.joints.get(joint.master or "")
+            if master is None:
+                return False
+            if master.name in self._names:
+                return True
+            joint = master
+        return False
+
+    def _has_bodies(self, carried: Mapping[str, tuple[int, Frame]]) -> bool:
+        """True if all links that the arm moves have masses; adds a note if only some have."""
+        faults, heavy = self._faults(carried)
+        if heavy and faults:
+            others = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
+            self.notes.append(
+                f"masses, torques and limits of effort are left out, since {faults[0]}{others}; "
+                "only kinematics are known"
+            )
+        elif not heavy and any(
+            joint.number("limit", "effort", self.tree.file) is not None for joint in self.moving
+        ):
+            self.notes.append(
+                "no link has a mass, so limits of effort are left out; only kinematics are known"
+            )
+        return heavy and not faults
+
+    def _faults(self, carried: Mapping[str, tuple[int, Frame]]) -> tuple[list[str], bool]:
+        """Faults of the inertial data, and true if any link has such data."""
+        faults: list[str] = []
+        weight = [0.0] * len(self.moving)
+        known = False
+        for joint in self.below:
+            link, _ = carried[joint.child]
+            if not link:
+                continue
+            body = self._body(joint.child)
+            if body is not None:
+                known, mass = True, body[0]
+                if mass < 0:
+                    faults.append(f"the link {joint.child} has the mass {mass:g} kg")
+                try:
+                    check_inertia(f"the link {joint.child}", body[2])
+                except InvalidInput as error:
+                    text = str(error).rstrip(".")
+                    faults.append(text[0].lower() + text[1:])
+                # A link on a fixed joint, such as a mere frame, may have the mass 0.
+                if joint.name in self._names and mass == 0:
+                    faults.append(f"the link {joint.child}, which a joint moves, has the mass 0 kg")
+                weight[link - 1] += mass
+            if self._follows_arm(joint) and self._weighs(joint.child):
+                faults.append(f"joint {joint.name} moves a mass along with joint {joint.master}")
+        bare = [
+            f"the link {joint.child} has no mass"
+            for joint, mass in zip(self.moving, weight, strict=True)
+            if mass <= 0
+        ]
+        return faults or bare, known
+
+    def _weighs(self, link: str) -> bool:
+        """True if a link, or one below it, has a mass other than 0."""
+        links = [link, *(joint.child for joint in self.tree.below(link))]
+        masses = [self.tree.links[x].find("inertial/mass") for x in links]
+        return any(x is not None and plain_number(x.get("value")) != 0 for x in masses)
+
+    def _body(self, link: str) -> tuple[float, Frame, FloatArray] | None:
+        """Mass [kg], frame of the centre of mass, and inertia in it [kg m²]; None if not given."""
+        inertial = self.tree.links[link].find("inertial")
+        where = f"The link {link} of {self.tree.file}"
+        if inertial is None:
+            return None
+        mass = attribute(where, inertial.find("mass"), "mass", "value")
+        tensor = inertial.find("inertia")
+        xx, xy, xz, yy, yz, zz = (attribute(where, tensor, "inertia", key) for key in TENSOR)
+        xyz, rpy = origin_of(inertial, where)
+        frame = Frame(position=xyz, rotation=from_rpy(rpy))
+        return mass, frame, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    def _axis(self, joint: Joint) -> FloatArray:
+        """Unit vector of a joint axis, (3,)."""
+        where = f"Joint {joint.name} of {self.tree.file}"
+        element = joint.element.find("axis")
+        axis = three(where, "axis", "1 0 0" if element is None else element.get("xyz", "1 0 0"))
+        size = float(np.linalg.norm(axis))
+        if size == 0:
+            raise InvalidInput(f"{where} has an axis of length 0: give it a direction.")
+        return axis / size
+
+    def _loss(self, joint: Joint, key: str) -> float:
+        """Friction coefficient of a joint: its damping or its friction; 0 by default."""
+        value = joint.number("dynamics", key, self.tree.file) or 0.0
+        if value < 0:
+            raise InvalidInput(
+                f"Joint {joint.name} of {self.tree.file} has the {key} {value:g}: it must not be "
+                "negative."
+            )
+        return value
+
+
+def _unit(joint: Joint) -> str:
+    """The unit of a joint's position."""
+    return "m" if joint.kind == "prismatic" else "rad"
+
+
+def origin_of(element: ET.Element, where: str) -> tuple[FloatArray, FloatArray]:
+    """Position [m] and roll, pitch, yaw [rad] of an element's origin."""
+    origin = element.find("origin")
+    words = ["0 0 0"] * 2 if origin is None else [origin.get(x, "0 0 0") for x in ("xyz", "rpy")]
+    return three(where, "xyz", words[0]), three(where, "rpy", words[1])
+
+
+def attribute(where: str, element: ET.Element | None, tag: str, key: str) -> float:
+    """A number in an attribute of an element."""
+    text = None if element is None else element.get(key)
+    value = plain_number(text)
+    if value is None or abs(value) > LARGEST:
+        raise InvalidInput(
+            f"{where} needs a number as {key} of its {tag}, up to {LARGEST:g}, not {show(text)}."
+        )
+    return value
+
+
+def three(where: str, name: str, words: str) -> FloatArray:
+    """Three numbers in the text of an attribute."""
+    numbers = np.array([plain_number(x) for x in words.split()], dtype=np.float64)
+    if numbers.shape != (3,) or not (np.abs(numbers) <= LARGEST).all():
+        raise InvalidInput(
+            f"{where} needs three numbers as its {name}, up to {LARGEST:g}, not {show(words)}."
+        )
+    return numbers

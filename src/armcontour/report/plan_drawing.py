@@ -1,0 +1,382 @@
+"""Drawing of a plan as SVG: its path, coloured by the limiting constraint."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.palette import LIMITS, LINES
+from armcontour.core.render import number, number_range
+from armcontour.core.text import count_noun
+from armcontour.geometry import RoundedPath
+from armcontour.jobs import Job, RunResult
+from armcontour.planning.explanation import BETWEEN, RAPIDS, LimitShare
+from armcontour.program import Process, cut_parts
+from armcontour.report.outline import fine_places, simplify
+
+# Width, largest and smallest height, and margin of the drawing [px].
+WIDTH, HEIGHT, FLATTEST, EDGE = 800.0, 440.0, 190.0, 34.0
+# Largest error of the drawn path [px], and length below which a piece joins the previous one [px].
+VISIBLE, SHORTEST = 0.3, 1.0
+# Ratio of thickness to length below which a path in space is drawn from the front of its plane.
+FLAT = 0.02
+# Direction to the viewer of other paths.
+VIEWER = np.array([1.1, -1.5, 0.9])
+# Points along every rapid, and the least distance of two marks of one kind [px].
+RAPID_PLACES, APART = 24, 7.0
+# Largest number of contours with numbers.
+MAX_NUMBERED = 60
+# Length of the arrows of the axes [px], and the least length of a drawn axis.
+AXIS, SHORT_AXIS = 26.0, 0.25
+# Share of the largest speed below which the tool is at rest.
+STILL = 1e-6
+# Share of the duration below which a limit is not in the legend.
+LEAST_SHARE = 5e-3
+
+
+class LegendEntry(NamedTuple):
+    """A limit in the legend of a drawing."""
+
+    word: str
+    # Time in which it restricts the speed [s], also as a share of the motion
+    time: float
+    share: float
+    # Attributes of its line
+    look: str
+    # Parts, such as joints
+    names: str
+
+
+class Mark(NamedTuple):
+    """A mark in a drawing."""
+
+    # Position [m], (dimension,)
+    point: FloatArray
+    words: str
+    # Direction, if any
+    along: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawing:
+    """A drawing with its legend."""
+
+    svg: str
+    # Limits, the longest time first
+    legend: tuple[LegendEntry, ...]
+    # Symbols of drawn marks with their meanings
+    marks: tuple[tuple[str, str], ...]
+
+
+def draw_plan(result: RunResult, job: Job) -> Drawing:
+    """Draw the path of a plan."""
+    outline = [x.path(fine_places(x.path)) for x in result.path.contours]
+    rapids = _rapids(result)
+    sheet = Sheet.of(np.concatenate([*outline, *rapids]))
+    parts = [
+        *_kerf(result, job.process, sheet),
+        *_as_drawn(result, job, sheet),
+        *_leads(result, sheet),
+    ]
+    if rapids:
+        parts.append(_line(sheet, rapids, f'class="limit" {look_of(RAPIDS)}'))
+    for kind, curves in _pieces(result, sheet).items():
+        parts.append(_line(sheet, curves, f'class="limit path" {look_of(kind)}', word_of(kind)))
+    marks = {
+        "start": ("▶", "start of a contour", _starts(result)),
+        "corner": ("○", "rounded corner", _corners(result)),
+        "stop": ("■", "stop inside a contour", _stops(result)),
+        "event": ("◆", "output switched", _events(result)),
+    }
+    drawn = []
+    for name, (symbol, words, places) in marks.items():
+        if places:
+            parts += sheet.mark(name, places)
+            drawn.append((symbol, f"{words} ({len(places)})"))
+    parts += [*_numbers(result, sheet), *sheet.scale()]
+    legend = legend_of(result)
+    label = f"Path of the tool, {count_noun(len(outline), 'contour')}; what takes the time: "
+    label += ", ".join(f"{x.word} {number(x.share, '1')}" for x in legend) or "unknown"
+    return Drawing(
+        svg=(
+            f'<svg class="drawing" role="img" viewBox="0 0 {WIDTH:.0f} {sheet.height:.0f}" '
+            f'aria-label="{escape(label)}">{"".join(parts)}</svg>'
+        ),
+        legend=legend,
+        marks=tuple(drawn),
+    )
+
+
+def word_of(kind: str) -> str:
+    """Name of a kind of limits."""
+    return str(LIMITS.get(kind, LIMITS["other"]).get("word", kind))
+
+
+def look_of(kind: str) -> str:
+    """Colours by theme and dashes of a kind of limits, as SVG attributes."""
+    entry = LIMITS.get(kind, LIMITS["other"])
+    dash = " ".join(map(str, entry["dash"]))
+    return (
+        f'style="--light:{entry["light"]};--dark:{entry["dark"]};stroke-dasharray:{dash or "none"}"'
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sheet:
+    """Projection of points of a path into the drawing."""
+
+    # Directions to the right and up in the coordinates of the path, (2, dimension)
+    axes: FloatArray
+    # Lower left corner along these axes [m], (2,)
+    origin: FloatArray
+    # Pixels per metre
+    size: float
+    # [px]
+    height: float
+
+    @classmethod
+    def of(cls, points: FloatArray) -> Sheet:
+        """The largest drawing of points, seen from the front of their plane."""
+        axes = view_of(points)
+        low, high = (f(points @ axes.T, axis=0) for f in (np.min, np.max))
+        wide, high_up = np.maximum(high - low, 1e-9)
+        size = min((WIDTH - 2 * EDGE) / wide, (HEIGHT - 2 * EDGE) / high_up)
+        height = max(FLATTEST, high_up * size + 2 * EDGE)
+        room = (np.array([WIDTH, height]) / size - (high - low)) / 2
+        return cls(axes, low - room, float(size), float(height))
+
+    def place(self, points: FloatArray) -> FloatArray:
+        """Points in the drawing [px], (n, 2)."""
+        across = (points @ self.axes.T - self.origin) * self.size
+        return np.asarray(np.stack([across[..., 0], self.height - across[..., 1]], axis=-1))
+
+    def mark(self, name: str, marks: Iterable[Mark]) -> Iterator[str]:
+        """Marks of one kind with their titles; of overlapping marks the first one."""
+        taken: set[tuple[int, ...]] = set()
+        for mark in marks:
+            right, down = self.place(mark.point)
+            cell = (int(right // APART), int(down // APART))
+            if cell not in taken:
+                taken.add(cell)
+                along = np.array([1.0, 0.0]) if mark.along is None else mark.along @ self.axes.T
+                angle = -np.degrees(np.arctan2(along[1], along[0]))
+                turn = f"translate({right:.1f} {down:.1f}) rotate({angle:.0f})"
+                title = f"<title>{escape(mark.words)}</title>"
+                yield f'<use href="#mark-{name}" transform="{turn}">{title}</use>'
+
+    def scale(self) -> Iterator[str]:
+        """A scale bar of a round length, and the coordinate axes."""
+        longest = WIDTH / 5 / self.size
+        power = 10.0 ** np.floor(np.log10(longest))
+        length = max(x * power for x in (1, 2, 5) if x * power <= longest)
+        end, low = 12 + length * self.size, self.height - 10
+        yield f'<path class="scale" d="M12 {low - 4:.1f}v4H{end:.1f}v-4"/>'
+        yield f'<text x="{end + 6:.1f}" y="{low:.1f}">{number(length, "m")}</text>'
+        drawn: list[tuple[float, float]] = []
+        for k in np.argsort(-np.hypot(*self.axes)).tolist():
+            right, up = self.axes[:, k].tolist()
+            apart = (abs(right * y - up * x) for x, y in drawn)
+            if min(apart, default=1.0) < SHORT_AXIS or np.hypot(right, up) < SHORT_AXIS:
+                continue
+            drawn.append((right, up))
+            x, y = 22 + AXIS * right, low - 22 - AXIS * up
+            yield f'<path class="scale" d="M22 {low - 22:.1f}L{x:.1f} {y:.1f}"/>'
+            x, y = 22 + (AXIS + 9) * right, low - 18 - (AXIS + 9) * up
+            yield f'<text class="axis" x="{x:.1f}" y="{y:.1f}">{"xyz"[k]}</text>'
+
+
+def view_of(points: FloatArray) -> FloatArray:
+    """Directions to the right and up in the view, (2, dimension).
+
+    Points of a plane are seen from its front, other points from a corner of the room.
+    """
+    if points.shape[1] == 2:
+        return np.eye(2)
+    some = points[:: max(1, len(points) // 5000)]
+    _, sizes, along = np.linalg.svd(some - some.mean(axis=0), full_matrices=False)
+    if len(sizes) < 3 or sizes[1] < FLAT * sizes[0]:
+        # Along a straight line: from above, or along y if the line is upright.
+        normal = np.array([0.0, 0.0, 1.0]) if abs(along[0][2]) < 0.9 else np.array([0.0, -1.0, 0.0])
+        normal = normal - (normal @ along[0]) * along[0]
+    else:
+        normal = VIEWER if sizes[2] > FLAT * sizes[1] else along[2]
+    normal = normal / np.linalg.norm(normal) * (1.0 if normal @ VIEWER >= 0 else -1.0)
+    above = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    up = above - (above @ normal) * normal
+    up /= np.linalg.norm(up)
+    return np.stack([np.cross(up, normal), up])
+
+
+def _line(sheet: Sheet, curves: Sequence[FloatArray], look: str, words: str = "") -> str:
+    """Curves as one SVG path, simplified by the error on the screen."""
+    drawn = [sheet.place(x) for x in curves]
+    chosen = simplify(drawn, even=1, visible=VISIBLE)
+    rows = (points[few].ravel().tolist() for points, few in zip(drawn, chosen, strict=True))
+    texts = ("M" + " ".join(f"{x:.1f}" for x in row) for row in rows)
+    title = f"<title>{escape(words)}</title>" if words else ""
+    return f'<path {look} d="{"".join(texts)}">{title}</path>'
+
+
+def _pieces(result: RunResult, sheet: Sheet) -> dict[str, list[FloatArray]]:
+    """Parts of the contours by the kind of the limiting constraint."""
+    explanation = result.explanation
+    pieces: defaultdict[str, list[FloatArray]] = defaultdict(list)
+    starts = np.array([0.0] if explanation is None else [x.s[0] for x in explanation.bindings])
+    kinds = ["unknown"] if explanation is None else [kind_of(x.limit) for x in explanation.bindings]
+    names = list(dict.fromkeys(kinds))
+    kind_of_part = np.array([names.index(x) for x in kinds])
+    for contour, offset in zip(result.path.contours, result.path.breaks, strict=False):
+        inner = starts[(starts > offset) & (starts < offset + contour.path.length)] - offset
+        s = np.union1d(fine_places(contour.path), inner)
+        indices = np.searchsorted(starts, offset + (s[:-1] + s[1:]) / 2, side="right") - 1
+        kind = kind_of_part[np.clip(indices, 0, len(kind_of_part) - 1)]
+        edges = np.flatnonzero(np.diff(kind, prepend=-1))
+        # A piece that is too short to be visible has the colour of the previous piece.
+        visible = np.diff(np.append(s[edges], s[-1])) * sheet.size >= SHORTEST
+        visible[0] = True
+        edges = edges[visible]
+        edges = edges[np.diff(kind[edges], prepend=-1) != 0]
+        points = contour.path(s)
+        for a, b in zip(edges, [*edges[1:], len(s) - 1], strict=True):
+            pieces[names[kind[a]]].append(points[a : b + 1])
+    return dict(pieces)
+
+
+def kind_of(limit: str) -> str:
+    """The name of a limit in the palette."""
+    return BETWEEN if limit == "nothing" else limit
+
+
+def legend_of(result: RunResult) -> tuple[LegendEntry, ...]:
+    """Times of a motion by kinds of limits, the longest first."""
+    explanation, kinds = result.explanation, defaultdict[str, list[LimitShare]](list)
+    for share_of_limit in () if explanation is None else explanation.shares:
+        kinds[share_of_limit.kind].append(share_of_limit)
+    entries = []
+    for kind, parts in kinds.items():
+        share = sum(x.of_time for x in parts)
+        if share < LEAST_SHARE:
+            continue
+        names = [f"{x.name.removesuffix(f' {kind}')} {number(x.time, 's')}" for x in parts]
+        words = ", ".join(names) if len(parts) > 1 else ""
+        time = sum(x.time for x in parts)
+        entries.append(LegendEntry(word_of(kind), time, share, look_of(kind), words))
+    return tuple(sorted(entries, key=lambda x: -x.time))
+
+
+def _rapids(result: RunResult) -> list[FloatArray]:
+    """Tool paths between contours."""
+    plan = result.trajectory
+    spans = [x.t for x in plan.spans if x.kind == "rapid"]
+    if not spans:
+        return []
+    start, end = np.array(spans).T
+    times = np.linspace(start, end, RAPID_PLACES, axis=1)
+    points = result.arm.tool_position(plan(times.ravel(), side="left"))
+    return list(points.reshape(len(spans), RAPID_PLACES, -1))
+
+
+def _kerf(result: RunResult, process: Process, sheet: Sheet) -> Iterator[str]:
+    """The band of material that the kerf removes."""
+    widths: defaultdict[float, list[FloatArray]] = defaultdict(list)
+    for path, begin, end, kerf in cut_parts(result.path, process):
+        widths[kerf].append(path(fine_places(path, begin, end)))
+    for kerf, curves in widths.items():
+        look = f'class="kerf" stroke-width="{kerf * sheet.size:.1f}"'
+        yield _line(sheet, curves, look, f"kerf {number(kerf, 'm')}")
+
+
+def _as_drawn(result: RunResult, job: Job, sheet: Sheet) -> Iterator[str]:
+    """The contours before rounding and kerf compensation, if the difference is visible."""
+    contours = [x for x in job.program.contours if job.process.of_layer(x.layer).kerf]
+    if not contours and (result.rounding_error or 0.0) * sheet.size > SHORTEST:
+        contours = list(result.objective.contours)
+    curves = [x.path(fine_places(x.path)) for x in contours]
+    if curves:
+        yield _line(sheet, curves, 'class="objective"', "as drawn")
+
+
+def _leads(result: RunResult, sheet: Sheet) -> Iterator[str]:
+    """Leads, and moves to the pierce height, as halos of the path."""
+    curves = []
+    for contour in result.path.contours:
+        begin, end = contour.at_work
+        for a, b in ((0.0, begin), (end, contour.path.length)):
+            if (b - a) * sheet.size > SHORTEST:
+                curves.append(contour.path(fine_places(contour.path, a, b)))
+    if curves:
+        yield _line(sheet, curves, f'class="lead" stroke="{LINES["leads"]}"', "lead")
+
+
+def _starts(result: RunResult) -> list[Mark]:
+    """The starts of contours, and their directions."""
+    spans, marks = result.trajectory.contour_spans, []
+    for k, (contour, span) in enumerate(zip(result.path.contours, spans, strict=True), start=1):
+        words = (
+            f"contour {k} {contour.name} {contour.layer}".strip()
+            + f": {number(contour.path.length, 'm')}"
+        )
+        words += f", {number_range(span.t, 's')}"
+        marks.append(Mark(contour.path(0.0), words, contour.path(0.0, 1)))
+    return marks
+
+
+def _numbers(result: RunResult, sheet: Sheet) -> Iterator[str]:
+    """Numbers of contours at their starts; none for one contour or too many."""
+    contours = result.path.contours
+    if 1 < len(contours) <= MAX_NUMBERED:
+        for k, contour in enumerate(contours, start=1):
+            right, down = sheet.place(contour.path(0.0))
+            yield f'<text class="number" x="{right + 6:.1f}" y="{down - 6:.1f}">{k}</text>'
+
+
+def _corners(result: RunResult) -> list[Mark]:
+    """The rounded corners."""
+    rounded = (x.path.corners for x in result.path.contours if isinstance(x.path, RoundedPath))
+    return [
+        Mark(
+            c.point[k],
+            f"corner {k + 1}: {number(c.error[k], 'm')} off, radius {number(c.radius[k], 'm')}",
+        )
+        for c in rounded
+        for k in np.flatnonzero(c.radius > 0).tolist()
+    ]
+
+
+def _stops(result: RunResult) -> list[Mark]:
+    """Points inside contours at which the tool stops."""
+    marks = []
+    for contour, span in zip(result.path.contours, result.trajectory.contour_spans, strict=True):
+        motion = span.trajectory
+        if motion is None or motion.path is None:
+            continue
+        t = motion.breaks[1:-1]
+        speeds = motion.s(t, 1)
+        for s in motion.s(t[speeds < STILL * motion.s(motion.breaks, 1).max(initial=0.0)]):
+            marks.append(Mark(contour.path(s), f"stop at s = {number(span.s[0] + s, 'm')}"))
+    return marks
+
+
+def _events(result: RunResult) -> list[Mark]:
+    """Switching of outputs."""
+    return [Mark(np.asarray(x.point), event_words(x)) for x in result.trajectory.events]
+
+
+def event_words(event: Any) -> str:
+    """An event with its time and place."""
+    value = (
+        {True: "on", False: "off"}[event.value] if isinstance(event.value, bool) else event.value
+    )
+    side = "before" if event.t < event.due else "after"
+    lead = (
+        ""
+        if event.t == event.due
+        else f", {number(abs(event.due - event.t), 's')} {side} the tool is there"
+    )
+    return f"{event.name} = {value}, t = {number(event.t, 's')}{lead}, s = {number(event.s, 'm')}"

@@ -1,0 +1,163 @@
+"""Figures and reports of single results: plans, executions, evaluations, runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from armcontour import planning
+from armcontour.control import compensation
+from armcontour.core import checks
+from armcontour.core.errors import InvalidInput
+from armcontour.geometry import Path
+from armcontour.jobs import Job, JobResult, Planned, Run, RunResult
+from armcontour.motion import DEFAULT_CYCLE, Execution, Method, Span, Trajectory
+from armcontour.planning import explain
+from armcontour.program import Contour, Dwell, Move, Program, Rapid
+from armcontour.report.figure import Figure
+from armcontour.report.sections.joints import draw_joints
+from armcontour.report.sections.motion import draw_over_time, error, speed
+from armcontour.report.sections.path_section import draw_path
+from armcontour.robot import Arm, Limits, resolve_limits
+from armcontour.robot.servo import ServoModel
+from armcontour.verification import Evaluation, evaluate
+
+Result = JobResult | RunResult | Evaluation | Execution | Trajectory
+# Points of the tool path of a plan in joint space.
+PLACES = 2000
+
+
+def study_of(result: Result) -> JobResult:
+    """Study with a result as its only run; InvalidInput if it lacks its arm or execution."""
+    if isinstance(result, JobResult):
+        return result
+    if isinstance(result, RunResult):
+        return _study(result)
+    if isinstance(result, Trajectory):
+        plan = _planned(result)
+        return _study(
+            RunResult.of(plan, set_points=Execution.from_plan(result, plan.arm).set_points)
+        )
+    if isinstance(result, Execution):
+        result = evaluate(result, _planned(result.set_points.trajectory, result.arm).path)
+    if result.judged is None:
+        raise InvalidInput("This evaluation does not know its execution: evaluate it anew.")
+    evaluated = result.judged
+    limits, set_points = evaluated.limits, evaluated.executed.set_points
+    plan = _planned(set_points.trajectory, evaluated.executed.arm, evaluated.path, limits)
+    servo = getattr(evaluated.executed.plant, "servo", None)
+    run_result = RunResult.of(
+        plan,
+        run=_run("run", plan.trajectory, set_points.method, limits, set_points.cycle),
+        objective=plan.objective if evaluated.objective is None else evaluated.objective,
+        set_points=set_points,
+        servo=servo if isinstance(servo, ServoModel) else None,
+        execution=evaluated.executed,
+        evaluation=result,
+    )
+    return _study(run_result)
+
+
+def draw_result(result: Result, kind: str) -> Any:
+    """Draw a result, see `armcontour.core.text.draw`."""
+    checks.check_choice("kind", kind, tuple(KINDS))
+    drawn = KINDS[kind](study_of(result))
+    try:
+        from plotly.graph_objects import Figure as Plotly
+    except ImportError:
+        raise InvalidInput(
+            "Figures need the library plotly: pip install 'armcontour[figures]'. "
+            "`write_report` needs no extra."
+        ) from None
+
+    figure = Plotly({"data": drawn.data, "layout": drawn.layout}, skip_invalid=False)
+    return figure.update_layout(template="plotly_white", margin={"t": 60}, width=None)
+
+
+def _draw_error(study: JobResult) -> Figure:
+    if not study.simulated:
+        raise InvalidInput("A plan has no contour error: execute and evaluate it first.")
+    drawn: Figure = draw_over_time(study, error)
+    return drawn
+
+
+KINDS: dict[str, Callable[[JobResult], Figure]] = {
+    "path": draw_path,
+    "joints": lambda study: draw_joints(*next(iter(study.runs.items()))),
+    "speed": lambda study: draw_over_time(study, speed),
+    "error": _draw_error,
+}
+
+
+def _study(result: RunResult) -> JobResult:
+    """The study of one run."""
+    # A servo of this order follows its set-points exactly.
+    servo = ServoModel(order="unknown") if result.servo is None else result.servo
+    job = Job(
+        name=result.run.name,
+        title=f"{result.run.name.capitalize()} of {result.arm.name}",
+        arm=result.arm,
+        path=result.objective,
+        servo=servo,
+        runs=(result.run,),
+    )
+    return JobResult(job=job, runs={result.run.name: result})
+
+
+def _planned(
+    plan: Trajectory,
+    arm: Arm | None = None,
+    program: Program | None = None,
+    limits: Limits | None = None,
+) -> Planned:
+    """The run of a plan."""
+    arm = plan.require_arm() if arm is None else arm
+    program = _program_of(plan, arm) if program is None else program
+    limits = resolve_limits("write_report", arm, limits, plan.limits)
+    # Without the limits of the plan, no constraint would be active.
+    explained = plan.limits is not None and plan.method == Method.OPTIMAL
+    explanation = explain(plan, arm) if explained else None
+    sharp = getattr(program.single_path, "objective", None)
+    return Planned(
+        run=_run("plan", plan, "none", limits, DEFAULT_CYCLE),
+        objective=program if sharp is None else Program.from_path(sharp, "A plan needs a path"),
+        path=program,
+        trajectory=plan,
+        explanation=explanation,
+    )
+
+
+def _run(name: str, plan: Trajectory, method: str, limits: Limits, cycle: float) -> Run:
+    return Run(
+        name=name,
+        timing=planning.METHODS.get(plan.method, planning.Optimal)(),
+        compensation=compensation.METHODS.get(method, compensation.Inverse)(),
+        limits=limits,
+        cycle=cycle,
+    )
+
+
+def _program_of(plan: Trajectory, arm: Arm) -> Program:
+    """The program of a plan; for a plan in joint space, its tool path."""
+    if plan.spans:
+        return Program(tuple(_move_of(x) for x in plan.spans if x.move is not None))
+    if plan.path is not None:
+        return Program.from_path(plan.path, "A plan needs a path")
+    tool = arm.tool_position(plan(np.linspace(0, plan.duration, PLACES)))
+    return Program.from_path(Path.polyline(tool), "A plan needs a path")
+
+
+def _move_of(span: Span) -> Move:
+    """The move of a part of a plan."""
+    if span.kind == "dwell":
+        return Dwell(span.t[1] - span.t[0])
+    motion = span.trajectory
+    if span.kind == "rapid" or motion is None or motion.path is None:
+        return Rapid()
+    work = None
+    if span.work is not None:
+        start, end = motion.s(np.array(span.work) - span.t[0]).tolist()
+        work = start, end
+    return Contour(motion.path, name=span.name, work=work)

@@ -1,0 +1,150 @@
+"""The section on a certificate: its bounds, model and cost."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armcontour.core.render import figure, number
+from armcontour.core.result import Table
+from armcontour.core.text import capitalise
+from armcontour.jobs.advice import IF_DRIVE, IF_PROCESS
+from armcontour.planning.explanation import BETWEEN, DWELLS, RAPIDS
+from armcontour.report.figure import Figure, make_trace
+from armcontour.report.plan_drawing import draw_plan
+from armcontour.report.section import Front, Section, side_by_side, text_table, tiles
+from armcontour.report.sections.contours import MAX_ROWS
+from armcontour.report.sections.front import time_sentences
+from armcontour.report.style import RUN_COLOURS, finish, line, thin
+
+if TYPE_CHECKING:
+    from armcontour.jobs import JobResult
+    from armcontour.studies.certification import Certificate
+
+
+def certified(study: JobResult, certificate: Certificate) -> Front:
+    """The first screen of a certificate."""
+    data, model = certificate.to_data(), capitalise(certificate.model)
+    rows = {x.name: x for x in data.shown()}
+    deviation, verdict = rows["off_drawing"], data["kept"]
+    sentences = [
+        *time_sentences(certificate.result),
+        *(("What to change", x) for x in [_change(certificate)] if x),
+        ("Valid for", f"{model}. It does not cover collisions and flexibility."),
+        ("What the certificate costs", f"{figure(rows['cost'])}, {rows['cost'].note}."),
+        ("Weakest point", (*data.warnings, *data.notes, "None known.")[0]),
+    ]  # fmt: skip
+    words = "Certified" if verdict.value else "Not certified"
+    return Front(
+        verdict=f"{words}: {figure(deviation)} {deviation.label}; {verdict.note}.",
+        good=verdict.value,
+        tiles=tiles(rows[x] for x in ("duration", "off_drawing", "time_limit")),
+        drawing=draw_plan(next(iter(study.runs.values())), study.job),
+        sentences=tuple(sentences),
+    )
+
+
+def _change(certificate: Certificate) -> str:
+    """Advice to raise the limit with the largest share of the time; empty if unknown."""
+    explanation = certificate.result.explanation
+    shares = () if explanation is None else explanation.shares
+    share = next((x for x in shares if x.kind != BETWEEN), None)
+    if share is None:
+        return ""
+    advice = "raise that limit, if " + (IF_DRIVE if share.kind != share.name else IF_PROCESS)
+    if share.kind in (RAPIDS, DWELLS):
+        advice = "shorten them, for example by process.order: shortest"
+    return (
+        f"{capitalise(share.name)} takes {number(share.of_time, '1')} of the time: {advice}. The "
+        "command run with --changes plans changes without a certificate."
+    )
+
+
+def certificate(result: Certificate) -> Section:
+    """The certificate, its cost, and its derating."""
+    data, has_contours = result.to_data(), len(result.contours) > 1
+    contours = sorted(result.contours, key=lambda x: x.budget.left)
+    worst = [x.to_data() for x in contours[:MAX_ROWS]]
+    return Section(
+        key="certificate",
+        title="Certificate",
+        summary="parts of the error, derating, and the plan without a certificate",
+        text=OF_PROGRAMS if has_contours else "",
+        parts=(
+            _parts(result),
+            _derating(result),
+            side_by_side(result.comparison, caption="Compared"),
+            *(
+                [
+                    text_table(
+                        Table.from_results("contours", worst), "Contours, the least left first"
+                    )
+                ]
+                if has_contours
+                else []
+            ),
+            side_by_side({result.run.name: data}, caption="Figures"),
+        ),
+        notes=data.notes,
+    )
+
+
+# Height of the figures [px].
+HEIGHT = 240
+# Smallest range of the axis of derated limits [%].
+LEAST_RANGE = 1.0
+OF_PROGRAMS = (
+    "Every contour is certified while the process is on, in the execution of the whole program; "
+    "rapids only keep the limits of the joints."
+)
+
+
+# Figures of a budget that are drawn.
+PARTS = ("rounding", "servo", "sampling", "box", "model_error", "left")
+
+
+def _parts(certificate: Certificate) -> Any:
+    """Figure of the parts of the error on a logarithmic axis."""
+    budget = certificate.budget.to_data()
+    parts = {x.label: abs(x.value) for x in map(budget.__getitem__, PARTS)}
+    shown = {name: value * 1e3 for name, value in parts.items() if name and value > 0}
+    colours = [RUN_COLOURS[k % len(RUN_COLOURS)] for k in range(len(shown))]
+    figure = Figure(
+        make_trace(
+            "bar",
+            x=list(shown),
+            y=list(shown.values()),
+            marker={"color": colours},
+            hovertemplate="%{x}: %{y:.5g} mm<extra></extra>",
+        )
+    )
+    figure.update_yaxes(type="log", title="largest part [mm]")
+    return finish(figure, title="Parts of the contour error", height=HEIGHT, span=2)
+
+
+def _derating(certificate: Certificate) -> Any:
+    """Figure of the usable share of every joint's acceleration limit along all contours."""
+    figure = Figure()
+    starts = np.cumsum([0.0, *(x.path.length for x in certificate.contours)])
+    deratings = [x.derating for x in certificate.contours]
+    # A gap after every contour.
+    places = [
+        np.append(start + (x.cells[:-1] + x.cells[1:]) / 2, start + x.cells[-1])
+        for start, x in zip(starts[:-1], deratings, strict=True)
+    ]
+    for j, name in enumerate(certificate.job.arm.joint_names):
+        shares = [np.append(x.share[:, j], np.nan) for x in deratings]
+        s, usable = thin(np.concatenate(places), np.concatenate(shares))
+        figure.add_trace(line(s, usable * 100, name, RUN_COLOURS[j % len(RUN_COLOURS)], width=1.5))
+    figure.update_xaxes(
+        title="arc length of the contours [m]"
+        if len(certificate.contours) > 1
+        else "arc length [m]"
+    )
+    figure.update_yaxes(title="usable [%]")
+    least = 100 * min(float(x.share.min()) for x in deratings)
+    if least > 100 - LEAST_RANGE:
+        # Rounding errors must not fill the height of the figure.
+        figure.update_yaxes(range=[100 - LEAST_RANGE, 100 + LEAST_RANGE / 10])
+    return finish(figure, title="Usable share of the acceleration limits", height=HEIGHT, span=2)

@@ -1,0 +1,259 @@
+"""Figures of enlarged corners, in space in the plane of the corner's two lines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import cycle
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.render import number
+from armcontour.geometry import Path, RoundedPath, ShapedPath
+from armcontour.geometry.segments import TANGENT_TOLERANCE
+from armcontour.jobs import JobResult
+from armcontour.motion import Execution
+from armcontour.report.figure import make_subplots
+from armcontour.report.style import (
+    EXPERIMENT_DASH,
+    PATH_COLOUR,
+    finish,
+    line,
+    run_colours,
+    run_widths,
+)
+from armcontour.verification import Evaluation
+
+# Half width of an enlarged corner, in corner errors.
+ZOOM = 4.0
+# Largest number of enlarged corners.
+MAX_CORNERS = 4
+# Pictures in a row, the height of a figure with one row, and of every other row [px].
+COLUMNS = 2
+HEIGHT, MORE_HEIGHT = 350, 250
+# Number of drawn points per executed sample.
+FINER = 6
+MAX_POINTS = 800
+# Number of points of a drawn path.
+PLACES = 200
+IN_PLANE = np.eye(2)
+Replaced = RoundedPath | ShapedPath
+# Dashes of different rounded paths.
+DASHES = ("dash", "dot", "dashdot", "longdash")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Corner:
+    """An enlarged corner."""
+
+    # Index among the vertices of the objective path, from 0
+    vertex: int
+    # [m], (dimension,)
+    point: FloatArray
+    # Half width of the picture [m]
+    half: float
+    title: str
+
+
+def corners(study: JobResult) -> list[Any]:
+    """A figure of enlarged corners; none if no run has rounded or shaped corners."""
+    paths = _replaced_paths(study)
+    if not paths:
+        return []
+    first = next(iter(paths.values()))
+    all_corners = find_corners(first)
+    if not all_corners:
+        return []
+    shown, tools = all_corners[:MAX_CORNERS], tools_of(study)
+    rows = -(-len(shown) // COLUMNS)
+    figure = make_subplots(
+        rows=rows,
+        cols=min(len(shown), COLUMNS),
+        subplot_titles=[x.title for x in shown],
+        vertical_spacing=0.16,
+    )
+    for k, corner in enumerate(shown):
+        _corner(figure, tools, paths, corner, k)
+    title = _title(study, len(shown), len(all_corners))
+    finish(figure, title=title, height=HEIGHT + (rows - 1) * MORE_HEIGHT)
+    figure.update_layout(margin={"t": 70})
+    return [figure]
+
+
+def find_corners(path: Replaced) -> list[Corner]:
+    """The corners of a rounded or shaped path in path order."""
+    if isinstance(path, ShapedPath):
+        # The first vertex has no turn.
+        turns = np.append(0.0, path.objective.turns)
+        turned = np.flatnonzero((turns > TANGENT_TOLERANCE) & (turns < np.pi - TANGENT_TOLERANCE))
+        return [
+            Corner(
+                vertex=k,
+                point=path.objective.vertices[k],
+                half=ZOOM * path.tolerance,
+                title=f"corner {i + 1}<br>turn {number(turns[k], 'rad')}",
+            )
+            for i, k in enumerate(turned.tolist())
+            if path.tolerance > 0
+        ]
+    c = path.corners
+    return [
+        Corner(
+            vertex=int(c.vertex[k]),
+            point=c.point[k],
+            half=ZOOM * float(c.error[k]),
+            title=f"corner {k + 1}<br>r = {number(c.radius[k], 'm')}<br>"
+            f"error {number(c.error[k], 'm')}",
+        )
+        for k in np.flatnonzero(c.radius > 0)
+    ]
+
+
+def _title(study: JobResult, shown: int, count: int) -> str:
+    """Title of the figure with the numbers of its corners."""
+    has_contours = len(study.job.program.contours) > 1
+    title = "Corners enlarged" + (f", contour {_shown(study) + 1}" if has_contours else "")
+    return title + (f": the first {shown} of {count}" if count > shown else "")
+
+
+class Tool(NamedTuple):
+    """The executed tool path of a run or an experiment, and its line in figures."""
+
+    # Name in the legend
+    name: str
+    execution: Execution
+    evaluation: Evaluation | None
+    # Colour and other options of the line
+    look: dict[str, Any]
+
+
+def tools_of(study: JobResult) -> list[Tool]:
+    """Executed tool paths of all runs and experiments."""
+    colours, widths = run_colours(study.runs), run_widths(study.runs)
+    tools = []
+    for name, result in study.runs.items():
+        look: dict[str, Any] = {"colour": colours[name], "width": widths[name]}
+        tools.append(Tool(name, result.motion, result.evaluation, look))
+        if (experiment := result.experiment) is not None:
+            look = {"colour": colours[name], "dash": EXPERIMENT_DASH, "width": 1.5}
+            label = f"{name}, experiment"
+            tools.append(Tool(label, experiment.execution, experiment.evaluation, look))
+    return tools
+
+
+def _replaced_paths(study: JobResult) -> dict[str, Replaced]:
+    """The different rounded or shaped paths of the drawn contour, by name."""
+    index, paths = _shown(study), dict[str, Replaced]()
+    for name, result in study.runs.items():
+        path = result.path.contours[index].path
+        if isinstance(path, Replaced) and not any(alike(path, x) for x in paths.values()):
+            paths[name] = path
+    suffix = " of {}" if len(paths) > 1 else ""
+    return {f"{_kind(x)} path" + suffix.format(name): x for name, x in paths.items()}
+
+
+def _kind(path: Path) -> str:
+    """Kind of a path in titles."""
+    return "shaped" if isinstance(path, ShapedPath) else "rounded"
+
+
+def _shown(study: JobResult) -> int:
+    """Index of the drawn contour: the first with rounded or shaped corners."""
+    program = next(iter(study.runs.values())).path
+    for i, contour in enumerate(program.contours):
+        if isinstance(contour.path, Replaced) and find_corners(contour.path):
+            return i
+    return 0
+
+
+def alike(first: Path, second: Path) -> bool:
+    """True if two paths have the same vertices."""
+    return np.array_equal(first.breaks, second.breaks) and np.array_equal(
+        first.vertices, second.vertices
+    )
+
+
+def _corner(
+    figure: Any,
+    tools: Sequence[Tool],
+    paths: Mapping[str, Replaced],
+    corner: Corner,
+    k: int,
+) -> None:
+    """Draw a corner of all paths and executions in picture k of the figure, from 0."""
+    row, column = divmod(k, COLUMNS)
+    path, place = next(iter(paths.values())), {"row": row + 1, "col": column + 1}
+    point, half = corner.point, corner.half
+    view = _view(path.objective, corner.vertex)
+    # In space, coordinates are relative to the corner.
+    origin = np.zeros_like(point) if path.dimension == 2 else point
+
+    def project(points: FloatArray) -> FloatArray:
+        return (points - origin) @ view.T * 1e3
+
+    def draw(points: FloatArray, name: str, colour: str, **look: Any) -> None:
+        drawn = project(points)
+        curve = line(
+            drawn[:, 0],
+            drawn[:, 1],
+            name,
+            colour,
+            showlegend=k == 0,
+            legendgroup=name,
+            **look,
+        )
+        figure.add_trace(curve, **place)
+
+    s = float(path.objective.breaks[corner.vertex])
+    around = s - 3 * half, s + 3 * half
+    draw(_between(path.objective, *around), "objective path", PATH_COLOUR, width=6, opacity=0.5)
+    for (name, other), dash in zip(paths.items(), cycle(DASHES), strict=False):
+        stretch = _between(other, *other.place(np.clip(around, 0, path.objective.length)))
+        draw(stretch, name, "#000000", dash=dash, width=1.5)
+    for tool in tools:
+        draw(_near(tool.execution, point, 3 * half), tool.name, **tool.look)
+    middle = project(point)
+    names = ("x [mm]", "y [mm]") if path.dimension == 2 else ("along [mm]", "across [mm]")
+    ends = [middle - half * 1e3, middle + half * 1e3]
+    figure.update_xaxes(title=names[0], range=[float(x[0]) for x in ends], **place)
+    figure.update_yaxes(
+        title=names[1] if column == 0 else None,
+        range=[float(x[1]) for x in ends],
+        scaleanchor=f"x{k + 1}" if k else "x",
+        **place,
+    )
+
+
+def _view(path: Path, vertex: int) -> FloatArray:
+    """Axes of an enlarged corner, (2, dimension): in space the tangent before, and the normal."""
+    if path.dimension == 2:
+        return IN_PLANE
+    before, after = path(path.breaks[vertex], 1, side="left"), path.tangents[vertex]
+    across = after - (after @ before) * before
+    return np.stack([before, across / np.linalg.norm(across)])
+
+
+def _between(path: Path, start: float, end: float) -> FloatArray:
+    """Points of a path between two arc lengths [m], with its vertices."""
+    low, high = max(start, 0.0), min(end, path.length)
+    vertices = path.breaks[(path.breaks > low) & (path.breaks < high)]
+    return path(np.union1d(np.linspace(low, high, PLACES), vertices))
+
+
+def _near(done: Execution, corner: FloatArray, distance: float) -> FloatArray:
+    """Tool positions near a corner, interpolated between executed samples; gaps (NaN) elsewhere."""
+    from scipy.interpolate import CubicHermiteSpline
+
+    near = np.flatnonzero(np.all(np.abs(done.tool - corner) < distance, axis=1)[:-1])
+    gap = np.full((1, len(corner)), np.nan)
+    parts = [gap]
+    for visit in np.split(near, np.flatnonzero(np.diff(near) > 1) + 1):
+        if len(visit):
+            places = len(visit) * min(FINER, MAX_POINTS / len(near))
+            samples = slice(visit[0], visit[-1] + 2)
+            t = np.linspace(done.t[samples][0], done.t[samples][-1], int(places) + 2)
+            q = CubicHermiteSpline(done.t[samples], done.q[samples], done.dq[samples])(t)
+            parts += [done.arm.tool_position(q), gap]
+    return np.concatenate(parts)

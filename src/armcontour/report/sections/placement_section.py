@@ -1,0 +1,219 @@
+"""The section on a placement: maps of figures and refusals of all places."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.render import scale
+from armcontour.core.result import VERDICT, Row
+from armcontour.report.figure import Figure, make_trace
+from armcontour.report.section import Front, Section, TextTable, side_by_side, tiles
+from armcontour.report.style import EXECUTED_COLOUR, PLANNED_COLOUR, finish
+
+if TYPE_CHECKING:
+    from armcontour.studies.placement import Axis, Placement
+
+# Height of a map [px].
+HEIGHT = 460
+# Grey tones of refused places, by the kinds of refusals.
+GREYS = {
+    "reach": "#4d4d4d",
+    "joint range": "#737373",
+    "singularity": "#8f8f8f",
+    "clearance": "#a8a8a8",
+    "limits": "#c2c2c2",
+    "other": "#d9d9d9",
+}
+# A scale whose order does not depend on colour vision.
+SCALE = "Viridis"
+OBJECTIVES = {
+    "duration": "shortest duration",
+    "manipulability": "largest manipulability",
+    "clearance": "largest clearance",
+    "torque": "largest torque margin",
+}
+
+
+def placed(result: Placement) -> Front:
+    """The first screen: the map of the objective, and the best place."""
+    rows, maps = result.to_data().shown(VERDICT), _maps(result)
+    sentences = [("What the map shows", _text(result))]
+    sentences += [("Weakest point", x) for x in result.notes[:1]]
+    return Front(
+        verdict=f"Best place of the {result.moved}: {result.refined}",
+        tiles=tiles(rows),
+        parts=maps[0][1] if maps else (),
+        sentences=tuple(sentences),
+    )
+
+
+def placement(result: Placement) -> Section:
+    """The other maps, the figures of the best place, and the refusals."""
+    rows = tuple((kind, str(n)) for kind, n in result.refusals.items())
+    refused = TextTable(header=("refused by", "places"), rows=rows)
+    return Section(
+        key="placement",
+        title="Other maps and figures",
+        summary="figures of the best place and of the job's own place; refused places",
+        parts=(side_by_side(result.comparison), *([refused] if result.refusals else [])),
+        choices=tuple(_maps(result)[1:]),
+        notes=result.notes[1:],
+    )
+
+
+def _maps(result: Placement) -> list[tuple[str, tuple[Any, ...]]]:
+    """Maps of the known figures, by label."""
+    return [
+        (x.label, (_figure(result, x, values),))
+        for x in result.own.to_data().rows
+        if x.label and x.unit and np.isfinite(values := _values(result, x)).any()
+    ]
+
+
+def _text(result: Placement) -> str:
+    """Description of the maps."""
+    best = OBJECTIVES[result.objective]
+    parts = [
+        f"Every point is a place of the {result.moved}; sought is the {best}. Refused places are "
+        "grey, with a tone per reason; the cross is the best place."
+    ]
+    if result.planned < len(result.verdicts) - sum(result.refusals.values()):
+        parts.append(
+            "Most places were not planned, as a lower bound on the duration already rules them "
+            "out: for them the map has that bound."
+        )
+    if len(_varied(result)) > 2:
+        parts.append("Each point shows the best over the other axes.")
+    if result.uncertainty:
+        parts.append("All figures are those of the worst of a place and of the corners around it.")
+    return " ".join(parts)
+
+
+def _varied(result: Placement) -> list[Axis]:
+    """The axes with more than one place, at least one axis."""
+    return [x for x in result.axes if len(x.values) > 1] or [result.axes[0]]
+
+
+def _values(result: Placement, row: Row) -> FloatArray:
+    """Values of a map; NaN for refused places and unknown values."""
+    values = result.values(row.name)
+    if row.name == "duration":
+        bounds = result.values("bound")
+        values = np.where(np.isnan(values) & (bounds > 0), bounds, values)
+    refused = np.array([bool(v.refusal) for v in result.verdicts]).reshape(result.shape)
+    values[refused | np.isinf(values)] = np.nan
+    return values / scale(row.unit)[1]
+
+
+def _figure(result: Placement, row: Row, values: FloatArray) -> Any:
+    """A heat map over the first two axes that vary, or a line over the only one."""
+    axes = _varied(result)[:2]
+    varied = [k for k, a in enumerate(result.axes) if any(a is b for b in axes)]
+    others = tuple(k for k in range(len(result.axes)) if k not in varied)
+    # Times are best if short, other figures if large.
+    small = row.unit == "s"
+    worst = np.inf if small else -np.inf
+    filled = np.where(np.isnan(values), worst, values)
+    best = filled.min(axis=others) if small else filled.max(axis=others)
+    best = np.where(np.isinf(best), np.nan, best)
+    numbers = {kind: k for k, kind in enumerate(GREYS)}
+    kinds = np.array([numbers.get(v.refusal, -1) for v in result.verdicts])
+    # Places refused for all values of the other axes show the last kind of the list.
+    refused = kinds.reshape(result.shape)
+    refused = np.where((refused >= 0).all(axis=others), refused.max(axis=others), -1)
+    return (_map if len(axes) == 2 else _line)(result, row, axes, best, refused)
+
+
+def _map(
+    result: Placement, row: Row, axes: list[Axis], values: FloatArray, refused: FloatArray
+) -> Any:
+    """A heat map; refused places in tones of grey, with a legend."""
+    coordinates = [a.values / scale(a.unit)[1] for a in axes]
+    drawn = Figure()
+    for k, kind in enumerate(GREYS):
+        if (refused == k).any():
+            grey = GREYS[kind]
+            drawn.add_trace(
+                make_trace(
+                    "heatmap",
+                    x=coordinates[0],
+                    y=coordinates[1],
+                    z=np.where(refused == k, 1.0, np.nan).T,
+                    colorscale=[[0, grey], [1, grey]],
+                    showscale=False,
+                    hovertemplate=f"%{{x:.4g}}, %{{y:.4g}}<br>refused by {kind}<extra></extra>",
+                )
+            )
+            drawn.add_trace(_key(kind, grey))
+    drawn.add_trace(
+        make_trace(
+            "heatmap",
+            x=coordinates[0],
+            y=coordinates[1],
+            z=values.T,
+            colorscale=SCALE,
+            reversescale=row.unit == "s",
+            colorbar={"title": {"text": _title(row.label, row.unit), "side": "right"}},
+            hovertemplate="%{x:.4g}, %{y:.4g}<br>%{z:.5g}<extra></extra>",
+        )
+    )
+    best = [result.refined.values[a.name] / scale(a.unit)[1] for a in axes]
+    drawn.add_trace(
+        make_trace(
+            "scatter",
+            x=best[:1],
+            y=best[1:],
+            mode="markers",
+            name="best place",
+            marker={"symbol": "x", "size": 12, "color": PLANNED_COLOUR},
+        )
+    )
+    drawn.update_xaxes(title=_title(axes[0].name, axes[0].unit))
+    drawn.update_yaxes(title=_title(axes[1].name, axes[1].unit))
+    if all(a.unit == "m" for a in axes):
+        drawn.update_xaxes(constrain="domain")
+        drawn.update_yaxes(constrain="domain", scaleanchor="x", scaleratio=1)
+    return finish(drawn, title=f"Places by {row.label}", height=HEIGHT)
+
+
+def _key(kind: str, colour: str) -> Any:
+    """An entry of the legend for a kind of refusals."""
+    marker = {"symbol": "square", "size": 12, "color": colour}
+    return make_trace(
+        "scatter", x=[None], y=[None], mode="markers", name=f"refused by {kind}", marker=marker
+    )
+
+
+def _line(
+    result: Placement, row: Row, axes: list[Axis], values: FloatArray, refused: FloatArray
+) -> Any:
+    """Values along the only axis that varies; refused places as squares below."""
+    coordinates, drawn = axes[0].values / scale(axes[0].unit)[1], Figure()
+    drawn.add_trace(
+        make_trace(
+            "scatter",
+            x=coordinates,
+            y=values,
+            mode="lines+markers",
+            name=_title(row.label, row.unit),
+            line={"color": EXECUTED_COLOUR, "width": 1.5},
+        )
+    )
+    floor = float(np.nanmin(values))
+    for k, kind in enumerate(GREYS):
+        mask = refused == k
+        if mask.any():
+            entry = _key(kind, GREYS[kind])
+            entry.x, entry.y = coordinates[mask], np.full(mask.sum(), floor)
+            drawn.add_trace(entry)
+    drawn.update_xaxes(title=_title(axes[0].name, axes[0].unit))
+    drawn.update_yaxes(title=_title(row.label, row.unit))
+    return finish(drawn, title=f"Places by {row.label}", height=HEIGHT)
+
+
+def _title(label: str, unit: str) -> str:
+    """The title of an axis."""
+    return f"{label} [{scale(unit)[0]}]"

@@ -1,0 +1,569 @@
+"""Entry points `certify`, the fastest plan whose execution keeps a tolerance, and `sweep`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from armcontour.core import checks
+from armcontour.core.errors import ArmContourError, ExecutionError, InvalidInput, NotRealizable
+from armcontour.core.fields import checked
+from armcontour.core.progress import Progress, Step, subprogress
+from armcontour.core.text import count_kinds
+from armcontour.geometry import Path, RoundedPath, ShapedPath
+from armcontour.jobs.alternatives import clearance_of
+from armcontour.jobs.experiment import build_plant
+from armcontour.jobs.goal import CertificateGoal
+from armcontour.jobs.job import ARC, FREE, Job, Run, choose_run
+from armcontour.jobs.reuse import Reuse
+from armcontour.jobs.run_plan import plan_one
+from armcontour.jobs.study import evaluate_run, simulate_rigid_bodies
+from armcontour.motion import Method, SetPoints
+from armcontour.planning import Optimal, check_jerk_support
+from armcontour.program import Contour, Dwell, Event, Program, Rapid, contour_called
+from armcontour.simulation import RigidBodyPlant, simulate
+from armcontour.simulation.robustness.monte_carlo import spans_of
+from armcontour.simulation.robustness.uncertainty import Uncertainty, Unknowns
+from armcontour.studies.certification.certificate import (
+    Budget,
+    Certificate,
+    ContourCertificate,
+    Uncertified,
+)
+from armcontour.studies.certification.certification_case import Case
+from armcontour.studies.certification.derating import derated_intervals
+from armcontour.studies.certification.limit_margins import (
+    Trial,
+    distances,
+    execute_trial,
+    speed_ratios,
+)
+from armcontour.studies.certification.move_search import MoveSearch
+from armcontour.studies.certification.plan_search import execute_servos, search
+from armcontour.studies.certification.rigid_body_robots import (
+    FIRST_CORNERS,
+    largest_errors,
+    rest_at_start,
+    worst_corners,
+)
+from armcontour.verification.contour_execution import pieces_of
+from armcontour.verification.error_profile import ErrorProfile
+
+# A cycle this many times shorter counts as continuous; at least SHORTEST [s].
+CONTINUOUS = 20
+SHORTEST = 1e-4
+# Shares of a total tolerance for the servo if the goal has no servo budget. They are tried in order
+# until a plan is certified, and further while the error exceeds NEAR of its budget and the plan
+# gets faster.
+SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
+NEAR = 0.9
+# The rest of the tolerance goes to the shape. The servo keeps this multiple of the error that it
+# needed, because the plan changes; the second is tried if the first gives no faster plan.
+SERVO_MARGINS = (1.5, 6.0)
+# Smallest share of the tolerance for which paths are rounded or shaped again.
+LEAST_GAIN = 1e-3
+
+
+# A proven plan of a program, and its moves in the search.
+Proven = tuple[Trial, list[MoveSearch]]
+
+
+@checked
+def certify(
+    job: Job,
+    run: str | None = None,
+    *,
+    goal: CertificateGoal | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Certificate:
+    """Find the fastest plan of a job whose execution keeps its tolerance.
+
+    The plan has optimal timing, derated where required, with the compensation, cycle and limits of
+    the run. The certificate is valid only for the job's plant: its servos, or its rigid bodies if
+    the goal has `plant="rigid_body"`.
+
+    >>> certificate = ac.certify(ac.read_job("job.yaml"))
+    >>> certificate.evaluation.contour_error.max < 0.1e-3
+    True
+
+    Args:
+        job: The job.
+        run: Name of the run; by default that of the goal.
+        goal: The goal; by default the certificate of the job.
+        executor: Executes robots of the box as rigid bodies, such as a
+            `concurrent.futures.ProcessPoolExecutor`; by default processes of this machine do.
+        progress: Called with a named step before every trial.
+
+    Raises:
+        InvalidInput: There is no goal, or no such run.
+        NotRealizable: No plan satisfies the goal; the message names the limiting constraint and
+            possible changes.
+        ArmContourError: Tracing, planning or execution fails.
+    """
+    goal = goal_of(job) if goal is None else goal
+    chosen = run_of(job, goal.run if run is None else run)
+    if chosen.duration is not None:
+        raise InvalidInput(
+            f"Run {chosen.name} has a duration of {chosen.duration:g} s, which a certificate does "
+            "not support: remove duration."
+        )
+    if chosen.rounding is not None and chosen.rounding.free:
+        check_jerk_support(Method.SHAPED, chosen.limits)
+    plant = None
+    if chosen.experiment is not None:
+        # Invalid options of the experiment and the box are reported before the search.
+        plant = build_plant(chosen.experiment, job.arm, job.plant_servo, chosen.limits)
+    if goal.box is not None and goal.plant == "servo":
+        spans_of(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, chosen.cycle)
+    # Derating makes a reserve unnecessary.
+    free = chosen.rounding is not None and chosen.rounding.free
+    intervals = chosen.timing.intervals if free and isinstance(chosen.timing, Optimal) else None
+    chosen = replace(chosen, timing=Optimal(intervals=intervals))
+    tell, shapes = subprogress(progress), [chosen]
+    if free and chosen.rounding is not None:
+        shapes.append(replace(chosen, rounding=chosen.rounding.with_arcs))
+    best: tuple[Case, Proven] | None = None
+    refusal: NotRealizable | None = None
+    durations: dict[str, float] = {}
+    for each in shapes:
+        deadline = min(durations.values(), default=np.inf)
+        try:
+            case, proven, least = _fastest(job, each, goal, executor, tell, deadline)
+        except NotRealizable as error:
+            refusal = error
+            continue
+        durations[ARC if each.rounding is None else each.rounding.shape] = least
+        if proven is not None and least < deadline:
+            best = case, proven
+    if best is None:
+        assert refusal is not None
+        raise refusal
+    return _certificate(*best, durations if FREE in durations else {}, plant)
+
+
+def goal_of(job: Job, **overrides: Any) -> CertificateGoal:
+    """Goal of the job's certificate with some fields replaced."""
+    names = tuple(x.name for x in fields(CertificateGoal))
+    for name in overrides:
+        checks.check_choice("An option of certify", name, names)
+    if job.certificate is None:
+        return CertificateGoal(**overrides)
+    return replace(job.certificate, **overrides)
+
+
+def run_of(job: Job, name: str | None) -> Run:
+    """The named run, or the only run with optimal timing."""
+    return choose_run(
+        job, name, "certified", [x for x in job.runs if isinstance(x.timing, Optimal)]
+    )
+
+
+def _fastest(
+    job: Job,
+    run: Run,
+    goal: CertificateGoal,
+    executor: Executor | None,
+    tell: Progress,
+    deadline: float,
+) -> tuple[Case, Proven | None, float]:
+    """Find the fastest plan of a run that satisfies the goal, over all splits of the tolerance.
+
+    Returns the case with the whole tolerance for the shape, the proven plan, and its duration [s];
+    None and a lower bound of the duration if no plan is faster than `deadline` [s].
+    """
+
+    def case_of(servo: float) -> Case:
+        shaped = _with_shape(run, goal, servo)
+        planned = plan_one(job, shaped, reuse, tell, clear=False)
+        return Case(job, planned, goal, servo, tell, executor)
+
+    reuse = Reuse()
+    # The plan without derating is the reference of the certificate's cost. It comes first, because
+    # its errors, such as an event before the start, also apply to the certificate.
+    base = case_of(0.0)
+    least = base.planned.trajectory.duration
+    if base.bodies:
+        _refuse_other_programs(base)
+        _refuse_start(base)
+    free = run.rounding is not None and run.rounding.free
+    bent = free or any(shape_part(x.path) > 0 for x in base.program.contours)
+    if goal.tolerance is None or not bent:
+        budget = goal.servo_error or goal.tolerance
+        assert budget is not None
+        if least >= deadline:
+            return base, None, least
+        alone = search(replace(base, servo_allowed=budget))
+        return base, alone, alone[0].trajectory.duration
+    tightest = _tightest(run, goal)
+    budgets = (
+        [x * tightest for x in SERVO_SHARES] if goal.servo_error is None else [goal.servo_error]
+    )
+    if np.isfinite(deadline):
+        least = min(least, *(case_of(x).planned.trajectory.duration for x in budgets))
+        if least >= deadline:
+            return base, None, least
+    best = _search_budgets(case_of, budgets)
+    # The unused part of the tolerance goes to the shape if the plan gets faster.
+    for factor in SERVO_MARGINS:
+        case = best[0].case
+        needed = factor * _worst_error(*best) + case.model_error
+        if needed > case.servo_allowed - LEAST_GAIN * tightest:
+            break
+        with suppress(NotRealizable):
+            better = search(case_of(needed))
+            if better[0].trajectory.duration < best[0].trajectory.duration:
+                best = better
+                break
+    return base, best, best[0].trajectory.duration
+
+
+def _search_budgets(case_of: Callable[[float], Case], budgets: Sequence[float]) -> Proven:
+    """Search with rising servo budgets while the plan gets faster and uses most of its budget."""
+    best: Proven | None = None
+    for budget in budgets:
+        try:
+            proven = search(case_of(budget))
+        except NotRealizable:
+            if best is not None:
+                break
+            if budget == budgets[-1]:
+                raise
+            continue
+        if best is not None and proven[0].trajectory.duration >= best[0].trajectory.duration:
+            break
+        best = proven
+        if _worst_error(*best) + best[0].case.model_error < NEAR * budget:
+            break
+    assert best is not None
+    return best
+
+
+def _worst_error(proof: Trial, moves: Sequence[MoveSearch]) -> float:
+    """Largest contour error of a proven plan, over the box if there is one [m]."""
+    robots = [x for y in moves for x in (y.corners, y.spread) if x is not None]
+    largest = [float(distances(x).max()) for x in proof.pieces]
+    return max(largest + [float(x.max.max()) for x in robots])
+
+
+def _tightest(run: Run, goal: CertificateGoal) -> float:
+    """The smallest tolerance that shape and servo share [m]."""
+    assert goal.tolerance is not None
+    line = None if run.rounding is None else run.rounding.line_tolerance
+    return goal.tolerance if line is None else min(line, goal.tolerance)
+
+
+def _with_shape(run: Run, goal: CertificateGoal, servo: float) -> Run:
+    """The run with its shape tolerances reduced by the servo's part [m]."""
+    rounding = run.rounding
+    if rounding is None or goal.tolerance is None:
+        return run
+    tolerance = goal.tolerance - servo
+    single = {k: min(x, tolerance) for k, x in (rounding.at or {}).items()} or None
+    line = None if rounding.line_tolerance is None else _tightest(run, goal) - servo
+    shape = replace(rounding, tolerance=tolerance, at=single, line_tolerance=line)
+    return replace(run, rounding=shape)
+
+
+def _refuse_other_programs(case: Case) -> None:
+    """Refuse a program that a certificate on rigid bodies does not support."""
+    program = case.program
+    others = [x for x in program.moves if not isinstance(x, Contour | Dwell)]
+    if len(program.contours) > 1 or others:
+        raise InvalidInput(
+            "A certificate on rigid bodies is for one contour, with or without dwells, but "
+            f"this program has {_list_moves(program)}, or certify with plant: servo."
+        )
+    Unknowns.from_uncertainty(case.box or Uncertainty(), case.arm, case.servo)
+    case.plant()
+
+
+def _refuse_start(case: Case) -> None:
+    """Refuse rigid bodies that rest too far from the start of the contour."""
+    (contour,) = case.program.contours
+    distance = rest_at_start(case, contour.path, case.compute_set_points(case.planned.trajectory))
+    allowed = case.goal.servo_error or case.goal.tolerance
+    assert allowed is not None
+    counts_at_start = case.program.single_path is not None or contour.at_work[0] <= 0
+    if counts_at_start and distance > allowed:
+        raise NotRealizable(
+            f"At rest at the start of its path the tool is {distance * 1e3:.4g} mm from it, since "
+            f"gravity is not fed forward, and {allowed * 1e3:.4g} mm is allowed: feed gravity "
+            "forward (gravity_feedforward: true), raise kp, or allow more.",
+            limit="contour error",
+            needed=distance,
+            allowed=allowed,
+        )
+
+
+def _certificate(
+    base: Case,
+    proven: Proven,
+    shapes: Mapping[str, float],
+    plant: RigidBodyPlant | None,
+) -> Certificate:
+    """Evaluate a proven plan, run the experiment, and make the certificate."""
+    proof, moves = proven
+    case, job, chosen = proof.case, proof.case.job, proof.case.run
+    case.progress(Step(("evaluation",)))
+    judged = replace(chosen, limits=case.limits)
+    result = evaluate_run(judged, proof.executed, case.program, case.planned.objective)
+    experiment, failure = None, None
+    if plant is not None:
+        case.progress(Step(("experiment",)))
+        try:
+            experiment = simulate_rigid_bodies(
+                job, chosen, proof.set_points, case.program, case.planned.objective, plant
+            )
+        except ExecutionError as error:
+            failure = error
+    assert proof.check is not None
+    return Certificate(
+        job=job,
+        run=chosen,
+        goal=case.goal,
+        model=model_of(case),
+        objective=case.planned.objective,
+        path=case.program,
+        trajectory=proof.trajectory,
+        set_points=proof.set_points,
+        execution=proof.executed,
+        evaluation=result,
+        check=proof.check,
+        contours=tuple(_contours(base, proof, [x for x in moves if x.number is not None])),
+        rapids=tuple(x.factors for x in moves if x.number is None),
+        uncertified=_uncertified(base),
+        shapes=shapes,
+        experiment=experiment,
+        failure=failure,
+        clearance=clearance_of(job, proof.trajectory),
+    )
+
+
+def _contours(
+    base: Case, proof: Trial, contours: Sequence[MoveSearch]
+) -> Iterator[ContourCertificate]:
+    """The certificates of all contours."""
+    case, fastest = proof.case, base.planned.trajectory.contour_spans
+    spans = proof.trajectory.contour_spans
+    # Nearly continuous set-points separate the part of the servo from that of the cycle.
+    run_cycle = case.run.cycle
+    cycle = max(run_cycle / CONTINUOUS, min(SHORTEST, run_cycle))
+    smooth = execute_trial(
+        case, case.compute_set_points(proof.trajectory, cycle), max(cycle, case.resolution)
+    )
+    pieces = pieces_of(smooth, case.program, None, None)
+    for k, (move, piece, span) in enumerate(zip(contours, proof.pieces, spans, strict=True)):
+        assert span.work is not None
+        error, coverage_error = piece.contour_error, piece.coverage_error
+        nominal = max(error.max, coverage_error.max)
+        worst = [float(y.max.max()) for y in (move.corners, move.spread) if y is not None]
+        servo = max(pieces[k].contour_error.max, pieces[k].coverage_error.max)
+        yield ContourCertificate(
+            name=contour_called(case.program.contours[k], k),
+            t=span.t,
+            work=span.work,
+            path=piece.path,
+            joint_path=move.joint_path,
+            derating=move.derating,
+            factors=move.factors,
+            lowered=derated_intervals(
+                move.derating,
+                move.factors,
+                move.squares,
+                move.plan,
+                span.t[0],
+                case.arm.joint_names,
+            ),
+            trajectory=move.plan,
+            set_points=case.stretch(proof.set_points, span.t, move.plan),
+            error=error,
+            coverage_error=coverage_error,
+            speed_ratio=float(speed_ratios(case, piece).max()),
+            budget=Budget(
+                rounding=shape_part(piece.path),
+                servo=servo,
+                sampling=nominal - servo,
+                box=max(0.0, *(y - nominal for y in worst), 0.0),
+                model_error=case.model_error,
+                allowed=case.goal.tolerance,
+                servo_allowed=case.servo_allowed,
+            ),
+            optimum=fastest[k].t[1] - fastest[k].t[0],
+            corners=move.corners,
+            spread=move.spread,
+            trials=move.trials,
+        )
+
+
+def _uncertified(case: Case) -> Uncertified:
+    """Execute the fastest plan without derating."""
+    fastest = case.planned.trajectory
+    set_points = case.compute_set_points(fastest)
+    resolution = max(min(1e-3, case.run.cycle), case.resolution)
+    executed = simulate(set_points, case.plant(), resolution=resolution)
+    t = executed.t
+    pieces = pieces_of(executed, case.program, None, None)
+    error = ErrorProfile.join([x.contour_error for x in pieces])
+    coverage_error = max(x.coverage_error.max for x in pieces)
+    return Uncertified(
+        duration=fastest.duration,
+        contours=tuple(x.t[1] - x.t[0] for x in fastest.contour_spans),
+        contour_error=(max(error.max, coverage_error), error.rms),
+        saturated=executed.saturated_time / (t[-1] - t[0]),
+        box=_worst_of_box(case, set_points),
+    )
+
+
+def _worst_of_box(case: Case, set_points: SetPoints) -> float | None:
+    """Largest contour error in the corners of the box [m]; None without one."""
+    if case.box is None:
+        return None
+    if case.bodies:
+        corners, _ = worst_corners(case, set_points)
+        return float(largest_errors(case, set_points, list(corners[:FIRST_CORNERS]))[1].max())
+    spans = set_points.trajectory.contour_spans
+    robots = (execute_servos(case, set_points, k, x) for k, x in enumerate(spans))
+    return max(float(x.max.max()) for x in robots)
+
+
+def model_of(case: Case) -> str:
+    """Description of the robot model for which a certificate is valid."""
+    servo = case.servo
+    held = {"linear": "interpolated linearly", "cubic": "interpolated by cubics", "step": "held"}
+    if case.bodies:
+        return _model_of_bodies(case, held[servo.interpolation])
+    parts = [
+        f"independent joint servos{' of order second' * (servo.order == 'second')} with {servo}",
+        f"set-points every {case.run.cycle * 1e3:g} ms, " + held[servo.interpolation],
+    ]
+    if np.isfinite(case.demand_bounds).any():
+        parts.append("accelerations that saturate at the joints' limits")
+    if case.box is not None:
+        parts.append("and every such robot of the box that was executed")
+    return "; ".join(parts)
+
+
+def _model_of_bodies(case: Case, held: str) -> str:
+    """Description of the rigid-body model for which a certificate is valid."""
+    fed = case.drive_options.get("gravity_feedforward", True)
+    parts = [
+        f"the rigid bodies of {case.arm.name} with {case.servo}, simulated by MuJoCo",
+        f"set-points every {case.run.cycle * 1e3:g} ms, {held}",
+    ]
+    if case.box is None:
+        parts.append("gravity fed forward" if fed else "gravity not fed forward")
+        return "; ".join(parts)
+    if fed:
+        payload = "of the true payload" if case.box.payload_known else "of the nominal payload"
+        parts.append(f"gravity {payload} fed forward")
+    parts.append("and every such robot of the box that was executed")
+    return "; ".join(parts)
+
+
+def shape_part(path: Path) -> float:
+    """Bound of the distance of a path from its objective path, in either direction [m]."""
+    if isinstance(path, ShapedPath):
+        pairs = ((x.vertices, x.curvatures) for x in (path, path.objective))
+        same = all(np.array_equal(a, b) for a, b in zip(*pairs, strict=True))
+        return 0.0 if same else path.tolerance
+    if not isinstance(path, RoundedPath) or not len(path.corners):
+        return 0.0
+    return float(path.corners.error.max())
+
+
+def _list_moves(program: Program) -> str:
+    """List the moves of a program, and the changes that leave one contour."""
+    kinds = {"contour": Contour, "rapid": Rapid, "dwell": Dwell, "event": Event}
+    counts = {word: sum(isinstance(x, kind) for x in program.moves) for word, kind in kinds.items()}
+    leads = ["process.approach and process.retract"] if counts["rapid"] else []
+    fix = f"remove {' and '.join(leads)}" if leads else ""
+    if counts["contour"] > 1 or not leads:
+        fix = "make a job of each contour" + (f", {fix}" if fix else "")
+    return f"{count_kinds(counts)}: {fix}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepPoint:
+    """Certified duration at one tolerance or assigned speed.
+
+    Args:
+        tolerance: Tolerance of the corners, or of the whole contour if the goal has a tolerance
+            [m]; None if it is that of the job.
+        speed: Assigned speed [m/s]; None if it is that of the job.
+        duration: Duration of the certified plan [s]; None if the certificate was refused.
+        refusal: Reason of the refusal; None for a certified point.
+    """
+
+    tolerance: float | None
+    speed: float | None
+    duration: float | None
+    refusal: str | None
+
+
+@checked
+def sweep(
+    job: Job,
+    run: str | None = None,
+    *,
+    tolerances: Sequence[float] = (),
+    speeds: Sequence[float] = (),
+    goal: CertificateGoal | None = None,
+    progress: Progress | None = None,
+) -> tuple[SweepPoint, ...]:
+    """Certify a job for several corner tolerances, then for several assigned speeds.
+
+    The command `armcontour batch` varies any keys of a job and draws charts.
+
+    Args:
+        job: The job.
+        run: Name of the run; by default that of the goal.
+        tolerances: Tolerances of the corners, or of the whole contour if the goal has a tolerance
+            [m]; the speed is that of the job.
+        speeds: Assigned speeds [m/s]; the tolerance is that of the job.
+        goal: The goal of every point; by default the certificate of the job.
+        progress: Called before every trial with a step named by the value.
+
+    Raises:
+        InvalidInput: No values, no goal, no such run, or a tolerance for a run without rounded
+            corners. A plan that cannot be certified is a point with a refusal.
+    """
+    tolerances = checks.check_sequence("tolerances", tolerances, object, "numbers")
+    speeds = checks.check_sequence("speeds", speeds, object, "numbers")
+    goal = goal_of(job) if goal is None else goal
+    chosen = run_of(job, goal.run if run is None else run)
+    values: list[tuple[float | None, float | None]] = [
+        (checks.positive("tolerance", x, "m"), None) for x in tolerances
+    ]
+    values += [(None, checks.positive("speed", x, "m/s")) for x in speeds]
+    if not values:
+        raise InvalidInput("sweep needs values of tolerances or speeds, such as speeds=[0.1, 0.2].")
+    if len(tolerances) and chosen.rounding is None:
+        raise InvalidInput(
+            f"Run {chosen.name} rounds no corners, so sweep has no tolerance to vary: give the run "
+            "corners, or sweep speeds."
+        )
+    points = []
+    for tolerance, speed in values:
+        duration, refusal = None, None
+        name = f"{speed:.3g} m/s" if tolerance is None else f"{tolerance * 1e3:.3g} mm"
+        try:
+            changed, aim = chosen, goal
+            if speed is not None:
+                changed = replace(chosen, limits=chosen.limits.replace(speed=speed))
+            if tolerance is not None and chosen.rounding is not None:
+                changed = replace(chosen, rounding=replace(chosen.rounding, tolerance=tolerance))
+                aim = goal if goal.tolerance is None else replace(goal, tolerance=tolerance)
+            one = replace(job, runs=(changed,), certificate=aim)
+            duration = certify(one, chosen.name, progress=subprogress(progress, name)).duration
+        except ArmContourError as error:
+            refusal = str(error)
+        points.append(
+            SweepPoint(tolerance=tolerance, speed=speed, duration=duration, refusal=refusal)
+        )
+    return tuple(points)

@@ -1,0 +1,206 @@
+"""The case of a certificate: a run, its robot, its traced program and its goal."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from armcontour.control.compensation import PolePlacement
+from armcontour.control.compensation.compensator import unchecked_set_points
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.progress import Progress
+from armcontour.jobs.goal import CertificateGoal
+from armcontour.jobs.job import Job, Run
+from armcontour.jobs.planned_run import Planned
+from armcontour.motion import SetPoints, Trajectory
+from armcontour.planning.program_tracing import Tracing
+from armcontour.program import Program
+from armcontour.robot import Arm, Limits
+from armcontour.robot.servo import ServoModel
+from armcontour.simulation import Plant, RigidBodyPlant, ServoPlant
+from armcontour.simulation.rigid_body_plant import STEP
+from armcontour.simulation.robustness.uncertainty import Uncertainty
+from armcontour.verification.contour_execution import unexplained_errors
+
+# A plan is proven at this resolution [s].
+RESOLUTION = 1e-4
+# Keys of an experiment that describe the drives of the robot.
+DRIVE_OPTIONS = ("step", "gravity_feedforward", "noise", "seed")
+# After this many of the servo's slowest time constants its response has decayed to 2e-9.
+FORGOTTEN = 20.0
+# Points, in addition to breaks, at which errors that the servo model does not explain are bounded.
+MAX_POINTS = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A run to certify: its robot, its fastest plan, and the goal of all contours."""
+
+    job: Job
+    # The plan of the run without derating
+    planned: Planned
+    goal: CertificateGoal
+    # Largest contour error of the execution, over the box if there is one [m]
+    servo_allowed: float
+    # Called with a step before each trial
+    progress: Progress
+    # Executes robots of the box as rigid bodies; by default processes of this machine do
+    executor: Executor | None = None
+
+    @property
+    def run(self) -> Run:
+        """The run, with the corner tolerance of this case."""
+        return self.planned.run
+
+    @property
+    def traced(self) -> Tracing:
+        """The joint paths of the program."""
+        assert self.planned.traced is not None
+        return self.planned.traced
+
+    @property
+    def arm(self) -> Arm:
+        """The arm."""
+        return self.job.arm
+
+    @cached_property
+    def limits(self) -> Limits:
+        """Limits with values per joint."""
+        return self.run.limits.for_joints(self.arm.dof)
+
+    @cached_property
+    def model(self) -> ServoModel:
+        """The servo that the compensation knows."""
+        return self.job.servo.for_joints(self.arm.dof)
+
+    @cached_property
+    def servo(self) -> ServoModel:
+        """The servo that executes."""
+        return self.job.plant_servo.for_joints(self.arm.dof)
+
+    @property
+    def program(self) -> Program:
+        """The program to plan."""
+        return self.traced.program
+
+    @property
+    def box(self) -> Uncertainty | None:
+        """Uncertainty of the robot."""
+        return self.goal.box
+
+    @property
+    def saturated(self) -> bool:
+        """True if joints may saturate."""
+        return self.goal.saturation == "report"
+
+    @property
+    def bodies(self) -> bool:
+        """True if rigid bodies execute; False if servos of single joints do."""
+        return self.goal.plant == "rigid_body"
+
+    @property
+    def budget(self) -> float:
+        """Largest contour error of the simulated robots [m]."""
+        return self.servo_allowed - self.model_error
+
+    @cached_property
+    def model_error(self) -> float:
+        """Largest tool error across the contours that the servo model does not explain [m]."""
+        model_error = self.servo.model_error
+        if model_error is None:
+            return 0.0
+        largest = 0.0
+        for step in self.traced.steps:
+            path = step.joint_path
+            if path is not None and path.tool_path is not None and self.traced.is_contour(step):
+                s = np.union1d(path.breaks, np.linspace(0.0, path.tool_path.length, MAX_POINTS))
+                tangent = path.tool_path(s, 1)
+                _, across = unexplained_errors(self.arm, path(s), tangent, model_error)
+                largest = max(largest, float(across.max()))
+        return largest
+
+    @property
+    def drive_options(self) -> dict[str, Any]:
+        """Options of rigid bodies from the run's experiment."""
+        experiment = self.run.experiment
+        return {x: getattr(experiment, x) for x in DRIVE_OPTIONS} if experiment else {}
+
+    @property
+    def resolution(self) -> float:
+        """Time between two results of an execution that proves [s]."""
+        if not self.bodies:
+            return RESOLUTION
+        return max(RESOLUTION, float(self.drive_options.get("step", STEP)))
+
+    def plant(self, servo: ServoModel | None = None, *, ideal: bool = False) -> Plant:
+        """The robot, or with `ideal` one that never saturates."""
+        if self.bodies:
+            return RigidBodyPlant(self.arm, servo or self.servo, self.limits, **self.drive_options)
+        saturation = "none" if ideal else None
+        return ServoPlant(self.arm, servo or self.servo, self.limits, saturation=saturation)
+
+    @cached_property
+    def demand_bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Acceleration bounds of saturation [rad/s²], (dof,) each; infinite without saturation."""
+        return self.servo.saturate(*self.limits.acceleration_bounds(self.arm.dof))
+
+    def demand_ratio(self, commanded_acceleration: FloatArray) -> FloatArray:
+        """Commanded accelerations over those at which drives saturate in their direction."""
+        low, high = self.demand_bounds
+        return np.asarray(np.maximum(commanded_acceleration / low, commanded_acceleration / high))
+
+    def compute_set_points(self, plan: Trajectory, cycle: float | None = None) -> SetPoints:
+        """Set-points of a plan, by default with the cycle of the run [s]."""
+        cycle = self.run.cycle if cycle is None else cycle
+        return unchecked_set_points(
+            plan, self.model, self.run.compensation, cycle=cycle, arm=self.arm
+        )
+
+    def stretch(self, set_points: SetPoints, t: tuple[float, float], plan: Trajectory) -> SetPoints:
+        """Set-points of a move at program times `t` [s]; times of the result start with the move.
+
+        They begin with the previous set-points that still affect the servo.
+        """
+        begin, cycle, first = t[0] - self.memory, set_points.cycle, 0
+        if begin > 0:
+            rests = set_points.trajectory.starts
+            rest = float(rests[np.searchsorted(rests, begin, side="right") - 1])
+            rest -= float(self.servo.dead_time.max())
+            first = max(int(np.floor((rest - set_points.start_time) / cycle)), 0)
+        last = int(np.ceil((t[1] - set_points.start_time) / cycle)) + 1
+        return SetPoints(
+            cycle=cycle,
+            q=set_points.q[first : max(last, first + 2)],
+            trajectory=plan,
+            method=set_points.method,
+            start_time=min(set_points.start_time + first * cycle - t[0], 0.0),
+        )
+
+    @cached_property
+    def memory(self) -> float:
+        """Time after which a motion no longer affects servo or compensator [s]."""
+        box, servo, dof = self.box, self.servo, self.arm.dof
+        gains = np.zeros((2, dof)) if box is None else np.broadcast_to(box.gains, (2, dof))
+        dead_time = servo.dead_time
+        slow = servo.replace(
+            kp=servo.kp * (1 - gains[0]),
+            kv=None if servo.kv is None else servo.kv * (1 - gains[1]),
+        )
+        rates = [slow.slowest]
+        if servo.has_feedforward:
+            # The compensator inverts feed-forward with another transient.
+            rates.append(1 / float(servo.lead[0].max()))
+        options = self.run.compensation
+        if isinstance(options, PolePlacement) and options.poles is not None:
+            poles = np.asarray(options.poles, dtype=np.complex128)
+            rates.append(float(np.abs(np.real(poles)).min()))
+        if box is not None:
+            dead_time = dead_time + checks.per_joint(
+                "dead_time of the box", box.dead_time, dof, "s"
+            )
+        return FORGOTTEN / min(rates) + float(dead_time.max())

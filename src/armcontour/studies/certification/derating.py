@@ -1,0 +1,255 @@
+"""Derating of acceleration and speed limits along a path, and plans within derated limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from armcontour.core import checks
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.render import number
+from armcontour.core.text import joint_label
+from armcontour.motion import JointPath, Trajectory
+from armcontour.planning.constraints import (
+    Constraint,
+    JointMotion,
+    OnGrid,
+)
+from armcontour.planning.optimal import plan_optimal
+from armcontour.planning.options import Optimal
+from armcontour.planning.path_grid import Grid, place_grid
+from armcontour.planning.topp.limit_forms import Ceiling, Form
+from armcontour.planning.tracing import check_joint_range
+from armcontour.robot import Arm, Limits
+
+# Causes of derating: planned and commanded acceleration, speed of plan and command, speed of the
+# executed tool, its contour error, and that of robots of a box.
+CAUSES = ("acceleration", "speed", "tool", "error", "box")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Derating:
+    """Derating of limits in every cell of a path."""
+
+    # Arc lengths of the ends of the cells [m], (n + 1,)
+    cells: FloatArray
+    # Usable share of each joint's acceleration limit, (n, dof)
+    share: FloatArray
+    # Largest ds² [m²/s²], infinite where the speed is not derated, (n,)
+    cap: FloatArray
+    # Factors of `share` by cause, (n, dof) each
+    share_by: Mapping[str, FloatArray] = field(default_factory=dict)
+    # Index in CAUSES of the cause of the cap, -1 without a cause, (n,)
+    cap_by: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+
+    def __post_init__(self) -> None:
+        if not len(self.cap_by):
+            object.__setattr__(self, "cap_by", np.full(len(self.cap), -1))
+        for name in ("cells", "share", "cap"):
+            object.__setattr__(self, name, checks.frozen_array(getattr(self, name)))
+
+    @classmethod
+    def nothing(cls, joint_path: JointPath, intervals: int | None = None) -> Derating:
+        """Derating of nothing, with cells from the first grid of a plan of the path."""
+        cells = place_grid(joint_path, intervals).s
+        n = len(cells) - 1
+        return cls(
+            cells=cells,
+            share=np.ones((n, joint_path.dof)),
+            cap=np.full(n, np.inf),
+        )
+
+    def with_share(self, factor: FloatArray | float, cause: str) -> Derating:
+        """Copy with acceleration limits multiplied by a factor for a cause."""
+        before = self.share_by.get(cause, np.ones_like(self.share))
+        return replace(
+            self, share=self.share * factor, share_by={**self.share_by, cause: before * factor}
+        )
+
+    def with_cap(self, cap: FloatArray, cause: str) -> Derating:
+        """Copy with caps of ds² [m²/s²], (n,), where they are below the present ones."""
+        lower = cap < self.cap
+        return replace(
+            self,
+            cap=np.where(lower, cap, self.cap),
+            cap_by=np.where(lower, CAUSES.index(cause), self.cap_by),
+        )
+
+    @property
+    def width(self) -> FloatArray:
+        """Lengths of the cells [m], (n,)."""
+        return np.diff(self.cells)
+
+    def cell_of(self, grid: Grid) -> IntArray:
+        """Index of the cell that contains the middle of each interval of a grid, (len(grid),)."""
+        middle = (grid.s[:-1] + grid.s[1:]) / 2
+        cells = np.searchsorted(self.cells, middle) - 1
+        return np.asarray(np.clip(cells, 0, len(self.cap) - 1))
+
+
+class DeratedAcceleration(JointMotion):
+    """Joint acceleration limits, derated in every cell of the path."""
+
+    def __init__(self, low: FloatArray, high: FloatArray, derating: Derating) -> None:
+        super().__init__(acceleration=(low, high))
+        self.derating = derating
+
+    def bounds(self, grid: Grid) -> tuple[FloatArray, FloatArray]:
+        """Derated bounds in the cell that contains the middle of each interval."""
+        share = self.derating.share[self.derating.cell_of(grid)]
+        return self.low * share, self.high * share
+
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
+        """Accelerations with bounds per interval."""
+        return (self.rows(path),)
+
+
+class SpeedCap(Constraint):
+    """Largest ds² in each cell of the path."""
+
+    name = "derated speed"
+
+    def __init__(self, derating: Derating) -> None:
+        self.derating = derating
+
+    def discretize(self, path: OnGrid) -> Iterable[Form]:
+        """The cap at both ends of each interval."""
+        cap = self.derating.cap[self.derating.cell_of(path.grid)]
+        return (Ceiling(np.stack([cap, cap], axis=1)),)
+
+
+def plan_derated(
+    joint_path: JointPath,
+    arm: Arm,
+    limits: Limits,
+    derating: Derating,
+    factors: Mapping[str, float] = MappingProxyType({}),
+    intervals: int | None = None,
+) -> Trajectory:
+    """Plan the fastest motion within derated limits; `factors` derate other limits by name."""
+    check_joint_range(joint_path, limits)
+    others = {name: getattr(limits, name) * factor for name, factor in factors.items()}
+    rest = limits.replace(joint_acceleration=math.inf, **others)
+    constraints: tuple[Constraint, ...] = (SpeedCap(derating),)
+    if limits.joint_acceleration is not None:
+        constraints += (DeratedAcceleration(*limits.acceleration_bounds(arm.dof), derating),)
+    options = Optimal(intervals=intervals, constraints=constraints)
+    return plan_optimal(joint_path, arm, rest, options).limited(limits)
+
+
+# Smallest share that counts as derated, because searches aim slightly below limits; and smallest
+# largest share that is reported.
+LEAST, REPORTED = 1e-5, 1e-3
+# A larger share of a contour is called the whole contour.
+NEARLY_ALL = 0.995
+# Reasons by cause, after "for".
+REASONS = {
+    "acceleration": "the acceleration limits of the joints",
+    "speed": "the limits of tool and joint velocities in plan and command",
+    "tool": "the speed of the executed tool, which passed the assigned velocity",
+    "error": "the contour error",
+    "box": "the contour error of robots of the box",
+    "limit": "what drives and plan need of it",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeratedInterval:
+    """A limit that a certified plan derates, and its cause."""
+
+    # "speed", "acceleration" of a joint, or the name of another limit
+    what: str
+    # A key of REASONS
+    cause: str
+    # Largest reduction, relative to the speed of the plan without derating or to the limit
+    share: float
+    # Index and label of the joint with the largest reduction; none if all joints have the same
+    joint: int | None = None
+    joint_name: str = ""
+    # Arc length [m] and time in the whole motion [s] of the largest reduction; None if constant
+    s: float | None = None
+    t: float | None = None
+    # Derated length of the contour, and its length [m]
+    length: float
+    contour: float
+
+    def __str__(self) -> str:
+        """The limit, its reduction, place and cause, as a clause."""
+        joint = f" of joint {self.joint_name}" if self.joint_name else ""
+        where = f"over {number(self.length, 'm')} of {number(self.contour, 'm')}"
+        if self.length > NEARLY_ALL * self.contour:
+            where = "along the whole contour"
+        place = (
+            ""
+            if self.s is None
+            else f", most at s = {number(self.s, 'm')}, t = {number(self.t, 's')}"
+        )
+        return (
+            f"{self.what.replace('_', ' ')}{joint} by up to {number(self.share, '1')} "
+            f"{where}{place}, for {REASONS[self.cause]}"
+        )
+
+
+def derated_intervals(
+    derating: Derating,
+    factors: Mapping[str, float],
+    squares: FloatArray,
+    plan: Trajectory,
+    start: float,
+    names: Sequence[str],
+) -> tuple[DeratedInterval, ...]:
+    """Largest derating of a contour's plan by limit and cause, the largest share first.
+
+    `squares` is the largest ds² in the cells without derating [m²/s²], `start` the start of the
+    contour in the whole motion [s].
+    """
+    middles = (derating.cells[:-1] + derating.cells[1:]) / 2
+    contour = float(derating.cells[-1])
+
+    def location(k: int, derated: BoolArray) -> dict[str, Any]:
+        s = float(middles[k])
+        t = start + float(plan.time_at(np.array([s]))[0])
+        return {"s": s, "t": t, "length": float(derating.width[derated].sum()), "contour": contour}
+
+    def intervals() -> Iterator[DeratedInterval]:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slower = np.maximum(1 - np.sqrt(derating.cap / squares), 0.0)
+        for index, cause in enumerate(CAUSES):
+            share = np.where(derating.cap_by == index, np.nan_to_num(slower), 0.0)
+            k = int(np.argmax(share))
+            if share[k] > REPORTED:
+                yield DeratedInterval(
+                    what="speed",
+                    cause=cause,
+                    share=float(share[k]),
+                    **location(k, share > LEAST),
+                )
+        for cause, remaining in derating.share_by.items():
+            share = 1 - remaining
+            k, j = (int(x) for x in np.unravel_index(np.argmax(share), share.shape))
+            if share[k, j] > REPORTED:
+                alike = bool((remaining == remaining[:, :1]).all())
+                yield DeratedInterval(
+                    what="acceleration",
+                    cause=cause,
+                    share=float(share[k, j]),
+                    joint=None if alike else j,
+                    joint_name="" if alike else joint_label(j + 1, names),
+                    **location(k, np.asarray((share > LEAST).any(axis=1))),
+                )
+        for name, factor in factors.items():
+            if 1 - factor > REPORTED:
+                yield DeratedInterval(
+                    what=name,
+                    cause="limit",
+                    share=1 - factor,
+                    length=contour,
+                    contour=contour,
+                )
+
+    return tuple(sorted(intervals(), key=lambda x: -x.share))

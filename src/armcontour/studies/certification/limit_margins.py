@@ -1,0 +1,462 @@
+"""Shares of limits, error budget and box that a plan and its executions use, over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Literal
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.geometry import Path, ShapedPath
+from armcontour.motion import (
+    Execution,
+    JointPath,
+    PathLaw,
+    SetPoints,
+    Span,
+    Trajectory,
+    largest_shares,
+)
+from armcontour.motion.laws import join_path
+from armcontour.robot import Arm, Limits
+from armcontour.robot.limit_use import States
+from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.simulation import ServoSimulation
+from armcontour.simulation import ServoPlant, simulate
+from armcontour.simulation.plant import count_intervals
+from armcontour.simulation.robustness.uncertainty import Uncertainty
+from armcontour.studies.certification.certification_case import Case
+from armcontour.verification import Check, check
+from armcontour.verification.contour_execution import ContourExecution, pieces_of
+
+# Results per cycle of a trial, but not finer than this [s]; and of a trial in corners of a box.
+PER_INTERVAL = 16
+FINEST = 1.25e-4
+BOX_PER_INTERVAL = 4
+# Share by which the executed tool speed may exceed the assigned velocity.
+SPEED_SLACK = 1e-3
+# Directions across a path in space in which errors over a box are added up.
+DIRECTIONS = 16
+# Penalty ratio for a command outside the joint range: slowing down cannot correct it completely,
+# but each trial reduces the speed there.
+OUTSIDE = 1.1
+# Phases of a cycle that differ by less than this are equal.
+SAME = 1e-9
+Side = Literal["left", "right"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LimitMargins:
+    """Ratios of values to their limits on one contour, over time."""
+
+    # Times from the start of the contour [s], and arc lengths of the plan [m], (n,)
+    t: FloatArray
+    s: FloatArray
+    # Joint acceleration, the larger of planned and commanded, (n, dof)
+    joints: FloatArray
+    # Speed of plan and command, as a ratio of ds², (n,)
+    pace: FloatArray
+    # Squared speed of the executed tool, (n,)
+    tool: FloatArray
+    # Contour error, on the robot and on the worst robots of the box, (n,); 0 without a box
+    error: FloatArray
+    box: FloatArray
+    # Largest commanded acceleration between samples, too, (dof,); 0 if saturation is allowed
+    peak: FloatArray
+    # RMS contour error; 0 without a limit
+    rms: float
+
+    def worst(self) -> dict[str, float]:
+        """Largest ratio by kind."""
+        return {
+            "acceleration": max(float(self.joints.max()), float(self.peak.max())),
+            "speed": float(self.pace.max()),
+            "tool": float(self.tool.max()),
+            "error": max(float(self.error.max()), self.rms),
+            "box": float(self.box.max()),
+        }
+
+
+# Error of the dead time that all joints share [s], and executions in corners of the box with it.
+Group = tuple[float, list[Execution]]
+
+
+def execute_trial(case: Case, set_points: SetPoints, resolution: float | None = None) -> Execution:
+    """Execute a trial; the robot does not saturate if saturation is refused."""
+    if case.bodies:
+        return simulate(set_points, case.plant(), resolution=resolution or case.resolution)
+    every = min(set_points.cycle, max(set_points.cycle / PER_INTERVAL, FINEST))
+    return simulate(
+        set_points, case.plant(ideal=not case.saturated), resolution=resolution or every
+    )
+
+
+def execute_on_box(case: Case, set_points: SetPoints) -> list[Group]:
+    """Execute in corners of the box that all joints share: a group per end of a shared dead time.
+
+    If saturation is refused, the robots do not saturate; their commanded acceleration is rated.
+    """
+    box, servo, dof = case.box, case.servo, case.arm.dof
+    if box is None or case.bodies:
+        return []
+    errors = np.broadcast_to(box.dead_time, (dof,))
+    shared = box.dead_time_shared and bool(errors.any())
+    apart = np.zeros(dof) if box.dead_time_shared else errors
+    resolution = max(set_points.cycle / BOX_PER_INTERVAL, FINEST)
+    groups = []
+    for common in (-1.0, 1.0) if shared else (0.0,):
+        moved = np.maximum(servo.dead_time + common * errors, 0.0)
+        servos = _corner_servos(servo, moved, box, apart)
+        plants = [case.plant(x, ideal=not case.saturated) for x in servos]
+        runs = [simulate(set_points, x, resolution=resolution) for x in plants]
+        groups.append((float((moved - servo.dead_time)[0]) if shared else 0.0, runs))
+    return groups
+
+
+def distances(piece: ContourExecution) -> FloatArray:
+    """Contour error in both directions over time [m], (n,)."""
+    error = piece.contour_error
+    over_time = np.maximum(piece.followed.distance, piece.followed.coverage_error)
+    # A peak between two times belongs to the nearer one.
+    peak = int(np.argmin(np.abs(piece.t - error.t_max)))
+    over_time[peak] = max(over_time[peak], error.max)
+    return over_time
+
+
+def speed_ratios(case: Case, piece: ContourExecution) -> FloatArray:
+    """Ratio of tool speed to assigned velocity, (n,)."""
+    # Rigid bodies have a result in every drive cycle.
+    return piece.speed_ratios(case.limits.speed, between=not case.bodies)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trial:
+    """A plan of the whole program with its executions on the robot and in corners of the box."""
+
+    # The case
+    case: Case
+    # The plan
+    trajectory: Trajectory
+    # Its set-points
+    set_points: SetPoints
+    # Their execution on the robot
+    executed: Execution
+    # The execution contour by contour
+    pieces: Sequence[ContourExecution]
+    # Executions on corners of the box
+    groups: Sequence[Group] = ()
+    # Times and largest errors of bodies of the box [s, m], (2, n)
+    box: FloatArray | None = None
+    # Check of the plan against all limits; None before its proof
+    check: Check | None = None
+
+    @property
+    def all_runs(self) -> list[Execution]:
+        """The executions on the robot and in corners of the box."""
+        return [self.executed, *(x for _, runs in self.groups for x in runs)]
+
+    @cached_property
+    def corner_pieces(self) -> list[tuple[float, list[Sequence[ContourExecution]]]]:
+        """The groups with their executions divided into contours."""
+        program = self.case.program
+        return [
+            (late, [pieces_of(x, program, None, None) for x in runs]) for late, runs in self.groups
+        ]
+
+
+def margins_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> LimitMargins:
+    """Margins of a contour by its plan, its command and its executions."""
+    piece, span = trial.pieces[number], trial.trajectory.contour_spans[number]
+    path, executed = piece.path, trial.executed
+    now, since = slice(0, len(executed.t)), None
+    if case.program.single_path is None:
+        # The cycle in which a move ends contains a part of the next move.
+        start, cycle = trial.set_points.start_time, trial.set_points.cycle
+        last = start + np.ceil((span.t[1] - start) / cycle - SAME) * cycle
+        ends = span.t[0], float(last)
+        now, since = slice(*np.searchsorted(executed.t, ends)), ends
+    t = executed.t[now] - span.t[0]
+    s, joints, pace = _planned_ratios(case, path, plan, t)
+    pace = np.maximum(pace, _command_ratio(case, trial.set_points, executed.t[now]))
+    peak = np.zeros(case.arm.dof)
+    if not case.saturated and not case.bodies:
+        for execution in trial.all_runs:
+            part = slice(*np.searchsorted(execution.t, since)) if since else slice(None)
+            share = case.demand_ratio(execution.demand[part])
+            joints = np.maximum(joints, _larger_around(t + span.t[0], execution.t[part], share))
+            peak = np.maximum(peak, peak_demand(case, execution, since))
+    tool, speed = np.zeros(len(t)), case.limits.speed
+    if speed is not None:
+        moved = case.arm.tool_velocity(executed.q[now], executed.dq[now])
+        tool = (np.linalg.norm(moved, axis=1) / (speed * (1 + SPEED_SLACK))) ** 2
+    counts = slice(piece.which.start - now.start, piece.which.stop - now.start)
+    tool[counts] = np.maximum(tool[counts], (speed_ratios(case, piece) / (1 + SPEED_SLACK)) ** 2)
+    error, box = np.zeros(len(t)), np.zeros(len(t))
+    error[counts] = distances(piece) / case.budget
+    if trial.groups:
+        box[counts] = _worst_error(case, trial, number)[piece.which] / case.budget
+    if trial.box is not None:
+        box[counts] = np.interp(executed.t[piece.which], *trial.box) / case.budget
+    rms = case.goal.rms
+    return LimitMargins(
+        t=t,
+        s=s,
+        joints=joints,
+        pace=pace,
+        tool=tool,
+        error=error,
+        box=box,
+        peak=peak,
+        rms=0.0 if rms is None else piece.contour_error.rms / rms,
+    )
+
+
+def response_time(case: Case) -> float:
+    """Time for which a command affects the commanded acceleration of a joint [s]."""
+    servo = case.servo
+    return 2.0 / float((servo.kp if servo.kv is None else servo.kv).min())
+
+
+def peak_demand(
+    case: Case, executed: Execution, span: tuple[float, float] | None = None
+) -> FloatArray:
+    """Largest ratio of commanded acceleration to its limit, between samples too, (dof,).
+
+    The execution must not saturate; `span` selects set-points by time [s].
+    """
+    assert isinstance(executed.plant, ServoPlant)
+    servo = executed.plant.servo
+    every = np.asarray(case.demand_ratio(executed.demand_range).max(axis=0))
+    if span is None or every.max() <= 1.0:
+        return every
+    set_points = executed.set_points
+    begin, end = (np.array(span) - set_points.start_time) / set_points.cycle
+    first = max(0, int(np.ceil(begin - SAME)))
+    last = min(count_intervals(set_points, servo), int(np.ceil(end - SAME)))
+    if first >= last:
+        return case.demand_ratio(executed.demand[-1])
+    row = first * round(set_points.cycle / float(executed.t[1] - executed.t[0]))
+    held = executed.dq[row] if servo.kv is None else executed.ddq[row]
+    held = np.where(servo.ki > 0, executed.demand[row], held)
+    again = ServoSimulation(set_points.q, set_points.cycle, servo).run(
+        first, last, executed.q[row], executed.dq[row], held=held
+    )
+    both = np.stack([again.lowest, again.highest])
+    return np.asarray(case.demand_ratio(both).max(axis=0))
+
+
+def _motion(plan: Trajectory, t: FloatArray, side: Side) -> tuple[FloatArray, FloatArray]:
+    """Arc lengths of a plan along a joint path [m], (n,), and q, dq, ddq, (3, n, dof)."""
+    s, states = np.empty(len(t)), np.empty((3, len(t), plan.dof))
+    for k, mask, i, local in plan.locate(t, side):
+        law = plan.laws[k]
+        assert isinstance(law, PathLaw)
+        along = law.path_motion(i, local)
+        s[mask] = along[0]
+        states[:, mask] = join_path(law.joint_path, law.s[i + 1], along, (0, 1, 2))
+    return s, states
+
+
+def _planned_ratios(
+    case: Case, path: Path, plan: Trajectory, t: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Arc lengths of the plan, (n,), ratios of joint acceleration, (n, dof), and of ds², (n,).
+
+    Values on both sides of a vertex of the path belong to the nearest time.
+    """
+    s, joints, pace = _state_ratios(case, path, plan, np.clip(t, 0.0, plan.duration), "right")
+    times = _break_times(plan, path.breaks)
+    near = np.clip(np.searchsorted(t, times), 0, len(t) - 1)
+    sides: tuple[Side, ...] = ("left", "right")
+    for side in sides:
+        _, ratios, faster = _state_ratios(case, path, plan, times, side)
+        np.maximum.at(joints, near, ratios)
+        np.maximum.at(pace, near, faster)
+    return s, joints, pace
+
+
+def _state_ratios(
+    case: Case, path: Path, plan: Trajectory, t: FloatArray, side: Side
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    limits = case.limits
+    s, joints = _motion(plan, t, side)
+    states = States(case.arm, tuple(joints))
+    # ds² is proportional to squared velocities and to accelerations.
+    pace = (states.use("joint_velocity", limits).ratio ** 2).max(axis=1)
+    assigned = _assigned_speeds(case, path, s, side)
+    if np.isfinite(assigned).any():
+        pace = np.maximum(pace, (states.bound("speed")[0] / assigned) ** 2)
+    if limits.centripetal_acceleration is not None:
+        pace = np.maximum(pace, states.use("centripetal_acceleration", limits).ratio)
+    return s, states.use("joint_acceleration", limits).ratio, pace
+
+
+def _assigned_speeds(case: Case, path: Path, s: FloatArray, side: Side) -> FloatArray:
+    """Assigned velocities at arc lengths [m/s], (n,); infinite where none is assigned."""
+    limit = case.limits.speed
+    speeds = np.fmin(path.speeds, np.inf if limit is None else limit)
+    assigned = speeds[path.locate(np.clip(s, 0.0, path.length), side=side)]
+    return np.where(np.isnan(assigned), np.inf, assigned)
+
+
+def _break_times(plan: Trajectory, places: FloatArray) -> FloatArray:
+    """Times at which a plan passes those vertices of the path that are breaks of its laws [s]."""
+    times = [np.zeros(0)]
+    for law, start in zip(plan.laws, plan.starts, strict=False):
+        assert isinstance(law, PathLaw)
+        k = np.clip(np.searchsorted(law.s, places), 0, len(law.s) - 1)
+        times.append(start + law.breaks[k[np.abs(law.s[k] - places) < 1e-9]])
+    return np.clip(np.unique(np.concatenate(times)), 0.0, plan.duration)
+
+
+def _command_ratio(case: Case, set_points: SetPoints, t: FloatArray) -> FloatArray:
+    """Ratio of ds² that set-points use at the times `t`, (n,)."""
+    dof = case.arm.dof
+    rate = np.append(np.diff(set_points.q, axis=0), np.zeros((1, dof)), axis=0) / set_points.cycle
+    states = States(case.arm, (set_points.q, rate))
+    pace = (states.use("joint_velocity", case.limits).ratio ** 2).max(axis=1)
+    lower, upper = case.limits.joint_range(dof)
+    outside = ((set_points.q < lower) | (set_points.q > upper)).any(axis=1)
+    pace = np.maximum(pace, np.where(outside, OUTSIDE, 0.0))
+    k = np.clip(np.searchsorted(set_points.t, t, side="right") - 1, 0, len(pace) - 1)
+    return np.asarray(pace[k])
+
+
+def _larger_around(t: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
+    """Larger of the two values around each time `t`; 0 outside, (n, dof)."""
+    k = np.clip(np.searchsorted(times, t, side="right"), 1, len(times) - 1)
+    larger = np.maximum(values[k - 1], values[k])
+    larger[(t < times[0]) | (t > times[-1])] = 0.0
+    return np.asarray(larger)
+
+
+def _worst_error(case: Case, trial: Trial, number: int) -> FloatArray:
+    """Approximate contour error of the worst robot of the box at all times of a trial [m], (n,).
+
+    Joints are independent, so the worst deviations across the path are added joint by joint.
+    Payload and jitter are not included.
+    """
+    t, span = trial.executed.t, trial.trajectory.contour_spans[number]
+    largest = np.zeros(len(t))
+    for delay, runs in trial.corner_pieces:
+        pieces = [x[number] for x in runs]
+        largest = np.maximum(largest, np.interp(t, *_sum_across(case, delay, pieces, span)))
+        for piece in pieces:
+            rows = np.clip(np.searchsorted(t, piece.t), 0, len(t) - 1)
+            np.maximum.at(largest, rows, piece.followed.coverage_error)
+    return largest
+
+
+def _corner_servos(
+    servo: ServoModel, dead_time: FloatArray, box: Uncertainty, apart: FloatArray
+) -> list[ServoModel]:
+    """Servos in corners of the box that all joints share."""
+    gains = np.broadcast_to(np.asarray(box.gains), (2, len(dead_time)))
+    signs = [
+        (1.0, -1.0) if (x > 0).any() else (0.0,)
+        for x in (gains[0], gains[1] if servo.kv is not None else np.zeros(1), apart)
+    ]
+    return [
+        servo.replace(
+            kp=servo.kp * (1 + p * gains[0]),
+            kv=None if servo.kv is None else servo.kv * (1 + v * gains[1]),
+            dead_time=np.maximum(dead_time + d * apart, 0.0),
+        )
+        for p, v, d in product(*signs)
+    ]
+
+
+def _sum_across(
+    case: Case, delay: float, pieces: Sequence[ContourExecution], span: Span
+) -> tuple[FloatArray, FloatArray]:
+    """Times, and the largest sum over joints of their deviations across the path in any run."""
+    arm, path, plan = case.arm, pieces[0].path, span.trajectory
+    assert plan is not None
+    n = min(len(x.t) for x in pieces)
+    t = pieces[0].t[:n]
+    # An equal delay of all joints does not change the path.
+    base = plan(np.clip(t - span.t[0] - delay, 0.0, plan.duration))
+    if len(pieces) > 1:
+        base = np.mean([x.q[:n] for x in pieces], axis=0)
+    jacobian, point = arm.tool_jacobian(base), arm.tool_position(base)
+    deviations = np.array([x.q[:n] - base for x in pieces])
+    # Deviation of the tool by each joint, (runs, n, dimension, dof).
+    moved = jacobian[None] * deviations[:, :, None, :]
+    s = path.project(point).s
+    total = np.zeros(n)
+    for direction in normals(path(s, 1)):
+        # The distance of the mean motion adds to the deviations of the joints.
+        distance = np.abs(np.einsum("nd,nd->n", point - path(s), direction))
+        side = np.einsum("rndj,nd->rnj", moved, direction)
+        total = np.maximum(total, distance + side.max(axis=0).sum(axis=1))
+    return t, total
+
+
+def normals(tangent: FloatArray) -> list[FloatArray]:
+    """Directions across the path at each tangent, (n, dimension) each."""
+    unit = tangent / np.linalg.norm(tangent, axis=1)[:, None]
+    if unit.shape[1] == 2:
+        normal = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
+        return [normal, -normal]
+    flat = np.abs(unit).argmin(axis=1)
+    first = np.cross(unit, np.eye(3)[flat])
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    second = np.cross(unit, first)
+    angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    return [np.cos(x) * first + np.sin(x) * second for x in angles]
+
+
+# Rounding: a limit is exceeded by a ratio above 1 + KEPT.
+KEPT = 1e-9
+# Points per interval at which a plan is checked against its limits.
+POINTS = 5
+
+
+def largest_ratios(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
+    """Largest ratio of each limit: the larger of that of a check and of a bound for all times."""
+    ratios = bound_ratios(plan, arm, limits)
+    for use in check(plan, arm, limits, points=POINTS).uses:
+        ratios[use.name] = max(ratios.get(use.name, 0.0), use.ratio)
+    return ratios
+
+
+def bound_ratios(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
+    """Upper bounds of a plan's ratios of limits at all times; tool limits are those of the path."""
+    joints = np.stack([*limits.acceleration_bounds(arm.dof), *limits.velocity_bounds(arm.dof)])
+    shares = np.zeros(6)
+    for law in plan.laws:
+        assert isinstance(law, PathLaw)
+        speeds = _highest_speeds(law.joint_path, limits)
+        shares = np.maximum(shares, largest_shares(law, joints, speeds, 1 + KEPT))
+    acceleration, velocity = shares[:4].reshape(2, 2).max(axis=1).tolist()
+    speed, bent = shares[4:].tolist()
+    return {
+        "joint_acceleration": acceleration,
+        "joint_velocity": velocity,
+        "speed": speed,
+        "centripetal_acceleration": bent**2,
+    }
+
+
+def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
+    """Path speeds that limits of speed and of centripetal acceleration allow, (pieces, 2).
+
+    Segments with varying curvature have no bound for the latter; a check samples them.
+    """
+    breaks, path = joint_path.breaks, joint_path.tool_path
+    bounds = np.full((len(breaks) - 1, 2), np.inf)
+    if path is None:
+        return bounds
+    # Breaks of the tool path are breaks of the joint path.
+    segment = path.locate(np.clip((breaks[:-1] + breaks[1:]) / 2, 0.0, path.length))
+    bounds[:, 0] = np.fmin(path.speeds[segment], np.inf if limits.speed is None else limits.speed)
+    varies = path.segments.bent[segment] | (isinstance(path, ShapedPath) and path.curve is not None)
+    if limits.centripetal_acceleration is not None:
+        bent = np.where(varies, 0.0, np.abs(path.curvatures[segment]))
+        with np.errstate(divide="ignore"):
+            bounds[:, 1] = np.sqrt(limits.centripetal_acceleration / bent)
+    return bounds

@@ -1,0 +1,369 @@
+"""Contours and rapids in the search: their plans and their derating."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from armcontour.control.compensation import NoCompensation
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import NotRealizable
+from armcontour.motion import Execution, JointPath, SetPoints, Trajectory
+from armcontour.planning import intervals_of
+from armcontour.planning.program_timing import time_rapid
+from armcontour.planning.program_tracing import TracedMove
+from armcontour.program import Dwell
+from armcontour.robot.limit_use import use_of
+from armcontour.robot.limits import UNITS
+from armcontour.simulation.robustness.monte_carlo import MonteCarloResult
+from armcontour.studies.certification.certification_case import Case
+from armcontour.studies.certification.derating import Derating, plan_derated
+from armcontour.studies.certification.limit_margins import (
+    KEPT,
+    OUTSIDE,
+    LimitMargins,
+    execute_on_box,
+    execute_trial,
+    largest_ratios,
+    peak_demand,
+    response_time,
+)
+
+# Shares of limits that trials aim at, so that the search ends. Only rounding separates the plan
+# from limits of acceleration and speed.
+GOALS = {
+    "acceleration": 1 - 3e-6,
+    "speed": 1 - 2e-9,
+    "tool": 1 - 2e-9,
+    "error": 0.995,
+    "box": 0.995,
+}
+# Derating in one cell changes the motion in its neighbours, so that an excess may shrink by less
+# than half per trial. After this many trials it is raised to the second power, then to the third.
+PATIENCE = 5
+# The speed of the tool depends on the plan up to this many time constants before.
+TOOL_MEMORY = 8.0
+# The error of rigid bodies depends on the plan up to this many time constants of their position
+# loops before.
+BODY_MEMORY = 2.0
+# Limits that are derated cell by cell; other limits are derated along the whole move.
+LOCAL_LIMITS = ("joint_acceleration", "joint_velocity", "speed", "centripetal_acceleration")
+# Rise times of a rapid's accelerations in cycles; the faster rapid is used.
+RISES = (0.0, 0.5)
+# Share of each limit that rapids aim at, because set-points near the end of a rapid include a part
+# of the next contour; and the additional derating that ends the search.
+RAPID_GOAL, RAPID_STEP = 1 - 1e-3, 1e-5
+MAX_RAPIDS = 12
+# Share of the budget that the error of the previous move may take at the start of a contour.
+ENTRY = 0.25
+
+
+class StepSizes(NamedTuple):
+    """Sizes of the steps by which a contour is derated from trial to trial."""
+
+    # Power of the excess of an error
+    power: float
+    # Smallest factor of speed and acceleration per step
+    share: float
+    # Whether the common excess of acceleration is derated in all cells at once
+    together: bool
+
+
+@dataclass(slots=True, eq=False)
+class MoveSearch:
+    """A contour or a rapid in the search."""
+
+    step: TracedMove
+    # Index of the contour; None for a rapid
+    number: int | None
+    derating: Derating
+    # Times from 0 [s]
+    plan: Trajectory
+    # Usable shares of other limits along the whole move, by name
+    factors: dict[str, float] = field(default_factory=dict)
+    # Rise time of a rapid's accelerations in cycles
+    rise: float = 0.0
+    # Standstill before the move [s]
+    pause: float = 0.0
+    # The first plan, and its derating, which derates nothing
+    fastest: Trajectory = field(init=False)
+    nothing: Derating = field(init=False)
+    # Derating, factors and plan of the fastest plan within all limits
+    best: tuple[Derating, dict[str, float], Trajectory] | None = None
+    # Whether the search of this contour has ended
+    done: bool = False
+    # Whether a proof has rejected a plan
+    proving: bool = False
+    # Index of the step sizes, trials with them, and all trials
+    attempt: int = 0
+    tries: int = 0
+    trials: int = 1
+    # If saturation is allowed: the tried factor of all accelerations, and the largest factor that
+    # was within and the smallest that was outside
+    share: float = 1.0
+    bracket: tuple[float, float] = (0.0, 1.0)
+    # Aimed shares of limits by causes, of attempts and of the next trial
+    aims: dict[str, float] = field(default_factory=GOALS.copy)
+    tightness: dict[str, float] = field(default_factory=GOALS.copy)
+    # The limiting constraint of the last trial, and its ratio
+    binds: tuple[str, float] = ("", 0.0)
+    # Smallest contour error of any trial, over the box if there is one [m]
+    reached: float = np.inf
+    # Smallest contour error of a robot of the box that exceeded the budget [m]
+    outside: float = np.inf
+    # Parts of the error of the worst robot of the box, by kinds of unknowns [m]
+    parts: dict[str, float] = field(default_factory=dict)
+    # Executions in the corners of the box, and on robots drawn from it
+    corners: MonteCarloResult | None = None
+    spread: MonteCarloResult | None = None
+
+    def __post_init__(self) -> None:
+        self.fastest, self.nothing = self.plan, self.derating
+
+    @property
+    def joint_path(self) -> JointPath:
+        """The joint path."""
+        assert self.step.joint_path is not None
+        return self.step.joint_path
+
+    @property
+    def squares(self) -> FloatArray:
+        """Largest ds² of the fastest plan in the cells of the derating [m²/s²], (n,)."""
+        return squares_of(self.fastest, self.derating.cells)
+
+
+def moves_of(case: Case) -> list[MoveSearch]:
+    """Moves of a program: contours without derating, and rapids whose execution is within limits.
+
+    Raises NotRealizable if a move has none.
+    """
+    moves: list[MoveSearch] = []
+    count, stood = 0, 0.0
+    for step in case.traced.steps:
+        if step.joint_path is None:
+            program_move = None if step.move is None else case.program.moves[step.move]
+            stood += program_move.duration if isinstance(program_move, Dwell) else 0.0
+            continue
+        with step.named():
+            if case.traced.is_contour(step):
+                derating = Derating.nothing(step.joint_path, intervals_of(case.program))
+                plan = plan_contour(case, step.joint_path, derating, {})
+                settling = _settling_time(case, moves) if moves and not case.bodies else 0.0
+                pause = max(settling - stood, 0.0)
+                moves.append(MoveSearch(step, count, derating, plan, pause=pause))
+                count += 1
+            else:
+                moves.append(_fastest_rapid(case, step))
+            stood = 0.0
+    return moves
+
+
+def plan_contour(
+    case: Case, joint_path: JointPath, derating: Derating, factors: dict[str, float]
+) -> Trajectory:
+    """Plan a contour within derated limits."""
+    return plan_derated(
+        joint_path, case.arm, case.limits, derating, factors, intervals_of(case.program)
+    )
+
+
+def plan_rapid(
+    case: Case, joint_path: JointPath, factors: dict[str, float], rise: float
+) -> Trajectory:
+    """Plan a rapid within the usable shares of its limits; `rise` is in cycles."""
+    reduced = {name: getattr(case.limits, name) * share for name, share in factors.items()}
+    if rise:
+        low, high = case.limits.acceleration_bounds(case.arm.dof)
+        reduced["joint_jerk"] = np.minimum(-low, high) / (rise * case.run.cycle)
+    return time_rapid(
+        joint_path, case.arm, case.limits.replace(**reduced), case.program.rapid_speed
+    )
+
+
+def _fastest_rapid(case: Case, step: TracedMove) -> MoveSearch:
+    """Fastest rapid from rest that satisfies the joint limits on every robot of the box.
+
+    It saturates no joint, even if contours may: a saturated joint would lag at the contour's start.
+    """
+    path = step.joint_path
+    assert path is not None
+    # Demands are measured without saturation, because a saturated plant hides the excess.
+    ideal = replace(case, goal=replace(case.goal, saturation="refuse"))
+    steep = case.limits.jerk_limits or case.limits.joint_acceleration is None
+    candidates = []
+    for rise in (0.0,) if steep else RISES:
+        factors: dict[str, float] = {}
+        for _ in range(MAX_RAPIDS):
+            plan = plan_rapid(case, path, factors, rise)
+            set_points = case.compute_set_points(plan)
+            over = derate_rapid(case, factors, plan, set_points, _runs(ideal, set_points), None)
+            if over is None:
+                candidate = MoveSearch(step, None, Derating.nothing(path, 1), plan, factors, rise)
+                candidates.append(candidate)
+                break
+            factors = over
+    if not candidates:
+        raise NotRealizable(
+            f"No rapid keeps its limits when it is executed, after {MAX_RAPIDS} plans of it: its "
+            f"set-points come every {case.run.cycle * 1e3:g} ms; take a shorter command "
+            "interval, or linear interpolation.",
+            limit="joint_acceleration",
+        )
+    return min(candidates, key=lambda x: x.plan.duration)
+
+
+def derate_rapid(
+    case: Case,
+    factors: dict[str, float],
+    plan: Trajectory,
+    set_points: SetPoints,
+    runs: Sequence[Execution],
+    span: tuple[float, float] | None,
+) -> dict[str, float] | None:
+    """Smaller factors of the limits that a rapid exceeds; None if it exceeds none.
+
+    `runs` are executions of the set-points without saturation; `span` is the time of the rapid in
+    them [s], by default all of it.
+    """
+    free, dof = case.limits.of_joints, case.arm.dof
+    ratios = largest_ratios(plan, case.arm, free)
+    # Velocity steps at breaks and speeds of the path do not limit a rapid.
+    ratios = {name: x for name, x in ratios.items() if getattr(free, name, None) is not None}
+    if "joint_acceleration" in ratios:
+        demands = (float(peak_demand(case, x, span).max()) for x in runs)
+        ratios["joint_acceleration"] = max(ratios["joint_acceleration"], *demands)
+    if "joint_velocity" in ratios:
+        positions = (
+            set_points.q[slice(*np.searchsorted(set_points.t, span))] if span else set_points.q
+        )
+        rate = np.diff(positions, axis=0) / set_points.cycle
+        lower, upper = case.limits.joint_range(dof)
+        outside = OUTSIDE if ((positions < lower) | (positions > upper)).any() else 0.0
+        ratio = use_of("joint_velocity", case.limits, rate).ratio
+        ratios["joint_velocity"] = max(ratios["joint_velocity"], float(ratio.max(initial=outside)))
+    goal = RAPID_GOAL if span is None else 1.0 + KEPT
+    over = {name: x for name, x in ratios.items() if x > goal}
+    if not over:
+        return None
+    reduced = {
+        name: factors.get(name, 1.0) * min(RAPID_GOAL / x, 1 - RAPID_STEP) * (1 - RAPID_STEP)
+        for name, x in over.items()
+    }
+    return factors | reduced
+
+
+def _settling_time(case: Case, moves: Sequence[MoveSearch]) -> float:
+    """Settling time of the tool after the last moves, in the slowest corner of the box [s]."""
+    last = len(moves) - 1
+    while last > 0 and moves[last].number is None:
+        last -= 1
+    laws = tuple(law for x in moves[last:] for law in x.plan.laws)
+    plan = Trajectory(laws=laws, method="approach")
+    set_points = case.compute_set_points(plan)
+    runs = _runs(case, set_points)
+    goal = case.arm.tool_position(plan(plan.duration, side="left"))
+    far = [x.t[np.linalg.norm(x.tool - goal, axis=1) > ENTRY * case.budget] for x in runs]
+    return max([0.0, *(float(x[-1]) - plan.duration for x in far if len(x))])
+
+
+def _runs(case: Case, set_points: SetPoints) -> list[Execution]:
+    """Executions on the robot and in corners of the box."""
+    return [
+        execute_trial(case, set_points),
+        *(x for _, runs in execute_on_box(case, set_points) for x in runs),
+    ]
+
+
+def aim_lower(case: Case, move: MoveSearch) -> bool:
+    """Check a plan against its limits at all times, and aim lower if it exceeds one."""
+    shares = largest_ratios(move.plan, case.arm, case.limits)
+    over = {name: ratio * (1 + KEPT) for name, ratio in shares.items() if ratio > 1 + KEPT}
+    for name, ratio in over.items():
+        if name in LOCAL_LIMITS:
+            kind = "acceleration" if name.startswith("joint_") else "speed"
+            move.tightness[kind] /= ratio
+        elif name in UNITS:
+            move.factors = move.factors | {name: move.factors.get(name, 1.0) / ratio}
+    return bool(over)
+
+
+def derate_contour(
+    case: Case, move: MoveSearch, margins: LimitMargins, steps: StepSizes
+) -> Derating:
+    """Derate a contour further wherever its last plan exceeds, or nearly exceeds, a limit."""
+    derating, tight = move.derating, move.tightness
+    power = 1 + move.tries // PATIENCE
+    memory = response_time(case)
+    largest = _largest_in_cells(move, margins, case.run.cycle + memory)
+    speed = squares_of(move.plan, derating.cells)
+
+    def slower(use: FloatArray, share: FloatArray, cause: str) -> Derating:
+        """Derating that reduces ds² to a share in cells with a use above 1."""
+        return derating.with_cap(np.where(use > 1, speed * share, np.inf), cause)
+
+    over = margins.joints * np.maximum(1.0, margins.peak / margins.joints.max(axis=0))
+    shares = np.ones_like(derating.share)
+    for j in range(shares.shape[1]):
+        use = largest(over[:, j], 0.0) / tight["acceleration"]
+        if move.tries == 0 and steps.together and not case.saturated and (use > 1).any():
+            # Most of the excess comes from the cycle and is the same everywhere. Derated at once,
+            # it does not come back in other cells when the plan changes.
+            common = float(np.median(use[use > 1]))
+            shares[:, j] /= common
+            use = use / common
+        shares[:, j] /= np.maximum(use, 1.0) ** power
+    derating = derating.with_share(shares, "acceleration")
+    use = largest(margins.pace, 0.0) / tight["speed"]
+    derating = slower(use, 1 / np.maximum(use, 1.0), "speed")
+    # Without compensation the tool follows an earlier part of the plan.
+    lags = isinstance(case.run.compensation, NoCompensation) or power > 1
+    delay = TOOL_MEMORY * memory / 2 if lags else 0.0
+    use = largest(margins.tool, delay) / tight["tool"]
+    derating = slower(use, np.maximum(use, 1.0) ** -power, "tool")
+    if not case.saturated:
+        use = np.maximum(largest(margins.error, delay), margins.rms) / tight["error"]
+        slow = np.clip(np.maximum(use, 1.0) ** (-steps.power * power), steps.share, 1.0)
+        derating = slower(use, slow**2, "error").with_share(slow[:, None], "error")
+    if case.box is not None:
+        # Bodies lag by the time constant of their position loops.
+        delay = BODY_MEMORY / float(case.servo.kp.min()) if case.bodies else 0.0
+        use = largest(margins.box, delay) / tight["box"]
+        slow = 1 / np.maximum(use, 1.0)
+        derating = slower(use, np.maximum(slow, steps.share) ** 2, "box")
+        if case.bodies:
+            derating = derating.with_share(slow[:, None], "box")
+    return derating
+
+
+def _largest_in_cells(
+    move: MoveSearch, margins: LimitMargins, around: float
+) -> Callable[[FloatArray, float], FloatArray]:
+    """Function for the maximum of values (n,) in each cell of a contour.
+
+    Values up to `around` [s] outside a cell belong to it; the function's second argument extends
+    that time after the cell [s].
+    """
+    from scipy.ndimage import maximum_filter1d
+
+    t, step = margins.t, float(margins.t[1] - margins.t[0])
+    count = max(1, int(np.ceil(around / step)))
+    inside = (t >= 0) & (t <= move.plan.duration)
+    edges = np.interp(move.derating.cells, margins.s[inside], t[inside])
+    begin = np.clip(np.searchsorted(t, edges, side="right") - 1, 0, len(t) - 1)[:-1]
+
+    def largest(values: FloatArray, before: float) -> FloatArray:
+        ahead = max(count, int(np.ceil(before / step)))
+        size = count + 1 + ahead
+        spread_out = maximum_filter1d(values, size, mode="nearest", origin=count - size // 2)
+        return np.asarray(np.maximum.reduceat(spread_out, begin))
+
+    return largest
+
+
+def squares_of(plan: Trajectory, cells: FloatArray) -> FloatArray:
+    """The largest ds² of a plan in every cell [m²/s²], (n,)."""
+    squares = plan.speed_at(cells) ** 2
+    return np.asarray(np.maximum(squares[:-1], squares[1:]))

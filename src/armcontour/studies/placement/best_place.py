@@ -1,0 +1,251 @@
+"""Entry point `place`: the best place of a part, or of the base of an arm."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from typing import NoReturn
+
+import numpy as np
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput, NotRealizable, Unreachable, error_context
+from armcontour.core.fields import checked
+from armcontour.core.progress import Progress, subprogress
+from armcontour.core.quantities import Workers
+from armcontour.jobs.job import Job, Run, choose_run
+from armcontour.jobs.place_search import (
+    CLEARANCE,
+    DURATION,
+    LENGTHS,
+    MIDDLE,
+    TORQUE,
+    Axis,
+    PlaceSearch,
+    read_axes,
+    read_uncertainty,
+)
+from armcontour.jobs.run_plan import prepare_and_round
+from armcontour.planning import Optimal
+from armcontour.program import Process, Program
+from armcontour.robot import SerialArm
+from armcontour.robot.scene import BASE
+from armcontour.studies.placement.grid_search import best_of, refine, search_grid
+from armcontour.studies.placement.place_evaluation import PlaceEvaluator, Verdict
+from armcontour.studies.placement.placed_job import Moves, check_upright_base
+from armcontour.studies.placement.placement import Place, Placement, all_places
+from armcontour.studies.placement.screen import RANGE, REACH, SINGULAR_ARM
+from armcontour.verification.clearance.distances import can_measure
+
+# Points per contour for the extent of a path.
+SAMPLES = 200
+# Largest number of refused places among which the nearest to the reach is searched.
+MAX_EXPLAINED = 40
+
+
+@checked
+def place(
+    job: Job,
+    search: PlaceSearch | None = None,
+    *,
+    run: str | None = None,
+    processes: Workers | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Placement:
+    """Find the best place of a job's part or base: on a grid, then refined between its points.
+
+    A place is feasible if the run has a plan there: within reach in one configuration, within all
+    limits and, if the shapes of the arm are known, without collisions. Places excluded by a lower
+    bound of the duration are not planned; the best place is the same as if all were. Corners of the
+    shape free are replaced by arcs.
+
+    Args:
+        job: The job.
+        search: Axes and objective, such as PlaceSearch(over={"x": (-0.1, 0.1, 11)}); by default
+            the job's `placement`.
+        run: Name of the run; by default that of the search.
+        processes: Number of processes; by default that of processors for 100 places or more. It
+            does not change the result.
+        executor: Searches the grid instead of these processes, such as a
+            `concurrent.futures.ProcessPoolExecutor` or `Client.get_executor()` of Dask.
+        progress: Called with the completed share.
+
+    Raises:
+        InvalidInput: No such run, axis or objective, or an empty range.
+        Unreachable: No place is within reach, or none in one configuration.
+        NotRealizable: No place has a plan within limits and margins.
+        ExecutionError: The executor accepts no tasks, has lost a worker, or its workers fail.
+    """
+    if processes is not None and executor is not None:
+        raise InvalidInput("An executor has its own workers: remove processes.")
+    options = search or job.placement or PlaceSearch()
+    chosen, notes = _run_of(job, run or options.run, options.objective)
+    axes = read_axes(options.over, job.arm.dimension)
+    uncertainty = read_uncertainty(options.uncertainty, job.arm.dimension)
+    check_upright_base((*(x.name for x in axes), *uncertainty), options.what)
+    with error_context(f"Run {chosen.name}"):
+        program = prepare_and_round(job, chosen)[1]
+    # The corners of this program are already rounded.
+    unrounded = dataclasses.replace(chosen, rounding=None)
+    evaluator = PlaceEvaluator(
+        job=dataclasses.replace(job, path=program, process=Process(), runs=(unrounded,)),
+        moves=_moves(job, program, axes, options),
+        moved=options.what,
+        objective=options.objective,
+        uncertainty=uncertainty,
+    )
+    _refuse_objective(evaluator)
+    if job.process.automatic:
+        notes.append("Leads of automatic length are those of the job's own place.")
+    report = subprogress(progress, "placing")
+    places = all_places(axes)
+    verdicts = search_grid(
+        evaluator,
+        places,
+        every=options.every,
+        processes=processes,
+        executor=executor,
+        progress=report,
+    )
+    k = best_of(verdicts, options.objective)
+    if k is None:
+        _refuse_all(evaluator, places, verdicts)
+    best = better = Place(values=places[k], verdict=verdicts[k])
+    if options.refined:
+        values, verdict = refine(evaluator, axes, places[k], verdicts[k], report)
+        better = Place(values=values, verdict=verdict)
+    notes += _list_range_ends(axes, better)
+    if better.verdict.below_base:
+        notes.append(f"In the best place {better.verdict.below_base}")
+    lengths = dict(zip(LENGTHS, evaluator.moves.anchor.tolist(), strict=True))
+    absolute = evaluator.moves.absolute
+    own_place = {x.name: lengths[x.name] if x.name in absolute else 0.0 for x in axes}
+    return Placement(
+        job=job,
+        run=chosen,
+        axes=axes,
+        moves=evaluator.moves,
+        moved=options.what,
+        objective=options.objective,
+        uncertainty=evaluator.uncertainty,
+        verdicts=tuple(verdicts),
+        best=best,
+        refined=better,
+        own=evaluator.evaluate(own_place).last,
+        notes=tuple(notes),
+    )
+
+
+def _list_range_ends(axes: Sequence[Axis], place: Place) -> list[str]:
+    """A sentence on axes whose range ends at the place, so that a wider range may be better."""
+    names = [
+        x.name
+        for x in axes
+        if len(x.values) > 1 and not x.whole_turn and place.values[x.name] in _ends_of(x)
+    ]
+    if not names:
+        return []
+    plural = "s" if len(names) > 1 else ""
+    return [
+        f"The best place is at the end of the range{plural} of {' and '.join(names)}: a wider "
+        "range may have a better one."
+    ]
+
+
+def _ends_of(axis: Axis) -> tuple[float, ...]:
+    """Ends of the range of an axis that can be extended; a tilt cannot be below 0."""
+    first, last = float(axis.values[0]), float(axis.values[-1])
+    return (last,) if axis.name == "tilt" and first == 0 else (first, last)
+
+
+def _run_of(job: Job, name: str | None, objective: str) -> tuple[Run, list[str]]:
+    """The named run, with arcs in place of corners of the shape free, and notes."""
+    optimal = [x for x in job.runs if isinstance(x.timing, Optimal)]
+    chosen = choose_run(job, name, "placed", optimal)
+    if chosen.duration is not None and objective == DURATION:
+        raise InvalidInput(
+            f"The run {chosen.name} has a specified duration of {chosen.duration:g} s, which is "
+            "the same at every place: remove duration, or use another objective."
+        )
+    if chosen.rounding is None or not chosen.rounding.free:
+        return chosen, []
+    arcs = dataclasses.replace(chosen, rounding=chosen.rounding.with_arcs)
+    return arcs, ["Places are compared with arcs in place of corners of the shape free."]
+
+
+def _refuse_objective(evaluator: PlaceEvaluator) -> None:
+    """Refuse an objective that the job has no figures for, and an invalid scene."""
+    arm, scene = evaluator.job.arm, evaluator.job.scene
+    measured = evaluator.objective == CLEARANCE or can_measure()
+    if scene is not None or (arm.shapes is not None and measured):
+        # Raises an error for an invalid scene, or one without shapes of the arm.
+        _ = evaluator.job.cell
+    if evaluator.objective == CLEARANCE and arm.shapes is None:
+        raise InvalidInput(
+            f"The shapes of the arm {arm.name} are not known, so places have no clearance: give a "
+            "description (URDF) with collision geometry, or arm.shapes of a job (arm.with_shapes "
+            "in Python)."
+        )
+    if evaluator.objective == TORQUE and (
+        evaluator.run.limits.joint_torque is None or not arm.has_bodies
+    ):
+        raise InvalidInput(
+            f"The arm {arm.name} has no masses or no limits of torque, so places have no torque "
+            "margin: use another objective."
+        )
+
+
+def _moves(job: Job, program: Program, axes: Sequence[Axis], search: PlaceSearch) -> Moves:
+    """Motion of part or base by the coordinates of a place."""
+    about = search.about
+    if search.what == BASE:
+        if not (isinstance(about, str) and about == MIDDLE):
+            raise InvalidInput("A base turns about its own origin: remove about.")
+        arm = job.arm
+        anchor = arm.chain.base.position if isinstance(arm, SerialArm) else np.zeros(3)
+    elif isinstance(about, str):
+        anchor = _middle(program) if about == MIDDLE else np.zeros(3)
+    else:
+        anchor = np.array(about, dtype=np.float64)
+    lengths = tuple(x.name for x in axes if x.name in LENGTHS)
+    return Moves(anchor=checks.frozen_array(anchor), absolute=lengths if search.absolute else ())
+
+
+def _middle(program: Program) -> FloatArray:
+    """Center of the bounding box of all contours [m], (3,)."""
+    points = np.concatenate(
+        [x.path(np.linspace(0, x.path.length, SAMPLES)) for x in program.contours]
+        + [x.path.vertices for x in program.contours]
+    )
+    middle = np.zeros(3)
+    middle[: points.shape[1]] = (points.min(axis=0) + points.max(axis=0)) / 2
+    return middle
+
+
+def _refuse_all(
+    evaluator: PlaceEvaluator, places: Sequence[Mapping[str, float]], verdicts: Sequence[Verdict]
+) -> NoReturn:
+    """Raise the error of the place that is nearest to a feasible one."""
+    counts = Counter(x.refusal for x in verdicts)
+    # Other refusals are nearer to a feasible place than those by reach.
+    kind = next((x for x, _ in counts.most_common() if x != REACH), REACH)
+    indices = [k for k, x in enumerate(verdicts) if x.refusal == kind]
+    few = np.unique(np.linspace(0, len(indices) - 1, min(len(indices), MAX_EXPLAINED)).astype(int))
+    refused = [
+        Place(values=places[indices[i]], verdict=evaluator.plan(places[indices[i]])) for i in few
+    ]
+    nearest = min(refused, key=lambda x: np.nan_to_num(x.verdict.beyond, nan=np.inf))
+    reason = nearest.verdict.reason or f"a corner of its uncertainty is refused by {kind}."
+    if len(places) == 1:
+        text = f"The place {nearest} is refused"
+    else:
+        kinds = ", ".join(f"{n} by {name}" for name, n in counts.most_common())
+        location = f"{nearest} is the nearest to the reach" if kind == REACH else f"at {nearest}"
+        text = f"None of {len(places)} places is feasible ({kinds}); {location}"
+    error = Unreachable if kind in (REACH, RANGE, SINGULAR_ARM) else NotRealizable
+    needed = None if np.isnan(nearest.verdict.beyond) else nearest.verdict.beyond
+    raise error(f"{text}: {reason}", limit=kind, needed=needed)

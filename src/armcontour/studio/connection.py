@@ -1,0 +1,197 @@
+"""Connections of pages to the session, which is created while the server already answers."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
+
+from armcontour.core.file_access import listen_to_reading
+from armcontour.core.progress import Step
+from armcontour.studio.access_control import Send
+
+if TYPE_CHECKING:
+    from armcontour.studio.document import Document
+    from armcontour.studio.pages import PageMessage
+    from armcontour.studio.scheduler import TaskWorkerFactory
+    from armcontour.studio.session import Session
+
+
+# Largest number of messages queued for a page that does not read.
+MAX_QUEUED = 1000
+# Largest number of messages of a page queued for the session: more than a user causes.
+MAX_EARLY = 100
+
+# Task of the progress frames during the start.
+START = "start"
+# Cell of the empty plane that is opened without a file.
+DEFAULT_CELL = "ur5e"
+
+
+class OpenPage:
+    """An open page. Messages may be sent from any thread."""
+
+    def __init__(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._news = asyncio.Event()
+        self._lock = threading.Lock()
+        # Queued messages in the order of sending.
+        self._waiting: dict[object, bytes] = {}
+        self.is_slow = False
+        # Queued messages of the page; None after the page has joined the session.
+        self.early: list[PageMessage] | None = []
+
+    def send(self, data: bytes, replaces: str | None = None) -> None:
+        """Queue a message; it replaces a queued one with the same `replaces`."""
+        with self._lock:
+            key = object() if replaces is None else replaces
+            self._waiting.pop(key, None)
+            self._waiting[key] = data
+            self.is_slow = len(self._waiting) > MAX_QUEUED
+        # The loop is closed at the end of the server.
+        if not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._news.set)
+
+    async def write(self, send: Send) -> None:
+        """Send queued messages until cancelled or until the page stops reading."""
+        while not self.is_slow:
+            await self._news.wait()
+            self._news.clear()
+            while (data := self._pop()) is not None:
+                await send({"type": "websocket.send", "bytes": data})
+
+    def _pop(self) -> bytes | None:
+        with self._lock:
+            key = next(iter(self._waiting), None)
+            return None if key is None else self._waiting.pop(key)
+
+
+class SessionHost:
+    """Creates the session, and holds pages and their messages until it is ready."""
+
+    def __init__(self, make: Callable[[Callable[[bytes], None]], Session]) -> None:
+        self._make = make
+        self._lock = threading.Lock()
+        self._progress: bytes | None = None
+        # Ends the server; assigned when it runs.
+        self.stop: Callable[[], None] = lambda: None
+        self.pages: list[OpenPage] = []
+        self.session: Session | None = None
+        self.failure: BaseException | None = None
+
+    def start(self) -> None:
+        """Create the session in this thread; if that fails, the server ends."""
+        try:
+            session = self._make(self._broadcast)
+            with self._lock:
+                self.session = session
+                for page in self.pages:
+                    self._admit(page, session)
+            session.begin()
+        except BaseException as error:
+            self.failure = error
+            self.stop()
+
+    def join(self, page: OpenPage) -> None:
+        """Add a page."""
+        with self._lock:
+            self.pages.append(page)
+            if self.session is not None:
+                self._admit(page, self.session)
+            elif self._progress is not None:
+                page.send(self._progress)
+
+    def receive(self, page: OpenPage, message: PageMessage) -> bool:
+        """Pass a message to the session, or queue it; False if too many are queued."""
+        with self._lock:
+            if page.early is not None:
+                page.early.append(message)
+                return len(page.early) <= MAX_EARLY
+            session = self.session
+        if session is not None:
+            session.receive(page, message)
+        return True
+
+    def leave(self, page: OpenPage) -> None:
+        """Remove a page."""
+        with self._lock:
+            self.pages.remove(page)
+            if self.session is not None:
+                self.session.leave(page)
+
+    def _admit(self, page: OpenPage, session: Session) -> None:
+        """Add a page to the session, and pass on the messages that it has queued."""
+        session.join(page)
+        early, page.early = page.early or (), None
+        for message in early:
+            session.receive(page, message)
+
+    def _broadcast(self, data: bytes) -> None:
+        """Send the progress of the start to all pages."""
+        with self._lock:
+            self._progress = data
+            for page in self.pages:
+                page.send(data, "start")
+
+
+class StartProgress:
+    """Reports the progress of the start to the pages."""
+
+    def __init__(self, say: Callable[[bytes], None]) -> None:
+        self._broadcast = say
+
+    def __call__(self, step: Step) -> None:
+        """Report a step."""
+        from armcontour.studio.page_frame import PageFrame
+
+        header = {"id": START, "task": START, "steps": list(step.names), "share": step.done}
+        self._broadcast(
+            PageFrame("progress", {"seq": None, "rev": 0, **header, "eta": None}).pack()
+        )
+
+
+def open_session(
+    file: FilePath | None,
+    *,
+    cell: str | None = None,
+    trust_xacro: bool = False,
+    say: Callable[[bytes], None] = lambda data: None,
+    slow: TaskWorkerFactory | None = None,
+) -> Session:
+    """Open a job file, a drawing in a cell, or an empty plane; `Session.begin` shows it."""
+    tell = StartProgress(say)
+    tell(Step(("loading armcontour",)))
+    from armcontour.studio.editor import arm_file_of
+    from armcontour.studio.preview import CoarsePlanner
+    from armcontour.studio.session import Session
+    from armcontour.studio.workers import TaskWorker
+
+    named: list[FilePath] = []
+    # The job file may be a link to another folder; the user has named it.
+    with listen_to_reading(lambda place, content: named.append(place)):
+        document = _document(file, cell)
+    folder = document.folder or FilePath.cwd()
+    previewer = CoarsePlanner(folder, trust_xacro=trust_xacro)
+    tell(Step(("reading the job",)))
+    named_arm = arm_file_of(document.data)
+    with listen_to_reading(lambda place, content: named.append(place)):
+        session = Session(
+            document,
+            previewer,
+            trusted=[folder / named_arm] if trust_xacro and named_arm else (),
+            progress=tell,
+            slow=slow or TaskWorker,
+        )
+    session.confine(named)
+    return session
+
+
+def _document(file: FilePath | None, cell: str | None) -> Document:
+    from armcontour.studio.drafts import START
+    from armcontour.studio.start_page import blank_document, open_file
+
+    if file is None:
+        return blank_document(DEFAULT_CELL, FilePath.cwd(), START)
+    return open_file(file, cell)

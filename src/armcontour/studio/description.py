@@ -1,0 +1,235 @@
+"""Frame `document`: file, runs, waypoints, slider values and obstacles for the page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from armcontour.core.errors import InvalidInput
+from armcontour.files.cell import OWN_PATH
+from armcontour.files.job_edits import Keys, line_of, value_at
+from armcontour.files.job_form import usual_ranges
+from armcontour.files.job_model import JobModel
+from armcontour.files.patch import full_key, locate_key
+from armcontour.files.si_data import quantity_of
+from armcontour.files.units import unit_of
+from armcontour.jobs import Job
+from armcontour.planning import Optimal
+from armcontour.studio.document import Document
+from armcontour.studio.drafts import START
+from armcontour.studio.edits.conversion import is_convertible
+from armcontour.studio.edits.keys import run_of, value_of
+from armcontour.studio.edits.layout import tilt_of
+from armcontour.studio.handles import LENGTH, Handles, obstacles_of
+from armcontour.studio.page_frame import PageFrame
+
+# Labels of edits in the undo list.
+LABELS = {
+    "move_waypoint": "move waypoint {number}",
+    "set_waypoint": "set waypoint {number}",
+    "insert_waypoint": "insert waypoint {number}",
+    "remove_waypoint": "remove waypoint {number}",
+    "corner_tolerance": "tolerance of corner {number}",
+    "place": "place the part",
+    "to_waypoints": "make waypoints of the drawing",
+    "obstacle": "{action} an obstacle",
+    "draw": "draw",
+    "text": "edit the text",
+    "set": "set {key}",
+    "unset": "remove {key}",
+    "tilt": "tilt the tool",
+}
+
+
+@cache
+def slider_ranges() -> dict[Keys, tuple[float, float]]:
+    """Keys with a slider and their usual ranges, without those of the real servo."""
+    every = usual_ranges().items()
+    return {keys: x for keys, x in every if len(keys) <= 2 and keys[0] != "plant"}
+
+
+def slider_rows(data: Mapping[str, Any], job: Job, run: str) -> dict[str, dict[str, Any]]:
+    """Slider rows by key for the shown run, in SI units; by joint if values differ."""
+    return dict(x for keys in slider_ranges() for x in _quantity(keys, data, job, run))
+
+
+def _quantity(
+    keys: Keys, data: Mapping[str, Any], job: Job, run: str
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Slider row of a quantity, or those of its joints."""
+    written, value = (
+        value_at(data, locate_key(keys, data, run)),
+        value_of(keys, job, run_of(job, run)),
+    )
+    key = ".".join(map(str, keys))
+    if not isinstance(value, np.ndarray):
+        yield key, _row(keys, value, written)
+        return
+    # Bounds of a range have no slider.
+    if value.ndim == 2:
+        return
+    # An infinite or zero gain has no slider.
+    finite = np.flatnonzero(np.isfinite(value) & (value > 0))
+    if isinstance(written, list) or len(set(value.tolist())) > 1 or not len(finite):
+        for k in finite.tolist():
+            text = written[k] if isinstance(written, list) else written
+            yield f"{key}.{k}", _row(keys, float(value[k]), text)
+    else:
+        yield key, _row(keys, float(value[0]), written)
+
+
+def _row(keys: Keys, value: float | None, written: Any) -> dict[str, Any]:
+    """Value and range of a slider."""
+    kind = quantity_of(JobModel, full_key(keys))
+    assert kind is not None
+    unit, factor = unit_of(written, kind)
+    low, high = usual = slider_ranges()[keys]
+    if value is not None and value > 0 and low > 0:
+        low = min(low, 10.0 ** math.floor(math.log10(value)))
+        high = max(high, 10.0 ** math.ceil(math.log10(value)))
+    of_arm = str(keys[-1]).startswith("joint_") and value is not None
+    return {
+        **{"value": value, "unit": unit, "factor": factor, "arm": of_arm},
+        **{"min": low, "max": high, "log": usual[0] > 0},
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class JobState:
+    """Job of the document between gestures; None where the data make no job."""
+
+    data: Mapping[str, Any]
+    # None if the data make no job.
+    job: Job | None
+    # None if no job was valid yet.
+    handles: Handles | None
+    error: InvalidInput | None = None
+
+
+def label_of(edits: Sequence[Mapping[str, Any]]) -> str:
+    """Label of edits in the undo list."""
+    first = edits[0]
+    index = first.get("index")
+    words = LABELS[str(first["do"])].format(
+        number=index + 1 if isinstance(index, int) else "",
+        action=first.get("action", "change"),
+        key=_name(first.get("key", "")).replace("_", " "),
+    )
+    return words if len(edits) == 1 else f"{words} and {len(edits) - 1} more"
+
+
+def document_frame(
+    document: Document, state: JobState, run: str, *, draft: str | None
+) -> PageFrame:
+    """The frame `document`."""
+    data, handles = state.data, state.handles
+    header: dict[str, Any] = {
+        "name": data.get("name"),
+        "title": data.get("title") or data.get("name"),
+        "file": None if document.file is None else str(document.file),
+        "folder": str(document.folder),
+        "dirty": document.dirty,
+        "on_disk": document.on_disk(),
+        "can_undo": document.can_undo,
+        "can_redo": document.can_redo,
+        "undo_label": document.undo_label,
+        "redo_label": document.redo_label,
+        "runs": runs_of(data),
+        "run": run,
+        "path": _path(data, handles, state, run),
+        "waypoints": [] if handles is None else _waypoints(handles),
+        "data": {**data, "path": _options(data.get("path"))},
+        "values": {} if state.job is None else slider_rows(data, state.job, run),
+        "layers": [] if state.job is None else _layers(state.job),
+        "tilt": None if handles is None else tilt_of(handles, data),
+        "obstacles": [] if state.job is None else obstacles_of(data),
+        "placement": state.job is not None
+        and bool(state.job.placement and state.job.placement.over),
+        "text": document.text,
+        "draft": draft,
+        "start": document.key == START,
+        "sentence": None if state.error is None else str(state.error),
+        "line": None if state.error is None else line_of(document.text, str(state.error)),
+    }
+    return PageFrame("document", header)
+
+
+def runs_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Runs of a job with their methods."""
+    runs = data.get("runs")
+    rows = []
+    for name, run in runs.items() if isinstance(runs, Mapping) else ():
+        options = run if isinstance(run, Mapping) else {}
+        corners = options.get("corners", data.get("corners", "sharp"))
+        rows.append(
+            {
+                "name": name,
+                "timing": _method(options.get("timing"), Optimal.method),
+                "compensation": _method(options.get("compensation"), "default"),
+                "corners": corners.get("shape", "arc") if isinstance(corners, Mapping) else corners,
+            }
+        )
+    return rows
+
+
+def _method(options: Any, default: str) -> str:
+    """Name of a method, or of the default one."""
+    return str(options.get("method", default) if isinstance(options, Mapping) else default)
+
+
+def _path(
+    data: Mapping[str, Any], handles: Handles | None, state: JobState, run: str
+) -> dict[str, Any]:
+    """Source of the path, and whether its points can be moved."""
+    if handles is None:
+        why = "" if state.error is None else str(state.error)
+        return {"editable": False, "convertible": False, "why_not": why, "notes": []}
+    notes = [] if state.job is None else list(state.job.program.notes)
+    tolerance = locate_key(("corners", "tolerance"), data, run)
+    coordinates = handles.waypoints[0].written if handles.waypoints else (None,)
+    return {
+        "axes": handles.axes,
+        "unit": unit_of(coordinates[0], LENGTH),
+        "tolerance_unit": unit_of(value_at(data, tolerance), LENGTH),
+        "kind": handles.kind,
+        "file": handles.file,
+        "editable": handles.editable,
+        "convertible": is_convertible(handles),
+        "why_not": handles.why_not,
+        "notes": notes,
+    }
+
+
+def _options(path: Any) -> Any:
+    """Keys of the path without its points."""
+    if not isinstance(path, Mapping):
+        return path
+    return {key: x for key, x in path.items() if key not in OWN_PATH}
+
+
+def _layers(job: Job) -> list[str]:
+    """Layers of the drawing, including those that are not run."""
+    run = (x.layer for x in job.program.contours)
+    return sorted({*run, *job.program.other_layers} - {""})
+
+
+def _name(key: Any) -> str:
+    """Last name of a key, which may be a list of names."""
+    parts = key if isinstance(key, list) else str(key).split(".")
+    return str(next((x for x in reversed(parts) if not str(x).isdecimal()), ""))
+
+
+def _waypoints(handles: Handles) -> list[dict[str, Any]]:
+    return [
+        {
+            **{"index": x.index, "uv": x.uv, "written": x.written},
+            **{"role": x.role, "why_not": x.why_not},
+            **{"removable": handles.is_removable(x), "divisible": handles.is_divisible(x.index)},
+        }
+        for x in handles.waypoints
+    ]

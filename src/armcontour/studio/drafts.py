@@ -1,0 +1,126 @@
+"""Drafts of unsaved documents, and atomic writing of job files."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path as FilePath
+
+from armcontour.core.errors import InvalidInput
+from armcontour.core.file_access import read_bytes
+from armcontour.core.staging import unwritable, write_atomically
+
+BOM = "\ufeff"
+# Key of the document of a Studio that is started without a file.
+START = "start"
+
+
+def state_folder() -> FilePath:
+    """The user's folder for drafts and uploads that outlive a session."""
+    folder = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
+    return FilePath(folder or os.path.expanduser("~/.local/state")) / "armcontour" / "studio"
+
+
+def make_private(folder: FilePath) -> None:
+    """Create a folder below `state_folder` that only the user can read."""
+    try:
+        state_folder().mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error) from None
+
+
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """An unsaved text and the document that it belongs to."""
+
+    key: str
+    name: str
+    folder: str
+    opened: str
+    text: str
+    upload: bool
+
+    def write(self) -> bool:
+        """Write the draft for recovery after a crash; False if the folder is not writable."""
+        content = json.dumps(asdict(self)).encode()
+        try:
+            make_private(state_folder() / "drafts")
+            write_atomically(draft_file(self.key), lambda fresh: fresh.write_bytes(content))
+        except (InvalidInput, OSError):
+            return False
+        return True
+
+
+def draft_file(key: str) -> FilePath:
+    """File of a draft."""
+    return state_folder() / "drafts" / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"
+
+
+def find_draft(key: str, job: FilePath | None) -> Draft | None:
+    """Draft of a document if it is newer than its job file, else None."""
+    file = draft_file(key)
+    try:
+        saved = None
+        if job is not None and job.exists():
+            if file.stat().st_mtime_ns < job.stat().st_mtime_ns:
+                return None
+            saved = decode_text(read_bytes(job, "job file"), job).removeprefix(BOM)
+        draft = _read_draft(file)
+    except (InvalidInput, OSError):
+        return None
+    return None if draft is None or draft.text == saved else draft
+
+
+def drop_draft(key: str) -> None:
+    """Remove the draft of a document."""
+    with suppress(OSError):
+        draft_file(key).unlink()
+
+
+def all_drafts() -> Iterator[Draft]:
+    """All drafts, newest first."""
+    files = (state_folder() / "drafts").glob("*.json")
+    with suppress(OSError):
+        for file in sorted(files, key=lambda x: x.stat().st_mtime_ns, reverse=True):
+            draft = _read_draft(file)
+            if draft is not None:
+                yield draft
+
+
+def _read_draft(file: FilePath) -> Draft | None:
+    """The draft in a file; None if the file is invalid."""
+    try:
+        return Draft(**json.loads(file.read_bytes()))
+    except (ValueError, TypeError):
+        return None
+
+
+def decode_text(content: bytes, file: FilePath | None) -> str:
+    """Decode a UTF-8 file; line breaks stay."""
+    try:
+        return content.decode()
+    except UnicodeDecodeError:
+        raise InvalidInput(f"{file} cannot be read: it is not UTF-8 text.") from None
+
+
+def write_file(file: FilePath, content: bytes) -> None:
+    """Write a file atomically; a link stays a link."""
+    if file.is_symlink():
+        read_bytes(file, "job file")
+    target = FilePath(os.path.realpath(file))
+
+    def write(fresh: FilePath) -> None:
+        fresh.write_bytes(content)
+        if target.exists():
+            shutil.copymode(target, fresh)
+
+    try:
+        write_atomically(target, write)
+    except OSError as error:
+        raise unwritable(file, error) from None

@@ -1,0 +1,182 @@
+"""Conversion of a drawing's contour to points or segments of the job."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.quantities import Quantity
+from armcontour.files.file_keys import MappingKeys, read_keys
+from armcontour.files.job_edits import Change, change_data
+from armcontour.files.job_model import PathModel
+from armcontour.files.job_path import READING, path_of
+from armcontour.files.units import write_like
+from armcontour.geometry import Path
+from armcontour.studio.handles import ANGLE, FILE, LENGTH, Handles
+
+SPEED = Quantity("m/s", "100 mm/s")
+# Arcs up to this angle are written with a via point [rad]; larger ones, whose ends may be close to
+# each other, with their centre.
+THROUGH = 1.5 * math.pi
+# Rounding error of coordinates by the frame [m].
+NOISE = 1e-15
+# Largest deviation of points [m] and tool axes after the conversion.
+SAME = 1e-9
+
+Write = Callable[[FloatArray], list[Any]]
+
+
+def waypoint_changes(handles: Handles, data: Mapping[str, Any]) -> list[Change]:
+    """Changes that convert the contour of a drawing to points or segments of the job."""
+    path = _only_path(handles)
+    path_data = data["path"]
+    local_path = path.placed(handles.frame.inverse)
+    old = ((path_data.get("frame") or {}).get("position") or [None])[0]
+    write = partial(_coordinates, like=old)
+    assigned = [_demand(local_path, i) for i in range(len(local_path))]
+    straight = not any(assigned) and not local_path.curvatures.any()
+    new = _points(local_path, write) if straight else _segments(local_path, write, assigned)
+    changes = [Change(("path", key), x) for key, x in new.items()]
+    changes += [Change(("path", key)) for key in ("file", *READING) if key in path_data]
+    _verify(path, change_data(data, changes)["path"], handles)
+    return changes
+
+
+def is_convertible(handles: Handles) -> bool:
+    """True if the contour of the drawing can be converted to waypoints."""
+    try:
+        _only_path(handles)
+    except InvalidInput:
+        return False
+    return True
+
+
+def _only_path(handles: Handles) -> Path:
+    """The path of a drawing with a single contour, with the speeds of its layer."""
+    job, program = handles.job, handles.job.program
+    if handles.kind != FILE:
+        raise InvalidInput("The path consists of waypoints of the job already.")
+    contours = program.contours
+    if len(contours) != 1:
+        raise InvalidInput(
+            f"{handles.file} has {len(contours)} contours, but waypoints of a job are one path: "
+            "choose one by path.names first."
+        )
+    path, layer = program.single_path, contours[0].layer
+    if path is None:
+        raise InvalidInput(
+            f"{handles.file} has rapids, dwells or events besides its contour, which waypoints of "
+            "a job do not have: draw the contour alone."
+        )
+    if layer in job.process.by_layer:
+        raise InvalidInput(
+            f"process.by_layer has values for the layer {layer}, which waypoints of a job do not "
+            "have: give them to the whole process first."
+        )
+    if path.segments.bent.any():
+        raise InvalidInput(f"{handles.file} has transitions, which are neither lines nor arcs.")
+    layer_values = job.process.layers.get(layer or "")
+    if layer_values is None:
+        return path
+    table = path.segments
+    columns: dict[str, Any] = {
+        name: np.where(np.isnan(getattr(table, name)), value, getattr(table, name))
+        for name, value in (("speeds", layer_values.speed), ("tolerances", layer_values.tolerance))
+        if value is not None
+    }
+    return Path(segments=table.replace(**columns), orientation=path.orientation)
+
+
+def _points(path: Path, write: Write) -> dict[str, Any]:
+    return {"points": _closed([write(x) for x in path.vertices], path)}
+
+
+def _segments(path: Path, write: Write, assigned: list[dict[str, Any]]) -> dict[str, Any]:
+    """Keys of a path of lines and arcs."""
+    ends = _closed([write(x) for x in path.vertices], path)
+    listed: list[dict[str, Any]] = []
+    for i, (to, assigned_keys) in enumerate(zip(ends[1:], assigned, strict=True)):
+        angle = float(path.curvatures[i] * path.lengths[i])
+        if angle == 0:
+            listed.append({"to": to, **assigned_keys})
+        elif angle <= THROUGH:
+            listed.append(
+                {
+                    "via": write(
+                        path.segments.evaluate(slice(i, i + 1), path.lengths[i : i + 1] / 2)[0]
+                    ),
+                    "to": to,
+                    **assigned_keys,
+                }
+            )
+        else:
+            listed.append({**_around(path, i, angle, write), **assigned_keys})
+    return {"start": ends[0], "segments": listed}
+
+
+def _around(path: Path, i: int, angle: float, write: Write) -> dict[str, Any]:
+    """Keys of an arc given by its centre."""
+    tangent, normal = path.tangents[i], path.normals[i]
+    center = write(path.starts[i] + normal / path.curvatures[i])
+    if path.dimension == 3:
+        axis = np.cross(tangent, normal) + 0.0
+        return {"center": center, "angle": write_like(angle, None, ANGLE), "normal": axis.tolist()}
+    turn = math.copysign(angle, tangent[0] * normal[1] - tangent[1] * normal[0])
+    return {"center": center, "angle": write_like(turn, None, ANGLE)}
+
+
+def _closed(points: list[list[Any]], path: Path) -> list[list[Any]]:
+    """Ends of segments; a closed path ends at exactly its first point."""
+    first, last = path.vertices[0], path.vertices[-1]
+    closed = np.linalg.norm(last - first) <= SAME
+    return [*points[:-1], points[0]] if closed else points
+
+
+def _coordinates(point: FloatArray, like: Any) -> list[Any]:
+    return [write_like(float(x), like, LENGTH, within=NOISE) for x in point]
+
+
+def _demand(path: Path, i: int) -> dict[str, Any]:
+    """Speed and tolerance of a segment, if assigned."""
+    assigned = {}
+    if not math.isnan(path.speeds[i]):
+        assigned["speed"] = write_like(float(path.speeds[i]), None, SPEED)
+    if not math.isnan(path.tolerances[i]):
+        assigned["tolerance"] = write_like(float(path.tolerances[i]), None, LENGTH)
+    return assigned
+
+
+def _verify(path: Path, written: Mapping[str, Any], handles: Handles) -> None:
+    """Refuse waypoints that make another path, such as those of a file with tool orientations."""
+    model = read_keys(MappingKeys(PathModel), written, "the waypoints")
+    written_path = path_of(model, FilePath(), handles.job.arm.dimension)
+    assert isinstance(written_path, Path)
+    alike = (
+        len(written_path) == len(path) and abs(written_path.vertices - path.vertices).max() <= SAME
+    )
+    if not alike:
+        raise InvalidInput(
+            f"The contour of {handles.file} has segments that are too short to be written as "
+            "waypoints of the job."
+        )
+    written_orientation, orientation = written_path.orientation, path.orientation
+    if written_orientation is None and orientation is None:
+        return
+    s = np.linspace(0, 1, 9)
+    if (
+        written_orientation is None
+        or orientation is None
+        or abs(written_orientation(s * written_path.length) - orientation(s * path.length)).max()
+        > SAME
+    ):
+        raise InvalidInput(
+            f"{handles.file} gives the orientation of the tool, which would be lost: write it as "
+            "path.orientation first."
+        )

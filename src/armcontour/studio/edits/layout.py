@@ -1,0 +1,188 @@
+"""Edits of the part frame, the tool tilt and the obstacles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.frames import exp, quaternions, shortest, to_rpy
+from armcontour.core.quantities import Quantity
+from armcontour.core.text import plain_number
+from armcontour.files.file_keys import MappingKeys as Model
+from armcontour.files.file_keys import read_keys
+from armcontour.files.job_edits import Change, Keys, value_at
+from armcontour.files.job_model import FrameModel, OrientationModel
+from armcontour.files.scene_file import rotation_of
+from armcontour.files.si_data import in_si
+from armcontour.files.units import read_quantity, write_like
+from armcontour.geometry.prescribed_orientation import POINTING_DOWN
+from armcontour.studio.edits.keys import format_value
+from armcontour.studio.handles import ANGLE, BODIES, EXACT, LENGTH, EditState, Handles, uv_of
+
+# Accuracy of written angles [rad].
+EXACT_ANGLE = 1e-14
+
+KEYS: Keys = ("path", "orientation")
+# Decimals of displayed and written angles [deg] and axis components.
+DECIMALS = 9
+
+# Keys of obstacle lists by kind.
+BODY_KINDS = {
+    "box": "boxes",
+    "cylinder": "cylinders",
+    "sphere": "spheres",
+    "capsule": "capsules",
+    "halfspace": "halfspaces",
+    "mesh": "meshes",
+}
+
+
+def place(edit: Mapping[str, Any], state: EditState) -> list[Change]:
+    """Move and rotate the part in the plane of the picture."""
+    plane, frame = state.handles.plane, state.handles.frame
+    by, about = uv_of("by", edit.get("by", [0, 0])), uv_of("about", edit.get("about", [0, 0]))
+    turn = checks.check_number("turn", edit.get("turn", 0.0), "rad")
+    turned = exp(turn * plane.normal)
+    pivot = plane.lift(about)
+    position = pivot + turned @ (frame.position - pivot) + plane.lift(by) - plane.origin
+    frame_data = value_at(state.data, ("path", "frame")) or {}
+    changes = _vector(
+        ("path", "frame", "position"), position, frame.position, frame_data, LENGTH, EXACT
+    )
+    if turn == 0:
+        return changes
+    if frame_data.get("quaternion") is not None:
+        new = quaternions(turned @ frame.rotation).tolist()
+        return [*changes, Change(("path", "frame", "quaternion"), new)]
+    before = to_rpy(frame.rotation)
+    angles = to_rpy(turned @ frame.rotation)
+    if abs(plane.normal[2]) == 1:
+        # Yaw is the last rotation, so the other angles stay, even if they are not unique.
+        before = np.array(in_si(frame_data, FrameModel).get("rpy") or [0.0, 0.0, 0.0])
+        yaw = math.remainder(before[2] + turn * plane.normal[2], 2 * math.pi)
+        angles = np.append(before[:2], yaw)
+    keys: Keys = ("path", "frame", "rpy")
+    return [*changes, *_vector(keys, angles, before, frame_data, ANGLE, EXACT_ANGLE)]
+
+
+def _vector(
+    keys: Keys,
+    new: FloatArray,
+    old: FloatArray,
+    frame_data: Mapping[str, Any],
+    kind: Quantity,
+    within: float,
+) -> list[Change]:
+    """Changes of a vector of three quantities in a mapping."""
+    written = frame_data.get(str(keys[-1]))
+    if written is None:
+        return [Change(keys, [write_like(float(x), None, kind, within=within) for x in new])]
+    return [
+        Change((*keys, k), write_like(float(new[k]), x, kind, within=within))
+        for k, x in enumerate(written)
+        if abs(new[k] - old[k]) > within
+    ]
+
+
+def tilt_of(handles: Handles, data: Mapping[str, Any]) -> dict[str, float] | None:
+    """Angle of the tool axis from -z and azimuth [deg]; None without a single axis."""
+    tool_orientation = None if handles.job.arm.dimension == 2 else _oriented(data)
+    if tool_orientation is None:
+        return None
+    x, y, z = tool_orientation[2]
+    angle, towards = math.atan2(math.hypot(x, y), -z), math.atan2(y, x)
+    return {
+        "angle": round(math.degrees(angle), DECIMALS),
+        "towards": round(math.degrees(towards), DECIMALS) if math.hypot(x, y) > 1e-9 else 0.0,
+    }
+
+
+def tilt(edit: Mapping[str, Any], state: EditState) -> list[Change]:
+    """Tilt the tool axis by the angles of `tilt_of`, in degrees or with a unit."""
+    now, tool_orientation = tilt_of(state.handles, state.data), _oriented(state.data)
+    if now is None or tool_orientation is None:
+        raise InvalidInput(
+            "The tool of this job has no single tilt: give path.orientation in the job file."
+        )
+    angle, towards = (_degrees(name, edit.get(name, now[name])) for name in ("angle", "towards"))
+    flat = math.sin(angle)
+    new_axis = np.array([flat * math.cos(towards), flat * math.sin(towards), -math.cos(angle)])
+    keys, rotation, axis = tool_orientation
+    if rotation is None:
+        parts = [round(float(x), DECIMALS) + 0.0 for x in new_axis]
+        return [Change((*keys, "axis"), [int(x) if x == int(x) else x for x in parts])]
+    turned = exp(shortest(axis, new_axis)) @ rotation
+    if value_at(state.data, (*keys, "quaternion")) is not None:
+        return [Change((*keys, "quaternion"), quaternions(turned).tolist())]
+    angles = to_rpy(turned)
+    return [
+        Change((*keys, "rpy"), [write_like(float(x), "0 deg", ANGLE, within=1e-9) for x in angles])
+    ]
+
+
+def _oriented(data: Mapping[str, Any]) -> tuple[Keys, FloatArray | None, FloatArray] | None:
+    """Keys, rotation (None for an axis) and axis of the tool; None for a list of orientations."""
+    orientation = value_at(data, KEYS) or {}
+    if isinstance(orientation, list):
+        return None
+    model = read_keys(Model(OrientationModel), orientation, "job")
+    follow = model.follow_tangent
+    if model.axis is not None or not orientation:
+        axis = np.array([0.0, 0.0, -1.0] if model.axis is None else model.axis)
+        return KEYS, None, axis / np.linalg.norm(axis)
+    keys = KEYS if follow is None else (*KEYS, "follow_tangent")
+    rotation = rotation_of("", model if follow is None else follow)
+    rotation = POINTING_DOWN if rotation is None else rotation
+    return keys, rotation, np.asarray(rotation[:, 2])
+
+
+def _degrees(name: str, value: Any) -> float:
+    """Angle [rad] from a text with a unit or a number in degrees."""
+    number = plain_number(value) if isinstance(value, str) else value
+    text = value if number is None else f"{number} deg"
+    try:
+        return read_quantity(text, ANGLE)
+    except ValueError as error:
+        raise InvalidInput(f"The tilt ({name}) {error}.") from None
+
+
+def obstacle(edit: Mapping[str, Any], state: EditState) -> list[Change]:
+    """Add, change or remove an obstacle."""
+    action = checks.check_choice("action", edit["action"], ("add", "change", "remove"))
+    named = str(edit["kind"])
+    kind = checks.check_choice("kind of obstacles", BODY_KINDS.get(named, named), BODIES)
+    bodies = value_at(state.data, ("scene", kind)) or []
+    if action == "add":
+        new = {"name": _free_name(edit.get("name") or named, state)}
+        keys: Keys = ("scene", kind, len(bodies))
+        values = {key: format_value(x, None, (*keys, key)) for key, x in _body(edit).items()}
+        return [Change(keys, {**new, **values}, insert=True)]
+    index = checks.check_int("number of the obstacle", edit["index"], 0, len(bodies) - 1)
+    keys = ("scene", kind, index)
+    if action == "remove":
+        return [Change(keys if len(bodies) > 1 else keys[:2])]
+    fresh = {"name": edit["name"]} if "name" in edit else {}
+    return [
+        Change((*keys, key), format_value(x, bodies[index].get(key), (*keys, key)))
+        for key, x in {**fresh, **_body(edit)}.items()
+    ]
+
+
+def _body(edit: Mapping[str, Any]) -> dict[str, Any]:
+    """Keys of a body in an edit."""
+    return {
+        key: x for key, x in edit.items() if key not in ("do", "action", "kind", "index", "name")
+    }
+
+
+def _free_name(name: str, state: EditState) -> str:
+    scene = state.data.get("scene") or {}
+    taken = {x.get("name") for kind in BODIES for x in scene.get(kind) or []}
+    numbered = (name if k == 1 else f"{name} {k}" for k in range(1, len(taken) + 2))
+    return next(x for x in numbered if x not in taken)

@@ -1,0 +1,156 @@
+"""Frames with the simulated execution: magnified deviations (64-bit) and joint usage."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.render import frame
+from armcontour.core.result import FIRST, Data
+from armcontour.jobs.verdict import verdict_rows
+from armcontour.motion import Execution, Trajectory
+from armcontour.robot import Arm, Limits
+from armcontour.robot.limit_use import use_of
+from armcontour.studio.page_frame import PageFrame
+from armcontour.studio.preview import PreviewExecution
+from armcontour.studio.view import Detail, View, in_space, sample_times, select_points, to_float32
+from armcontour.verification.contour_execution import ContourExecution
+from armcontour.verification.error_profile import error_rows
+from armcontour.verification.evaluation import (
+    demand_ratio,
+    demand_row,
+    saturated_fractions,
+    saturated_row,
+    settled_row,
+)
+
+# Approximate limit of the samples of an execution.
+MAX_SAMPLES = 4_000
+# Largest number of breaks that are evaluated, and approximate limit of the times drawn for extremes
+# in addition to the evenly spaced ones.
+MAX_BREAKS, MAX_TIMES = 2_000, 1_000
+
+
+def execution_frame(executed: PreviewExecution, view: View) -> PageFrame:
+    """Frame with the deviation of the tool from the path and the joint usage of an execution."""
+    planned = executed.planned
+    header = {
+        "run": planned.run.name,
+        "rows": frame(_figures(executed)),
+        "centre": view.centre,
+        "tier": planned.tier,
+    }
+    arrays = {**execution_lines(executed, view), **_poses(executed.execution)}
+    return PageFrame("executed", header, arrays)
+
+
+def execution_lines(
+    executed: PreviewExecution, view: View, detail: Detail | None = None
+) -> dict[str, Any]:
+    """Arrays of the tool deviation along the visible part of the path."""
+    limits, commanded_acceleration = executed.planned.run.limits, executed.execution.demand
+    commanded_acceleration = signed_shares("joint_acceleration", limits, commanded_acceleration)
+    return tool_lines(executed.pieces, view, detail, demand=commanded_acceleration)
+
+
+def tool_lines(
+    pieces: Sequence[ContourExecution],
+    view: View,
+    detail: Detail | None = None,
+    **columns: FloatArray,
+) -> dict[str, Any]:
+    """As `executed_lines`; `columns` are further values of each sample, (n, k)."""
+    base = np.concatenate([x.on_path for x in pieces])
+    detail = detail or Detail.for_points(view.uv(base))
+    ends = np.cumsum([0, *(len(x.on_path) for x in pieces)])
+    visible, ends = detail.visible_ends(view.screen_points(base), ends)
+    samples = np.concatenate([np.arange(x.which.start, x.which.stop) for x in pieces])[visible]
+    base, tool = base[visible], np.concatenate([x.tool for x in pieces])[visible]
+    distance = np.concatenate([x.followed.distance for x in pieces])[visible]
+    visible_columns = {name: values[samples] for name, values in columns.items()}
+    offset = view.screen_vectors(tool - base)
+    indices = np.arange(len(samples))
+    if len(indices) > MAX_SAMPLES:
+        weight = np.where(detail.essential_points(base, ends), np.inf, 0.0)
+        weight[np.argmax(distance)] = np.inf
+        shown = [
+            *offset.T.astype(np.float64),
+            distance,
+            *(y for x in visible_columns.values() for y in x.T),
+        ]
+        indices = select_points(weight, shown, MAX_SAMPLES)
+    return {
+        "base": view.screen_points(base[indices]),
+        "offset": offset[indices],
+        "breaks": np.searchsorted(indices, ends[:-1]).astype(np.uint32),
+        "t": to_float32(np.concatenate([x.t for x in pieces])[visible][indices]),
+        "error": to_float32(distance[indices]),
+        **{name: to_float32(values[indices]) for name, values in visible_columns.items()},
+    }
+
+
+def _figures(executed: PreviewExecution) -> Data:
+    """Figures of the execution, as in an evaluation."""
+    planned, execution, errors = executed.planned, executed.execution, executed.errors
+    end_time, limits = planned.run.end_time, planned.run.limits
+    end = executed.settled if end_time is None else end_time
+    return Data(
+        "Preview",
+        (
+            *verdict_rows(planned, [x.contour_error.max for x in executed.pieces]),
+            settled_row(executed.settled),
+            *error_rows("contour_error", "contour error", errors, FIRST, FIRST),
+            demand_row(demand_ratio(execution, limits)),
+            saturated_row(saturated_fractions(execution, end)),
+        ),
+    )
+
+
+def _poses(execution: Execution) -> dict[str, FloatArray]:
+    """Arrays for playing the arm, including rapids."""
+    t = execution.t
+    even = np.searchsorted(t, t[0] + sample_times(t[-1] - t[0]))
+    poses = np.unique(np.minimum(even, len(t) - 1))
+    q = execution.q[poses]
+    return {
+        "pose_t": to_float32(t[poses]),
+        "q": q,
+        "xyz": to_float32(in_space(execution.arm.tool_position(q))),
+    }
+
+
+def joint_usage(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any]:
+    """Arrays of joint positions and shares of joint limits over time."""
+    breaks = trajectory.breaks
+    if len(breaks) > MAX_BREAKS:
+        breaks = breaks[np.linspace(0, len(breaks) - 1, MAX_BREAKS).astype(np.intp)]
+    # The page interpolates linearly between these times, and rapids have few breaks.
+    even = sample_times(trajectory.duration)
+    # Accelerations jump, so each break has a value from the left and one from the right.
+    t = np.concatenate([breaks[1:], breaks[:-1], even])
+    order = np.argsort(t, kind="stable")
+    sides = trajectory.motion(breaks[1:], side="left"), trajectory.motion(t[len(breaks) - 1 :])
+    t, is_even = t[order], order >= 2 * (len(breaks) - 1)
+    q, dq, ddq = (np.concatenate(x)[order] for x in zip(*sides, strict=True))
+    shares = {
+        "usage_v": signed_shares("joint_velocity", limits, dq),
+        "usage_a": signed_shares("joint_acceleration", limits, ddq),
+    }
+    if limits.joint_torque is not None and arm.has_bodies:
+        shares["usage_torque"] = signed_shares("joint_torque", limits, arm.torque(q, dq, ddq))
+    rows = [x for share in shares.values() for x in share.T]
+    is_even[select_points(np.zeros(len(t)), rows, MAX_TIMES)] = True
+    indices = np.flatnonzero(is_even)
+    return {
+        "t": to_float32(t[indices]),
+        "q": np.ascontiguousarray(q[indices]),
+        **{name: to_float32(x[indices]) for name, x in shares.items()},
+    }
+
+
+def signed_shares(name: str, limits: Limits, values: FloatArray) -> FloatArray:
+    """Shares of a joint limit with the signs of the values, (n, dof)."""
+    return np.copysign(use_of(name, limits, values).ratio, values)

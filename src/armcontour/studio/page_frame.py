@@ -1,0 +1,106 @@
+"""Frames: messages of the server to the page, as bytes."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core.errors import InvalidInput
+from armcontour.core.render import jsonable
+
+# Layout: length of the header (u32), JSON header, zeros, little-endian arrays; arrays begin at
+# multiples of 8 and their offsets count from the first byte after the zeros. Numbers that are not
+# finite are null in the header.
+ALIGNED = 8
+LENGTH = struct.Struct("<I")
+# Types of arrays, by the names that the page knows.
+TYPES = ("f4", "f8", "u1", "u2", "u4", "i4")
+# Types of files by their endings.
+FILE_TYPES = {
+    ".csv": "text/csv",
+    ".html": "text/html",
+    ".script": "text/plain",
+    ".src": "text/plain",
+    ".mod": "text/plain",
+    ".yaml": "application/yaml",
+    ".zip": "application/zip",
+}
+# Options of the command line in a sentence, which also names the key of the job file.
+_OPTION = r"--[a-z][a-z-]*(?: (?:'[^']*'|[^\s,.;:()']+))?"
+_BEFORE = r",? (?:or|also with|such as)| as"
+_OPTIONS = re.compile(rf" \([a-z ]*{_OPTION}\)|(?:{_BEFORE}) {_OPTION}|, {_OPTION}(?=\))")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PageFrame:
+    """A message to the page: a JSON header and numeric arrays."""
+
+    # What it is, such as "picture".
+    kind: str
+    header: Mapping[str, Any] = field(default_factory=dict)
+    arrays: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
+
+    @classmethod
+    def of_file(cls, name: str, content: bytes, header: Mapping[str, Any]) -> PageFrame:
+        """A result with a file as array `content`."""
+        kind = FILE_TYPES.get(PurePath(name).suffix, "application/octet-stream")
+        facts = {**header, "name": name, "type": kind, "bytes": len(content)}
+        return cls("result", facts, {"content": np.frombuffer(content, np.uint8)})
+
+    def stamped(self, **facts: Any) -> PageFrame:
+        """Copy with more facts in the header."""
+        return replace(self, header={**self.header, **facts})
+
+    def pack(self) -> bytes:
+        """The frame as bytes."""
+        layouts: dict[str, Any] = {}
+        parts: list[bytes] = []
+        end = 0
+        for name, values in self.arrays.items():
+            kind = f"{values.dtype.kind}{values.dtype.itemsize}"
+            if kind not in TYPES:
+                raise InvalidInput(f"The array {name} of a frame has the type {values.dtype}.")
+            layouts[name] = {"type": kind, "shape": list(values.shape), "at": end}
+            data = np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()
+            parts += [data, bytes(-len(data) % ALIGNED)]
+            end += len(data) + len(parts[-1])
+        header = {**self.header, "kind": self.kind, "arrays": layouts}
+        text = _to_json(header).encode(errors="replace")
+        gap = bytes(-(LENGTH.size + len(text)) % ALIGNED)
+        return b"".join([LENGTH.pack(len(text)), text, gap, *parts])
+
+    @classmethod
+    def unpack(cls, data: bytes) -> PageFrame:
+        """Decode a frame; its arrays are read-only."""
+        (count,) = LENGTH.unpack_from(data)
+        header = json.loads(data[LENGTH.size : LENGTH.size + count])
+        begin = LENGTH.size + count
+        begin += -begin % ALIGNED
+        arrays = {}
+        for name, layout in header.pop("arrays").items():
+            size = math.prod(layout["shape"])
+            values = np.frombuffer(data, f"<{layout['type']}", size, begin + layout["at"])
+            arrays[name] = values.reshape(layout["shape"])
+        return cls(header.pop("kind"), header, arrays)
+
+
+def _to_json(header: Mapping[str, Any]) -> str:
+    try:
+        return json.dumps(header, ensure_ascii=False, allow_nan=False, default=jsonable)
+    except (TypeError, ValueError):
+        # Keys that are no texts, and numbers that are not finite, are rare.
+        return json.dumps(jsonable(header), ensure_ascii=False, allow_nan=False)
+
+
+def without_options(sentence: str) -> str:
+    """Remove options of the command line from a sentence: the page does not have them."""
+    return _OPTIONS.sub("", sentence)

@@ -1,0 +1,126 @@
+"""Entry point of the task process: table of tasks, progress, warm-up."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
+from pathlib import Path as FilePath
+from typing import Any, NamedTuple, TypeAlias
+
+from armcontour.core import child_process
+from armcontour.core.errors import ArmContourError, InvalidInput
+from armcontour.core.file_access import reading_below
+from armcontour.core.progress import Progress, Step
+from armcontour.studio.page_frame import PageFrame
+from armcontour.studio.tasks.figures import changes, check, clearance, compare, figures
+from armcontour.studio.tasks.files import certify, export, report
+from armcontour.studio.tasks.logs import identify, learn, measured
+from armcontour.studio.tasks.request import Request
+from armcontour.studio.tasks.searches import place, sweep
+
+Listener: TypeAlias = Callable[[bytes], None]
+# Minimum interval of progress frames [s].
+PROGRESS_INTERVAL = 0.1
+# Period of checks that the parent process exists [s].
+PARENT_CHECK_PERIOD = 1.0
+# Small job that loads the modules of all tasks.
+WARMUP_JOB = """
+name: small
+arm: pmk3s
+path: {points: [[0.35, 0.1], [0.4, 0.15], [0.35, 0.2]]}
+corners: {tolerance: 1 mm}
+servo: {kp: 25, kv: 150}
+runs: {one: {}}
+"""
+TASKS: dict[str, Callable[[Request], PageFrame]] = {
+    "figures": figures,
+    "changes": changes,
+    "check": check,
+    "compare": compare,
+    "certify": certify,
+    "sweep": sweep,
+    "place": place,
+    "clearance": clearance,
+    "export": export,
+    "report": report,
+    "measured": measured,
+    "identify": identify,
+    "learn": learn,
+}
+
+
+class TaskInput(NamedTuple):
+    """A task for the task process; `id` identifies it for `cancel`."""
+
+    id: str
+    task: str
+    request: Mapping[str, Any]
+
+
+WARM = TaskInput("", "warm", {})
+
+
+def work(task_input: TaskInput, listener: Listener = child_process.tell) -> bytes:
+    """Run a task in its process; returns the final frame as bytes; WARM only loads modules."""
+    id, task, request = task_input
+    if task_input == WARM:
+        _warm_up()
+        return b""
+    task_progress = _TaskProgress(id, task, listener)
+    try:
+        frame = do(task, request, task_progress)
+    except ArmContourError as error:
+        frame = PageFrame("failed", {"sentence": str(error), "error": type(error).__name__})
+    except Exception as error:
+        frame = PageFrame("failed", {"sentence": f"{task} failed: {type(error).__name__}: {error}"})
+    return frame.stamped(id=id, task=task).pack()
+
+
+class _TaskProgress:
+    """Reports the progress of a task at intervals."""
+
+    def __init__(self, id: str, task: str, listener: Listener) -> None:
+        self._facts = {"id": id, "task": task}
+        self._listener = listener
+        self._begin = self._last = time.monotonic()
+
+    def __call__(self, step: Step) -> None:
+        """Report a step if the interval has passed."""
+        now = time.monotonic()
+        if now - self._last < PROGRESS_INTERVAL:
+            return
+        self._last, share = now, step.done
+        remaining = (now - self._begin) * (1 - share) / share if share else None
+        facts = {**self._facts, "steps": step.names, "share": share, "eta": remaining}
+        self._listener(PageFrame("progress", facts).pack())
+
+
+def _warm_up() -> None:
+    """Load the modules that tasks need, and end this process with its parent."""
+    if child_process.is_child() and hasattr(os, "nice"):
+        threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
+    figures(Request(text=WARMUP_JOB))
+
+
+def _end_with_parent(parent: int) -> None:
+    """End this process when its parent has ended, also during a task."""
+    while os.getppid() == parent:
+        time.sleep(PARENT_CHECK_PERIOD)
+    os._exit(1)
+
+
+def do(task: str, request: Mapping[str, Any], progress: Progress) -> PageFrame:
+    """Run a task; refusals of exact figures are a result, those of other tasks an error."""
+    if task not in TASKS:
+        raise InvalidInput(f"There is no task {task!r}: there are {', '.join(TASKS)}.")
+    task_request = Request(**request, progress=progress)
+    named = [FilePath(y) for y in task_request.named]
+    with (
+        reading_below(map(FilePath, task_request.allowed), named)
+        if task_request.allowed
+        else nullcontext()
+    ):
+        return TASKS[task](task_request)

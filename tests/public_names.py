@@ -1,0 +1,30 @@
+"""Public names: those of `armcontour`, and those of the package that owns them."""
+
+from importlib import import_module
+
+import armcontour as ac
+
+# Results, formats of exports, parts of a process, and base classes.
+OWNED = {
+    "batches": "Batch BatchProgress",
+    "control.compensation": "CompensationOptions fastest_poles",
+    "control.identification": "BodyIdentification Identification",
+    "control.learning": "LearningResult LearningRun Recording",
+    "files.exports": "CsvFormat McapFormat NpzFormat RosYamlFormat TemplateFormat URScriptFormat "
+    "interpolate_set_points",
+    "geometry": "Orientation RoundedPath ShapedPath",
+    "jobs": "JobResult",
+    "planning": "Explanation PlanOptions",
+    "program": "Analog Lead Pierce Switch Tabs Weave smooth_curvature",
+    "simulation": "Plant",
+    "studies.certification": "Certificate",
+    "studies.placement": "Placement",
+    "verification": "Check CommandCheck Evaluation LimitUse check_commands",
+    "verification.clearance": "Cell Clearance",
+}
+# By name, without the version.
+PUBLIC = {name: getattr(ac, name) for name in ac.__all__ if name != "__version__"} | {
+    name: getattr(import_module(f"armcontour.{package}"), name)
+    for package, names in OWNED.items()
+    for name in names.split()
+}

@@ -1,0 +1,84 @@
+"""A real process of the slow lane that is cancelled, killed or left alone."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from tests.studio.talking import figure
+from tests.studio.test_workers import Heard
+
+from armcontour.studio.tasks.dispatch import WARMUP_JOB
+from armcontour.studio.workers import TaskWorker
+
+# Takes far longer than any of these tests.
+LONG = {"text": WARMUP_JOB, "options": {"key": "limits.speed", "values": [0.1] * 100_000}}
+
+
+@pytest.fixture(scope="module")
+def heard():
+    return Heard()
+
+
+@pytest.fixture(scope="module")
+def slow(heard):
+    lane = TaskWorker(heard)
+    yield lane
+    lane.close()
+
+
+def test_a_cancelled_task_ends_at_once_and_the_next_is_done(slow, heard):
+    slow.submit("d", "sweep", LONG)
+    slow.submit("f", "figures", {"text": WARMUP_JOB})
+    progress = heard.wait("d", "progress").header
+    assert progress["task"] == "sweep" and 0 <= progress["share"] < 1
+    process = next(iter(slow._pool._children))
+    begin = time.monotonic()
+    slow.cancel("d")
+    assert time.monotonic() - begin < 0.2
+    assert figure(heard.wait("f", "figures").header, "duration") > 0
+    assert process.poll() is not None
+
+
+def test_a_process_that_dies_is_said_and_replaced(slow, heard):
+    slow.submit("g", "sweep", LONG)
+    heard.wait("g", "progress")
+    next(iter(slow._pool._children)).kill()
+    assert "ended before it returned a result" in heard.wait("g", "failed").header["sentence"]
+    slow.submit("h", "figures", {"text": WARMUP_JOB})
+    assert figure(heard.wait("h", "figures").header, "duration") > 0
+
+
+CODE = """
+import time
+from armcontour.studio.workers import SlowLane
+from tests.slow.studio.test_workers import LONG
+lane = SlowLane(lambda frame: print(*[x.pid for x in lane._pool._children], flush=True))
+lane.submit('a', 'sweep', LONG)
+time.sleep(60)
+"""
+
+
+def test_it_ends_with_the_process_that_started_it():
+    root = Path(__file__).parents[3]
+    first = subprocess.Popen(
+        [sys.executable, "-c", CODE], stdout=subprocess.PIPE, cwd=root, text=True
+    )
+    other = int(first.stdout.readline())
+    first.kill()
+    first.wait()
+    first.stdout.close()
+    end = time.monotonic() + 20
+    while is_running(other):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def is_running(process):
+    """Whether there is a process that has not ended."""
+    try:
+        text = Path(f"/proc/{process}/stat").read_text()
+    except FileNotFoundError:
+        return False
+    return text.rpartition(")")[2].split()[0] != "Z"

@@ -1,0 +1,214 @@
+"""Who may talk to the Studio, its files, and the arm on its page."""
+
+import asyncio
+
+import numpy as np
+import pytest
+
+from armcontour.core.errors import InvalidInput
+from armcontour.files import parse_job
+from armcontour.robot.scene import Box, Capsule, Cylinder, Mesh, Sphere
+from armcontour.studio.access_control import (
+    BURST,
+    MAX_UPLOAD,
+    RATE,
+    AccessControl,
+    Endpoint,
+    RateLimit,
+    make_token,
+    respond,
+)
+from armcontour.studio.arm_picture import arm_frame, triangles_of
+from armcontour.studio.editor import check_trusted_xacro
+
+DOOR = Endpoint(4711, "0123456789abcdef0123456789abcdef")
+HOST = (b"host", b"127.0.0.1:4711")
+ORIGIN = (b"origin", b"http://127.0.0.1:4711")
+TOKEN = (b"authorization", b"Bearer " + DOOR.token.encode())
+OWN = (b"x-armcontour", b"1")
+POST = {"path": "/open", "method": "POST"}
+OTHER_HOSTS = (b"attacker.test:4711", b"127.0.0.1", b"127.0.0.1:4712", b"[::1]:4711",
+               b"127.0.0.1:4711.a", b"")  # fmt: skip
+OTHER_ORIGINS = (b"http://attacker.test", b"null", b"https://127.0.0.1:4711",
+                 b"http://127.0.0.1:4712", b"")  # fmt: skip
+
+
+def ask(headers, *, path="/", method="GET", type="http", body=None):
+    """What the guard answers, and how many bytes of the body came through to the app."""
+    parts, sent, read = list(body or [b""]), [], 0
+
+    async def receive():
+        return {"type": "http.request", "body": parts.pop(0), "more_body": bool(parts)}
+
+    async def send(message):
+        sent.append(message)
+
+    async def app(scope, receive, send):
+        nonlocal read
+        more = scope["type"] == "http"
+        while more:
+            message = await receive()
+            read += len(message["body"])
+            more = message["more_body"]
+        await respond(send, 200, b"in", "text/plain")
+
+    scope = {"type": type, "path": path, "headers": headers}
+    if type == "http":
+        scope["method"] = method
+    asyncio.run(AccessControl(app, DOOR)(scope, receive, send))
+    return sent, read
+
+
+def status(*headers, **how):
+    return int(ask(list(headers), **how)[0][0]["status"])
+
+
+def socket(*headers):
+    return ask(list(headers), type="websocket", path="/socket")[0]
+
+
+CLOSED = [{"type": "websocket.close"}]
+
+
+def test_requests_need_one_host_this_one():
+    assert status(HOST) == status((b"Host", b"localhost:4711")) == 200
+    assert status(HOST, path="/static/app.js", method="HEAD") == 200
+    assert status() == status(HOST, HOST) == 400
+    for host in OTHER_HOSTS:
+        assert status((b"host", host)) == 400, host
+        assert status((b"host", host), (b"origin", b"http://" + host)) == 400, host
+
+
+def test_requests_that_change_something_and_sockets_need_the_own_origin():
+    assert status(HOST, ORIGIN) == 200
+    for origin in OTHER_ORIGINS:
+        other = (b"origin", origin)
+        assert status(HOST, other) == 403, origin
+        assert status(HOST, other, TOKEN, OWN, **POST) == 403, origin
+        assert socket(HOST, other) == CLOSED, origin
+    assert status(HOST, TOKEN, OWN, **POST) == 403
+    assert socket(HOST) == CLOSED and socket(HOST, ORIGIN) != CLOSED
+    assert status(HOST, ORIGIN, TOKEN, OWN, **POST) == 200
+
+
+def test_all_but_the_page_needs_the_token_and_a_post_its_own_header():
+    for token in (b"", b"Bearer", b"Bearer 0", b"Basic " + DOOR.token.encode()):
+        assert status(HOST, (b"authorization", token), path="/files/1") == 401, token
+    assert status(HOST, path="/files/1") == status(HOST, path="/anything") == 401
+    assert status(HOST, TOKEN, path="/files/1") == 200
+    assert status(HOST, ORIGIN, TOKEN, **POST) == 403
+    assert status(HOST, ORIGIN, TOKEN, (b"x-armcontour", b"0"), **POST) == 403
+    for method in ("PUT", "DELETE", "OPTIONS", "TRACE", "PATCH"):
+        assert status(HOST, ORIGIN, TOKEN, OWN, path="/open", method=method) == 405, method
+
+
+def test_large_bodies_are_refused_before_they_are_read():
+    length = (b"content-length", str(MAX_UPLOAD + 1).encode())
+    sent, read = ask([HOST, ORIGIN, TOKEN, OWN, length], **POST)
+    assert sent[0]["status"] == 413 and read == 0
+    half = bytes(MAX_UPLOAD // 2 + 1)
+    sent, read = ask([HOST, ORIGIN, TOKEN, OWN], body=[half, half, half], **POST)
+    assert sent[0]["status"] == 413 and read == len(half)
+
+
+@pytest.mark.parametrize("headers", [[HOST], [], [HOST, (b"origin", b"null")]])
+def test_every_answer_tells_the_browser_to_be_strict(headers):
+    sent = dict(ask(headers)[0][0]["headers"])
+    policy = sent[b"content-security-policy"].decode()
+    assert "default-src 'none'" in policy and "unsafe" not in policy
+    assert "connect-src 'self' ws://127.0.0.1:4711 ws://localhost:4711" in policy
+    assert "frame-ancestors 'none'" in policy
+    assert sent[b"x-content-type-options"] == b"nosniff"
+    assert sent[b"referrer-policy"] == b"no-referrer"
+    assert sent[b"cross-origin-resource-policy"] == b"same-origin"
+    assert not any(b"access-control" in x for x in sent)
+
+
+def test_tokens():
+    first, second = make_token(), make_token()
+    assert first != second and len(bytes.fromhex(first)) == 16
+    endpoint = Endpoint(1)
+    assert endpoint.accepts(endpoint.token) and not endpoint.accepts(first)
+    for token in (None, "", 3, endpoint.token[:-1], "\ud800", "ä", [endpoint.token]):
+        assert not endpoint.accepts(token)
+    assert endpoint.token not in repr(endpoint)
+    assert endpoint.page == f"http://127.0.0.1:1/#{endpoint.token}"
+
+
+def test_messages_come_at_a_rate_with_some_at_once():
+    now = 0.0
+    allowance = RateLimit(lambda: now)
+    for now, most in ((0.0, BURST), (1.0, RATE), (1e6, BURST)):  # noqa: B007 - read by the lambda
+        assert sum(allowance.allow() for _ in range(10_000)) == most
+
+
+def test_programs_that_the_user_has_not_named_are_refused(tmp_path):
+    named = [tmp_path / "a.xacro"]
+    for arm in ("b.xacro", "b.yaml", "B.XACRO", {"file": "sub/a.xacro"}):
+        with pytest.raises(InvalidInput, match="--trust-xacro"):
+            check_trusted_xacro({"arm": arm}, tmp_path, named)
+    for arm in ("a.xacro", "./a.xacro", {"file": "a.xacro"}, "ur5e", "b.urdf"):
+        check_trusted_xacro({"arm": arm}, tmp_path, named)
+    # Without any trust an arm's file is read as elsewhere.
+    check_trusted_xacro({"arm": "b.yaml"}, tmp_path, [])
+    with pytest.raises(InvalidInput, match="is a program"):
+        check_trusted_xacro({"arm": "a.xacro"}, tmp_path, [])
+
+
+def volume(corners):
+    """Volume inside closed triangles; above zero if they are seen from outside."""
+    return np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
+
+
+def test_triangles_close_shapes_without_gaps():
+    corners = np.concatenate([np.zeros((1, 3)), np.eye(3)])
+    triangles = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    for shape, size in (
+        (Box(size=np.array([0.1, 0.2, 0.3])), 0.006),
+        (Sphere(radius=0.1), 4 / 3 * np.pi * 1e-3),
+        (Cylinder(radius=0.1, length=0.5), np.pi * 0.005),
+        (Capsule(radius=0.1, length=0.5), np.pi * (0.005 + 4e-3 / 3)),
+        (Mesh(points=corners), 1 / 6),
+        (Mesh(points=corners, triangles=triangles), 1 / 6),
+    ):
+        found = triangles_of(shape)
+        assert found.shape[1:] == (3, 3)
+        assert volume(found) == pytest.approx(size, rel=0.03), shape
+        middle, radius = shape.ball
+        assert np.linalg.norm(found - middle, axis=2).max() <= radius * (1 + 1e-9), shape
+        if isinstance(shape, Mesh):
+            continue
+        found = np.round(found, 12)
+        across = np.cross(found[:, 1] - found[:, 0], found[:, 2] - found[:, 0])
+        assert np.linalg.norm(across, axis=1).min() > 1e-6, shape
+        # They are seen from outside, and each edge is one of two triangles, in both directions.
+        assert (np.einsum("ij,ij->i", across, found.mean(axis=1)) > 0).all(), shape
+        sides = ((0, 1), (1, 2), (2, 0))
+        edges = [tuple(map(tuple, x[[i, j]] + 0.0)) for x in found for i, j in sides]
+        assert len(set(edges)) == len(edges) and {(b, a) for a, b in edges} == set(edges), shape
+
+
+SCENE = """
+name: cell
+arm: {name: ur5e, work: {position: [0.4, 0, 0.1]}}
+path: {points: [[0, 0, 0], [0.1, 0, 0]], orientation: {axis: [0, 0, -1]}}
+scene:
+  boxes: [{name: vice, size: [100 mm, 100 mm, 50 mm], at: [0, 0, 50 mm], fixed_to: part}]
+  halfspaces: [{name: table, at: [0.2, 0, -20 mm]}]
+servo: {kp: 25, kv: 150}
+runs: {one: {}}
+"""
+
+
+def test_obstacles_stand_in_the_frame_of_the_base():
+    frame = arm_frame(parse_job(SCENE))
+    bodies = {x["name"]: x for x in frame.header["bodies"]}
+    vice, table = bodies["vice"], bodies["table"]
+    assert (vice["link"], vice["colour"], table["colour"]) == (0, "part", "table")
+    np.testing.assert_allclose(np.array(vice["at"])[:3, 3], [0.4, 0, 0.15], atol=1e-12)
+    corners = frame.arrays[table["triangles"]].reshape(-1, 3) @ np.array(table["at"])[:3, :3].T
+    corners = corners + np.array(table["at"])[:3, 3]
+    # Its top is the plane, and it reaches around the arm.
+    assert corners[:, 2].max() == pytest.approx(-0.02, abs=1e-6)
+    assert corners[:, :2].min() == pytest.approx(-corners[:, :2].max(), abs=1e-6)
+    assert corners[:, 0].max() > 1.0

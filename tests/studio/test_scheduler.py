@@ -1,0 +1,356 @@
+"""The machine of tiers: what pages see while somebody edits, and when nothing moves."""
+
+import time
+from importlib import resources
+from itertools import count
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from tests.studio.talking import (
+    JOB,
+    MOVE,
+    AtOnce,
+    Held,
+    NoLane,
+    Resting,
+    Tab,
+    figure,
+    kinds,
+    session_of,
+)
+from tools.studio_page import SQUARE
+
+import armcontour as ac
+from armcontour.core.progress import Step
+from armcontour.core.yaml_loader import load
+from armcontour.files import parse_job
+from armcontour.files.job_edits import Change, change_text
+from armcontour.studio import scheduler
+from armcontour.studio.page_frame import PageFrame
+from armcontour.studio.preview import CoarsePlanner, Tier
+
+PAPER = (resources.files("armcontour.jobs") / "library" / "paper.yaml").read_text("utf-8")
+FAR = {**MOVE, "to": [2.0, 0.15]}
+pytestmark = pytest.mark.usefixtures("no_hurry")
+
+
+@pytest.fixture
+def opened(tmp_path):
+    """Opens texts of jobs; each gives a session, a page and the lane of its exact figures."""
+    sessions = []
+
+    def open_text(text=JOB, fast=AtOnce):
+        file = tmp_path / f"job{len(sessions)}.yaml"
+        file.write_text(text)
+        session = session_of(file, fast=fast)
+        # The first slow lane of a session is that of figures.
+        lane = NoLane.last
+        sessions.append(session)
+        session.begin()
+        return session, Tab(session), lane
+
+    yield open_text
+    for session in sessions:
+        session.close()
+
+
+def tiers(frames):
+    """What frames are, and of which tier."""
+    shown = ("picture", "executed", "figures")
+    return [f"{x.kind} {x.header['tier']}" for x in frames if x.kind in shown]
+
+
+def answer(lane, **header):
+    """The other process gives the figures that it was asked for last; there is no change."""
+    lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact", **header}))
+    if lane.given[-1][1] == "changes":
+        advance(lane, share=1.0)
+
+
+def advance(lane, **header):
+    """The other process gives the next step of what to change."""
+    id, task, _ = lane.given[-1]
+    assert task == "changes"
+    lane.deliver(PageFrame("changes", {"id": id, **header}))
+
+
+def figures_asked(lane):
+    """The figures that were asked for."""
+    return [x for x in lane.given if x[1] == "figures"]
+
+
+@pytest.mark.parametrize("run", ["optimal", "shaped"])
+def test_at_rest_the_picture_is_that_of_a_full_run(opened, run):
+    others = [Change(("runs", x)) for x in load(PAPER, "job")["runs"] if x != run]
+    text = change_text(PAPER, [*others, Change(("experiment",))], "job")
+    want = ac.run(parse_job(text)).runs[run].evaluation
+    _, tab, _ = opened(text)
+    assert figure(tab.last("executed"), "contour_error.rms") != want.contour_error.rms
+    _, tab, _ = opened(text, fast=Resting)
+    assert tab.last("picture")["tier"] == tab.last("executed")["tier"] == "exact"
+    assert figure(tab.last("picture"), "duration") == want.duration
+    assert figure(tab.last("executed"), "contour_error.rms") == want.contour_error.rms
+
+
+def test_what_moves_is_planned_on_a_coarser_grid_until_it_rests(opened):
+    _, tab, _ = opened(PAPER.replace("cycle: 0.2 ms", "cycle: 4 ms"))
+    fine = figure(tab.last("picture"), "duration")
+    same = {"do": "set", "key": "servo.kp", "value": "25 1/s"}
+    heard = tab.edit(same, final=False)
+    assert tiers(heard) == ["picture moving", "executed moving"]
+    coarse = figure(heard[0].header, "duration")
+    assert coarse == pytest.approx(fine, rel=1e-3) and coarse != fine
+    assert any("600 intervals" in x for x in heard[0].header["notes"])
+    heard = tab.edit(same)
+    assert tiers(heard) == ["picture preview", "executed preview"]
+    assert figure(heard[1].header, "duration") == fine and not heard[1].header["notes"]
+
+
+def test_older_answers_never_come_after_newer_ones(opened):
+    session, tab, _ = opened()
+    session.display.scheduler._preview_worker = lane = Held(None)
+    tab.edit(MOVE)
+    tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
+    old, new = lane.works
+    for work in (new, old):
+        AtOnce.submit(lane, work)
+    revs = [x.header["rev"] for x in tab.frames if x.kind in ("document", "picture", "executed")]
+    assert revs == sorted(revs)
+    pictures = [x.header for x in tab.frames if x.kind == "picture" and x.header["seq"]]
+    assert [x["seq"] for x in pictures] == [2]
+    assert {x["document"] for x in pictures} == {tab.last("document")["id"]}
+
+
+def test_exact_figures_come_when_nothing_moves(opened):
+    session, tab, lane = opened(fast=Resting)
+    ((id, task, request),) = lane.given
+    assert task == "figures" and request["text"] == JOB and request["run"] == "slow"
+    answer(lane, duration=12.5)
+    told = tab.last("figures")
+    assert told["duration"] == 12.5 and told["rev"] == session.editor.rev
+    tab.edit(MOVE)
+    late = figures_asked(lane)[1][0]
+    tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
+    assert len(figures_asked(lane)) == 2, "one at a time"
+    before = kinds(tab.frames).count("figures")
+    lane.deliver(PageFrame("figures", {"id": late}))
+    assert kinds(tab.frames).count("figures") == before, "out of date"
+    asked = figures_asked(lane)
+    assert len(asked) == 3 and asked[2][2]["text"] == session.document.text
+    # What is known is not computed again.
+    answer(lane, duration=13.5)
+    tab.say("select", run="slow")
+    assert len(figures_asked(lane)) == 3 and tab.last("figures")["duration"] == 13.5
+    assert tab.frames[-1].kind == "changes"
+
+
+def test_what_to_change_follows_step_by_step_until_something_is_edited(opened):
+    session, tab, lane = opened(fast=Resting)
+    lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
+    for share in (0.0, 0.5):
+        advance(lane, share=share)
+        assert tab.last("changes")["share"] == share
+        assert tab.last("changes")["rev"] == session.editor.rev
+    tab.edit(MOVE)
+    assert lane.cancelled == [], "a step is short"
+    # The step at work is the last one of the document before, and pages do not get it.
+    before = kinds(tab.frames).count("changes")
+    advance(lane, share=0.75)
+    assert kinds(tab.frames).count("changes") == before
+    assert lane.given[-1][1] == "figures"
+    lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
+    advance(lane, share=0.5)
+    # Without another change of the document it goes on where it was.
+    tab.say("select", run="slow")
+    assert lane.given[-1][1] == "changes"
+    steps = len(lane.given)
+    advance(lane, share=1.0, changes=["faster"])
+    assert tab.last("changes")["changes"] == ["faster"] and len(lane.given) == steps
+    # A step that fails is no loss.
+    tab.edit(MOVE | {"to": [0.38, 0.15]}, gesture=2)
+    lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
+    lane.deliver(PageFrame("failed", {"id": lane.given[-1][0], "sentence": "too bad"}))
+    assert "failed" not in kinds(tab.frames) and len(figures_asked(lane)) == 3
+
+
+def test_another_configuration_of_the_full_run_is_announced(opened):
+    session, tab, lane = opened(SQUARE, fast=Resting)
+    # Nothing exact was shown before the first full run: it changes nothing.
+    tab.edit({"do": "set", "key": "limits.speed", "value": 0.09}, gesture=9)
+    answer(lane)
+    before = session.display.scheduler.planned.start
+    answer(lane, start=before + [0, 0, 0, 0, 0, np.pi / 2])
+    assert session.display.scheduler.planned.start == pytest.approx(
+        before + [0, 0, 0, 0, 0, np.pi / 2]
+    )
+    assert "notice" not in kinds(tab.frames)
+    for k, turn in enumerate((0.0, np.pi / 2), 1):
+        tab.edit({"do": "set", "key": "limits.speed", "value": 0.1 + 0.01 * k}, gesture=k)
+        assert "notice" not in kinds(tab.frames)
+        asked = figures_asked(lane)
+        assert len(asked) == k + 2 and asked[-1][2]["text"] == session.document.text
+        before = session.display.scheduler.planned.start
+        answer(lane, start=before + [0, 0, 0, 0, 0, turn])
+    assert kinds(tab.frames).count("notice") == 1
+    told = tab.last("notice")["sentence"]
+    after = session.display.scheduler.planned.start
+    assert all(f"{np.degrees(q[5]):.1f}" in told for q in (before, after)) and "joint 6" in told
+
+
+class Nested(Resting):
+    """A fast lane that takes newer work after what it does; `stale` tells that work of it."""
+
+    def __init__(self, deliver):
+        super().__init__(deliver)
+        self.newest, self.busy = None, False
+
+    def submit(self, work):
+        self.newest = work
+        if self.busy:
+            return
+        self.busy, done = True, None
+        while done is not self.newest:
+            done = self.newest
+            done(lambda within=0.0, done=done: self.newest is not done)
+        self.busy = False
+
+
+@pytest.fixture
+def during(monkeypatch):
+    """Has something done within the next plan of a tier, whose progress is then told."""
+    acts, plan = [], CoarsePlanner.plan
+
+    def planning(self, data, run=None, *, tier=Tier.PREVIEW, progress=None):
+        if acts and acts[0][0] == tier:
+            acts.pop(0)[1]()
+            progress(Step(("tracing",), 0.5))
+        return plan(self, data, run, tier=tier, progress=progress)
+
+    monkeypatch.setattr(CoarsePlanner, "plan", planning)
+    monkeypatch.setattr(scheduler, "MAX_OBSOLETE_PLAN", -1.0)
+    monkeypatch.setattr(scheduler, "PROGRESS_DELAY", -1.0)
+    return lambda tier, act: acts.append((Tier(tier), act))
+
+
+def moved(k):
+    return {**MOVE, "to": [0.39 + 1e-3 * k, 0.16]}
+
+
+# The exact plan differs from that of a preview.
+FINE = JOB.replace("runs:", "cycle: 1 ms\nruns:")
+
+
+@pytest.mark.parametrize("tier", ["moving", "preview", "exact"])
+def test_an_edit_during_any_tier_takes_its_place(opened, during, tier):
+    session, tab, _ = opened(FINE, fast=Nested)
+    during(tier, lambda: tab.edit(moved(2), gesture=2))
+    heard = tab.edit(moved(1), gesture=1, final=tier != "moving")
+    shown = [x for x in heard if x.kind in ("picture", "executed")]
+    old = [x for x in shown if x.header["seq"] < tab.seq]
+    wanted = {"moving": [], "preview": [], "exact": ["picture preview", "executed preview"]}
+    assert tiers(old) == wanted[tier]
+    assert shown[: len(old)] == old, "no older frame after a newer one"
+    assert tiers(shown)[-2:] == ["picture exact", "executed exact"]
+    assert tab.last("picture")["rev"] == session.editor.rev
+
+
+def test_a_refusal_during_a_preview_is_of_the_newest_state_and_goes_with_it(opened, during):
+    _, tab, _ = opened(fast=Nested)
+    during("preview", lambda: tab.edit(FAR, gesture=2))
+    heard = tab.edit(moved(1), gesture=1)
+    (refusal,) = (x.header for x in heard if x.kind == "refusal")
+    assert refusal["seq"] == tab.seq and refusal["error"] == "Unreachable" and refusal["tier"] == 1
+    assert not tiers(heard), "the plan before is given up"
+    heard = tab.say("undo")
+    assert tiers(heard)[:2] == ["picture preview", "executed preview"]
+    assert "refusal" not in kinds(heard)
+
+
+def progress(frames):
+    return [x.header["state"] for x in frames if x.kind == "progress"]
+
+
+def test_a_slow_plan_has_an_outline_and_progress_and_is_stopped_and_resumed(
+    opened, during, monkeypatch
+):
+    _, tab, lane = opened(fast=Nested)
+    monkeypatch.setattr(scheduler, "SLOW_PLAN", -1.0)
+    during("preview", lambda: tab.say("cancel", id="#"))
+    heard = tab.edit(moved(1), gesture=1)
+    assert tiers(heard) == ["picture outline"]
+    assert progress(heard)[-2:] == ["working", "stopped"]
+    assert lane.cancelled == [lane.given[-1][0]], "its figures are stopped, too"
+    lane.deliver(PageFrame("cancelled", {"id": lane.cancelled[0]}))
+    count = len(lane.given)
+    heard = tab.say("resume")
+    assert tiers(heard)[-2:] == ["picture preview", "executed preview"]
+    assert len(lane.given) == count + 1 and set(progress(heard)) == {"working"}
+    answer(lane)
+    assert progress(tab.frames)[-1] == "done"
+    # Progress of a state that is not shown any more goes.
+    during("preview", lambda: tab.edit(moved(3), gesture=3))
+    assert "done" in progress(tab.edit(moved(2), gesture=2))
+
+
+def test_an_outline_follows_a_drag_whose_plans_take_long(opened, monkeypatch):
+    _, tab, _ = opened()
+    monkeypatch.setattr(scheduler, "SLOW_PLAN", 0.5)
+    looks = count()
+    slow = SimpleNamespace(monotonic=time.monotonic, thread_time=lambda: next(looks))
+    monkeypatch.setattr(scheduler, "time", slow)
+    for _ in range(2):
+        heard = tab.edit(moved(next(looks)), final=False)
+        assert tiers(heard)[0] == "picture moving", "one late plan may be late by chance"
+    assert tiers(tab.edit(moved(3), final=False)) == ["picture outline"]
+    # Quick plans end this.
+    slow.thread_time = lambda: 0.0
+    assert tiers(tab.edit(moved(4)))[0] == "picture preview"
+    assert tiers(tab.edit(moved(5), gesture=1, final=False))[0] == "picture moving"
+
+
+def test_progress_of_exact_figures_is_told_with_its_step(opened, during, monkeypatch):
+    monkeypatch.setattr(scheduler, "PROGRESS_INTERVAL", -1e6)
+    _, tab, lane = opened(fast=Nested)
+    step = {"id": lane.given[-1][0], "steps": ["compensated", "timing"], "share": 0.25}
+    lane.deliver(PageFrame("progress", step))
+    told = tab.last("progress")
+    assert (told["tier"], told["share"]) == ("exact", 0.25)
+    assert told["steps"] == ["compensated", "timing (step 3 of 7)"]
+    answer(lane)
+    assert progress(tab.frames)[-1] == "done"
+
+
+def test_a_killed_process_is_said_and_the_next_edit_has_figures(opened):
+    _, tab, lane = opened(fast=Nested)
+    id = lane.given[-1][0]
+    lane.deliver(
+        PageFrame("failed", {"id": id, "sentence": "It has ended before it gave an answer."})
+    )
+    told = tab.last("progress")
+    assert told["state"] == "stopped" and "has ended" in told["steps"][0]
+    tab.say("resume")
+    assert len(lane.given) == 2 and tab.last("progress")["state"] == "working"
+    tab.edit(moved(1), gesture=1)
+    lane.deliver(PageFrame("cancelled", {"id": lane.given[1][0]}))
+    answer(lane, duration=12.5)
+    assert tab.last("figures")["seq"] == tab.seq
+
+
+def test_figures_that_take_long_make_way_for_an_edit(opened, monkeypatch):
+    _, tab, lane = opened(fast=Nested)
+    tab.edit(moved(1), gesture=1)
+    assert lane.cancelled == [], "soon they are there"
+    monkeypatch.setattr(scheduler, "MAX_OBSOLETE_FIGURES", -1.0)
+    tab.edit(moved(2), gesture=2)
+    assert lane.cancelled == [lane.given[-1][0]]
+    lane.deliver(PageFrame("cancelled", {"id": lane.given[-1][0]}))
+    assert len(lane.given) == 2 and "cancelled" not in kinds(tab.frames)
+
+
+def test_a_motion_of_minutes_has_its_errors_from_the_exact_run_and_no_refusal(opened):
+    slow = JOB.replace("{speed: 50 mm/s}", "{speed: 0.1 mm/s}")
+    _, tab, lane = opened(slow, fast=Resting)
+    assert tiers(tab.frames) == ["picture preview"] and "refusal" not in kinds(tab.frames)
+    answer(lane)
+    assert tiers(tab.frames)[-1] == "figures exact"

@@ -1,0 +1,168 @@
+"""The start page: jobs to begin with, arms by picture, files opened before, and drafts."""
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.dynamics_extra import mark_all_but
+from tests.studio.conftest import DRAWINGS
+from tests.studio.talking import JOB, AtOnce, NoLane, Tab
+
+import armcontour as ac
+from armcontour.files.cell import cell_names
+from armcontour.files.job_edits import Change
+from armcontour.studio.connection import open_session
+from armcontour.studio.document import Document
+from armcontour.studio.start_page import DRAWINGS as CARDS
+from armcontour.studio.start_page import new_document
+from armcontour.studio.uploads import Uploads
+
+FASTER = [Change(("limits", "speed"), "0.1 m/s")]
+
+
+@pytest.fixture
+def opened(tmp_path, monkeypatch):
+    """Opens sessions as the command does, in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("armcontour.studio.session.PreviewWorker", AtOnce, raising=False)
+    sessions = []
+
+    def open_one(file=None, cell=None):
+        session = open_session(file, cell=cell, slow=NoLane)
+        sessions.append(session)
+        tab = Tab(session)
+        session.begin()
+        return session, tab
+
+    yield open_one
+    for session in sessions:
+        session.close()
+
+
+def start(tab):
+    """What the start page shows."""
+    tab.say("start")
+    return tab.last("start")
+
+
+@pytest.mark.parametrize("arm", mark_all_but(cell_names(), ["pmk3s"]))
+def test_each_card_is_a_job_that_each_arm_can_do(arm, tmp_path):
+    before = Document.of_text(JOB, tmp_path, "job.yaml")
+    for card in CARDS:
+        document = new_document(card, arm, Uploads(), before)
+        (tmp_path / "job.yaml").write_text(document.text)
+        job = ac.read_job(tmp_path / "job.yaml")
+        result = ac.run(job, simulate=False)
+        (run,) = result.runs.values()
+        assert job.arm.name == ac.load_arm(arm).name and run.trajectory.duration > 1
+    paper = new_document("paper", arm, Uploads(), before)
+    assert "PMK-3s" in paper.text
+    with pytest.raises(ac.InvalidInput, match="card"):
+        new_document("table", arm, Uploads(), before)
+
+
+def test_arms_are_shown_by_the_silhouettes_of_their_links(opened):
+    _, tab = opened()
+    assert tab.last("document")["start"]
+    arms = start(tab)["arms"]
+    assert [x["name"] for x in arms] == list(cell_names())
+    for x in arms:
+        left, top, wide, high = map(int, x["box"].split())
+        outlines = re.findall(r"M([^Z]*)Z", x["shape"])
+        arm = ac.load_arm(x["name"])
+        assert len(outlines) == len(arm.shapes.shapes)
+        points = np.array([p.split(",") for o in outlines for p in o.split("L")], dtype=int)
+        assert [*points.min(axis=0)] == [left, top]
+        assert [*(points.max(axis=0) - points.min(axis=0))] == [wide, high]
+
+
+def test_an_empty_plane_is_drawn_on_and_undone(opened):
+    session, tab = opened()
+    tab.say("new", card="empty", arm="ur10e")
+    blank, text = tab.last("document"), session.document.text
+    assert blank["path"]["kind"] == "blank" and not blank["start"] and "ur10e" in text
+    assert tab.last("picture")["tier"] == "outline"
+    a, b = np.array(tab.last("picture")["centre"]) + [[0, 0], [0.05, 0.02]]
+    lines = [{"to": [b[0], a[1]]}, {"to": b}, {"to": [a[0], b[1]]}, {"to": a}]
+    edit = {"do": "draw", "start": a.tolist()}
+    edit["segments"] = [{"to": np.asarray(x["to"]).tolist()} for x in lines]
+    tab.edit(edit, gesture=1)
+    session.display.scheduler.wait()
+    assert tab.last("document")["path"]["kind"] == "segments"
+    tab.say("undo")
+    assert session.document.text == text and tab.last("document")["path"]["kind"] == "blank"
+    tab.say("redo")
+    assert len(tab.last("document")["waypoints"]) == 5
+
+
+def test_files_opened_before_are_offered_and_vanished_ones_are_not(opened, tmp_path):
+    folder = tmp_path / "elsewhere"
+    folder.mkdir()
+    job, drawing = folder / "job.yaml", folder / "gasket.dxf"
+    job.write_text(JOB)
+    shutil.copy(DRAWINGS / "gasket.dxf", drawing)
+    opened(job)
+    opened(drawing, "ur5e")
+    session, tab = opened()
+    recent = start(tab)["recent"]
+    assert [x["name"] for x in recent] == ["gasket.dxf", "job.yaml"]
+    assert all(str(folder) in x["where"] for x in recent) and "ur5e" in recent[0]["where"]
+    tab.say("open_recent", id=recent[1]["id"])
+    assert session.document.file == job and tab.last("document")["text"] == JOB
+    tab.say("open_recent", id=recent[0]["id"])
+    assert tab.last("document")["path"]["file"] == "gasket.dxf"
+    drawing.unlink()
+    assert [x["name"] for x in start(tab)["recent"]] == ["job.yaml"]
+    for id in (recent[0]["id"], "0" * 32, "job.yaml"):
+        assert "not there" in tab.say("open_recent", id=id)[-1].header["sentence"]
+
+
+def test_a_file_opened_before_opens_no_other_folder(opened, tmp_path):
+    inside, outside = tmp_path / "a" / "job.yaml", tmp_path / "b" / "secret.svg"
+    for x in (inside, outside):
+        x.parent.mkdir()
+    shutil.copy(Path(ac.__file__).parent / "jobs" / "library" / "plate.svg", outside)
+    inside.write_text(JOB)
+    opened(inside)
+    session, tab = opened()
+    tab.say("open_recent", id=start(tab)["recent"][0]["id"])
+    heard = tab.edit({"do": "text", "text": re.sub(r"points:.*", f"file: {outside}", JOB)})
+
+    assert heard[-1].kind == "refusal" and "may be read" in heard[-1].header["sentence"]
+    assert session.document.text == JOB
+
+
+def test_a_new_job_does_not_lose_what_is_not_saved(opened):
+    session, tab = opened()
+    texts = []
+    for arm in ("ur5e", "panda"):
+        tab.say("new", card="drawing", arm=arm)
+        session.document.apply(FASTER, "speed")
+        texts.append(session.document.text)
+    heard = tab.say("new", card="empty", arm="ur5e")
+    assert any(x.kind == "notice" and "not saved" in x.header["sentence"] for x in heard)
+    kept = start(tab)["recent"]
+    assert [x["where"] for x in kept] == ["not saved"] * 2
+    for x, text in zip(kept, reversed(texts), strict=True):
+        tab.say("open_recent", id=x["id"])
+        assert session.document.text == text
+    # The server is killed, and started again.
+    _, again = opened()
+    assert len(start(again)["recent"]) == 2
+
+
+def test_an_undecided_draft_stays_next_to_a_newer_one(opened, tmp_path):
+    file = tmp_path / "job.yaml"
+    file.write_text(JOB)
+    first = Document.open(file)
+    first.apply(FASTER, "speed")
+    later = Document.open(file)
+    assert later.earlier == first.text
+    later.apply([Change(("limits", "speed"), "0.2 m/s")], "speed")
+    assert Document.open(file).earlier == later.text
+    session, tab = opened()
+    (kept,) = [x for x in start(tab)["recent"] if x["where"] == "not saved"]
+    tab.say("open_recent", id=kept["id"])
+    assert session.document.text == first.text

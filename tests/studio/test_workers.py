@@ -1,0 +1,171 @@
+"""Previews in a thread, and other work in a process; waits have no time limit."""
+
+from concurrent.futures import Future
+from threading import Condition, Event, Thread
+
+import pytest
+from tests.studio.talking import figure
+
+from armcontour.core.child_process import ProcessEnded
+from armcontour.core.errors import Unreachable
+from armcontour.studio import workers
+from armcontour.studio.page_frame import PageFrame
+from armcontour.studio.tasks.dispatch import WARM, WARMUP_JOB
+from armcontour.studio.workers import PreviewWorker, TaskWorker
+
+
+class Heard:
+    """Collects frames, and waits for one."""
+
+    def __init__(self):
+        self.frames, self.news = [], Condition()
+
+    def __call__(self, frame):
+        with self.news:
+            self.frames.append(frame)
+            self.news.notify_all()
+
+    def wait(self, id, *kinds):
+        def found():
+            return [x for x in self.frames if x.header["id"] == id and x.kind in kinds]
+
+        with self.news:
+            self.news.wait_for(found)
+            return found()[0]
+
+
+def test_of_works_that_wait_only_the_latest_is_done():
+    begun, go, heard = Event(), Event(), Heard()
+
+    def first(stale):
+        assert not stale() and not stale(within=1e-6)
+        begun.set()
+        go.wait()
+        assert stale() and stale(within=1e6)
+        heard(PageFrame("picture", {"id": 1}))
+
+    def other(n):
+        def work(stale):
+            assert not stale()
+            heard(PageFrame("picture", {"id": n}))
+
+        return work
+
+    lane = PreviewWorker(heard)
+    lane.submit(first)
+    begun.wait()
+    for n in (2, 3, 4):
+        lane.submit(other(n))
+    go.set()
+    heard.wait(4, "picture")
+    lane.close()
+    assert [x.header["id"] for x in heard.frames] == [1, 4]
+
+
+def test_work_that_rests_goes_on_when_newer_work_comes():
+    begun, heard = Event(), Heard()
+
+    def resting(stale):
+        begun.set()
+        assert stale(within=1e6)
+        heard(PageFrame("picture", {"id": 1}))
+
+    lane = PreviewWorker(heard)
+    lane.submit(resting)
+    begun.wait()
+    lane.submit(lambda stale: heard(PageFrame("picture", {"id": 2})))
+    heard.wait(2, "picture")
+    lane.close()
+    assert [x.header["id"] for x in heard.frames] == [1, 2]
+
+
+def test_errors_are_told_and_the_lane_goes_on():
+    def failing(error):
+        def work(stale):
+            raise error
+
+        return work
+
+    heard = Heard()
+    lane = PreviewWorker(lambda frame: heard(frame.stamped(id=len(heard.frames))))
+    lane.submit(failing(Unreachable("The arm does not reach it.")))
+    first = heard.wait(0, "notice")
+    lane.submit(failing(ZeroDivisionError("division by zero")))
+    second = heard.wait(1, "notice")
+    lane.close()
+    assert first.header["sentence"] == "The arm does not reach it."
+    assert "ZeroDivisionError" in second.header["sentence"]
+
+
+class Pool:
+    """A process as a test has it: it ends when it is killed, and has its tasks go on likewise."""
+
+    made = []
+
+    def __init__(self, processes):
+        Pool.made.append(self)
+        self.killed = Event()
+
+    def submit(self, work, given):
+        assert given in (WARM, workers.NICE)
+
+    def submit_reporting(self, heard, work):
+        (given,), future, killed = work.args, Future(), self.killed
+        future.set_running_or_notify_cancel()
+        if given.task == "long":
+            heard(PageFrame("progress", {"id": given.id}).pack())
+            Thread(target=lambda: (killed.wait(), self.end_of(future)), daemon=True).start()
+        elif given.task == "die":
+            self.end_of(future)
+        else:
+            future.set_result(PageFrame("result", {"id": given.id}).pack())
+        return future
+
+    def end_of(self, future):
+        future.set_exception(ProcessEnded("It has ended."))
+
+    def kill(self):
+        self.killed.set()
+        self.killed = Event()
+
+    end = kill
+
+
+@pytest.fixture
+def lane(monkeypatch):
+    """A lane whose process is of this test, and what it delivers."""
+    monkeypatch.setattr(workers, "ProcessPool", Pool)
+    Pool.made = []
+    heard = Heard()
+    lane = TaskWorker(heard)
+    yield lane, heard
+    lane.close()
+
+
+def test_a_cancelled_task_ends_and_the_next_is_done(lane):
+    lane, heard = lane
+    for id, task in (("d", "long"), ("e", "long"), ("f", "short")):
+        lane.submit(id, task, {})
+    heard.wait("d", "progress")
+    lane.cancel("e")
+    lane.cancel("d")
+    # They are over when `cancel` returns, whatever the process does.
+    assert {x.header["id"] for x in heard.frames if x.kind == "cancelled"} == {"d", "e"}
+    heard.wait("f", "result")
+    lane.cancel("f")
+    assert [(x.kind, x.header["id"]) for x in heard.frames] == [
+        *(("progress", "d"), ("cancelled", "e"), ("cancelled", "d"), ("result", "f"))
+    ]
+
+
+def test_a_real_process_does_one_task_after_the_other():
+    heard = Heard()
+    lane = TaskWorker(heard)
+    options = {"key": "limits.speed", "values": [0.1, 0.2]}
+    lane.submit("a", "figures", {"text": WARMUP_JOB})
+    lane.submit("b", "sweep", {"text": WARMUP_JOB, "options": options})
+    lane.submit("c", "bake", {"text": WARMUP_JOB})
+    assert figure(heard.wait("a", "figures").header, "duration") > 0
+    assert heard.wait("b", "result").arrays["values"].tolist() == [0.1, 0.2]
+    assert "no task 'bake'" in heard.wait("c", "failed").header["sentence"]
+    lane.close()

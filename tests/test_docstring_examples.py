@@ -1,0 +1,68 @@
+"""Examples in docstrings of public names run and print what they state."""
+
+import doctest
+import inspect
+
+import pytest
+from tests.dynamics_extra import needs_dynamics
+from tests.public_names import PUBLIC
+
+import armcontour as ac
+
+# Distances of bodies need the extra `dynamics`.
+MARKS = {"check_clearance": needs_dynamics}
+NAMES = [name for name in ac.__all__ if name != "__version__"]
+FLAGS = doctest.ELLIPSIS
+FILES = {
+    "job.yaml": """
+name: corner
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.33, 0.20], [0.33, 0.23]]}
+limits: {speed: 0.1 m/s, centripetal_acceleration: 0.09 m/s^2}
+corners: {tolerance: 1 mm}
+servo: {kp: 25 1/s, kv: 150 1/s}
+cycle: 10 ms
+runs: {only: {timing: {intervals: 100}, compensation: {method: none}}}
+certificate: {servo_error: 0.1 mm, samples: 100}
+placement: {over: {x: {from: -5 mm, to: 5 mm, places: 2}}, refine: false}
+""",
+    "plan.yaml": "{job: job.yaml, over: {cycle: 10 ms}, do: compensate}",
+    "part.csv": "x [mm],y [mm]\n300,200\n330,200\n",
+}
+
+
+def run(name, text, names):
+    """Run the examples of a docstring with these objects; returns all objects after them."""
+    example = doctest.DocTestParser().get_doctest(text, names, name, None, 0)
+    assert example.examples, f"{name} has no example"
+    said = []
+    runner = doctest.DocTestRunner(optionflags=FLAGS)
+    assert runner.run(example, out=said.append, clear_globs=False).failed == 0, "".join(said)
+    return example.globs
+
+
+@pytest.fixture(scope="module")
+def names():
+    """The objects of the docstring of the package."""
+    return run("armcontour", ac.__doc__, {})
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, names):
+    """A folder with the files that examples read."""
+    folder = tmp_path_factory.mktemp("examples")
+    t = names["np"].arange(300) * 4e-3
+    rows = [f"{x:.3f},{names['np'].sin(x):.5f},{names['np'].sin(x - 0.01):.5f}" for x in t]
+    files = FILES | {
+        "log.csv": "\n".join(["t,u1,q1", *rows]),
+        "motion.csv": "\n".join(["t [s],q1 [rad],q2 [rad]", *rows]),
+    }
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("name", [pytest.param(x, marks=MARKS.get(x, ())) for x in NAMES])
+def test_the_example_of_a_public_name_runs(name, names, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    run(name, inspect.getdoc(PUBLIC[name]), names)
