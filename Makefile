@@ -45,7 +45,7 @@ TOOLS := tools/vendor
 TSC := $(TOOLS)/node_modules/.bin/tsc
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test slow newest lowest constraints check types layers page package release docs site links soak bench figures kernels vendor clean
+.PHONY: help demo test slow newest lowest plain constraints check types layers page package release docs site links soak bench figures kernels vendor clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
@@ -65,6 +65,10 @@ newest: $(VENV)/bin/python  ## Run the suite with the newest versions of all dep
 
 lowest: $(VENV)/bin/python  ## Run the suite with the lowest versions of the dependencies
 	$(call suite_with,lowest,--resolution lowest-direct)
+
+# pinocchio needs a newer NumPy than the package.
+plain: $(VENV)/bin/python  ## Run the suite with the lowest versions, without the extra dynamics
+	$(call suite_with,plain,--resolution lowest-direct --override tools/without_dynamics.txt)
 
 constraints: $(VENV)/bin/python  ## Write the newest versions to constraints.txt, which `make test` then tests
 	printf '%s\n' hatchling uv | $(BIN)/python -m uv pip compile -q --upgrade --universal --python-version 3.11 \

@@ -142,7 +142,7 @@ def test_places_are_those_of_the_jobs_alone(placing, jobs, tmp_path):
 
 
 def results(jobs):
-    """What each work gives for the small job."""
+    """Results of each kind of work for the small job."""
     text = (jobs / "bend.yaml").read_text()
     job = ac.read_job(_written(jobs, text + PLACED + "experiment: {}\n"))
     yield "run", ac.run(job).runs["only"]

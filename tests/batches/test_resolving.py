@@ -1,4 +1,4 @@
-"""What identifies a job: all that its results depend on, however it is written."""
+"""Identification of a job by all that its results depend on."""
 
 import pytest
 

@@ -120,7 +120,7 @@ def test_thinning_keeps_every_peak_and_both_ends_of_every_part():
     assert (y2.max(), y2.min()) == (7.0, -3.0) and (t2[0], t2[-1]) == (0, 1)
     # Ten contours, each from rest to rest; the ends are no extremes of their intervals.
     y = np.tile(np.append(np.sin(np.linspace(0, np.pi, 4001)), np.nan), 10)
-    _, y2 = thin(np.arange(len(y), dtype=float), y, most=500)
+    _, y2 = thin(np.arange(len(y), dtype=float), y, count=500)
     gaps = np.flatnonzero(np.isnan(y2))
     assert len(gaps) == 10 and len(y2) < 600
     np.testing.assert_allclose([y2[0], *y2[gaps - 1], *y2[gaps[:-1] + 1]], 0.0, atol=1e-12)
@@ -138,7 +138,7 @@ PLACES = [
 
 
 def written(figure):
-    """What a page gives to plotly.js: its key, data, layout, configuration, frames."""
+    """Arguments of a page for plotly.js: key, data, layout, configuration, frames."""
     page = figure.to_html("key")
     found, at = [], page.index("draw(") + len("draw(")
     while page[at - 1] != ")":

@@ -94,7 +94,7 @@ def drawn_paths(svg):
 
 
 def marked(svg, name):
-    """Where marks of a kind are [px]."""
+    """Positions of marks of a kind [px]."""
     at = rf'<use href="#mark-{name}" (?:x="|transform="translate\()([-\d.]+)(?:" y="| )([-\d.]+)'
     return np.array(re.findall(at, svg), dtype=float)
 
@@ -110,7 +110,7 @@ def distances(points, curve):
 
 
 def fitted(svg, result):
-    """Where points are in a drawing, from its marks, and pixels per metre."""
+    """Map of points into a drawing, fitted to its marks, and pixels per metre."""
     events = [x.point for x in result.trajectory.events]
     seen = [marked(svg, "start")] + ([marked(svg, "event")] if events else [])
     known = np.array([*(x.path(0.0) for x in result.path.contours), *events])

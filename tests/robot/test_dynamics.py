@@ -10,7 +10,7 @@ from tests.geometry.tables import each, refused
 import armcontour as ac
 from armcontour.core.frames import Frame, exp
 from armcontour.robot import Chain, Dynamics, Payload, PlanarTwoLink, SerialArm
-from armcontour.robot.planar import Tube
+from armcontour.robot.planar import LinkTube
 
 
 def chain(**changes):
@@ -88,7 +88,7 @@ def test_gravity_turns_with_the_base_and_a_payload_is_a_part_of_the_last_link(st
 
 
 def test_two_links_in_the_plane_by_the_textbook():
-    tubes = tuple(Tube(outer_diameter=0.08, wall=0.005, density=2700) for _ in range(2))
+    tubes = tuple(LinkTube(outer_diameter=0.08, wall=0.005, density=2700) for _ in range(2))
     links = {"base": 0.1, "links": (0.3, 0.2), "limits": ac.Limits()}
     arm = PlanarTwoLink(name="plane", **links, tubes=tubes, payload=Payload(mass=2.0))
     outer, inner = 0.04, 0.035

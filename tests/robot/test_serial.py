@@ -12,7 +12,7 @@ import armcontour as ac
 from armcontour.core.frames import Frame, exp, log
 from armcontour.robot import Chain, Payload, SerialArm
 from armcontour.robot.limits import UNITS, or_unlimited
-from armcontour.robot.planar import Tube
+from armcontour.robot.planar import LinkTube
 
 STEP = 1e-6
 
@@ -313,7 +313,7 @@ def test_limits_chains_payloads_and_arms_that_cannot_be_are_refused():
         (Chain, GOOD, ODD_CHAINS),
         (Payload, {"mass": 1.0}, ODD_PAYLOADS),
         (ac.PlanarTwoLink, PLANE, ODD_PLANES),
-        (Tube, TUBE, ODD_TUBES),
+        (LinkTube, TUBE, ODD_TUBES),
     ):
         refused(*((partial(kind, **good | x), *more) for x, *more in rows))
     two, jerk = ac.Limits(joint_acceleration=[1.0, 1.0]), ac.Limits(joint_jerk=[np.inf, 5.0])

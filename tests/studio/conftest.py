@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.cli.conftest import command
 from tests.studio.robot_logs import log, robot
-from tests.studio.talking import JOB, Tab, session_of
+from tests.studio.session_pages import JOB, SessionPage, session_of
 from tools.studio_page import SQUARE
 
 from armcontour.core.yaml_loader import load
@@ -103,4 +103,4 @@ def session(file):
 
 @pytest.fixture
 def tab(session):
-    return Tab(session)
+    return SessionPage(session)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from tests.dynamics_extra import needs_dynamics
-from tests.studio.talking import AtOnce, NoLane, Tab
+from tests.studio.session_pages import ImmediateWorker, RecordingTaskWorker, SessionPage
 from tools.studio_page import write_shapes
 
 from armcontour.studio.document import Document
@@ -71,9 +71,15 @@ def page(tmp_path_factory):
     file = tmp_path_factory.mktemp("many") / "many.dxf"
     draw(file)
     document = Document.of_drawing(file, "ur5e")
-    session = Session(document, CoarsePlanner(file.parent), fast=AtOnce, slow=NoLane, rest_time=1e6)
+    session = Session(
+        document,
+        CoarsePlanner(file.parent),
+        preview_worker=ImmediateWorker,
+        task_worker=RecordingTaskWorker,
+        rest_time=1e6,
+    )
     session.begin()
-    tab = Tab(session)
+    tab = SessionPage(session)
     yield tab
     session.close()
 
@@ -141,9 +147,15 @@ def test_a_plan_and_its_execution_are_drawn_finer_too(tmp_path, no_hurry):
     file = tmp_path / "few.dxf"
     draw(file, 3)
     document = Document.of_drawing(file, "ur5e")
-    session = Session(document, CoarsePlanner(tmp_path), fast=AtOnce, slow=NoLane, rest_time=1e6)
+    session = Session(
+        document,
+        CoarsePlanner(tmp_path),
+        preview_worker=ImmediateWorker,
+        task_worker=RecordingTaskWorker,
+        rest_time=1e6,
+    )
     session.begin()
-    tab = Tab(session)
+    tab = SessionPage(session)
     picture, executed = (
         next(x for x in tab.frames if x.kind == y) for y in ("picture", "executed")
     )

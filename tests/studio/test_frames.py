@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from tests.dynamics_extra import needs_dynamics
 from tests.studio.conftest import PAPER
-from tests.studio.talking import figure
+from tests.studio.session_pages import figure
 
 from armcontour.core import render
 from armcontour.core.errors import Collision, ExecutionError, InvalidInput, Unreachable

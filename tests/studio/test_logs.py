@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.studio.robot_logs import BEGIN, HEAD, TRUE, write_bag, write_table
-from tests.studio.talking import NoLane, Tab, figure, session_of
+from tests.studio.session_pages import RecordingTaskWorker, SessionPage, figure, session_of
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
@@ -80,7 +80,7 @@ def test_the_servo_of_a_log_is_put_into_the_job(ask, file, log):
     before = file.read_text()
     session = session_of(file)
     session.begin()
-    tab = Tab(session)
+    tab = SessionPage(session)
     tab.edit(edit)
     text = session.document.text
     servo = parse_job(text).servo
@@ -100,7 +100,7 @@ def test_a_mapping_that_is_set_keeps_the_comments_of_its_keys(tmp_path, file):
     place.write_text(file.read_text().replace(old, new))
     session = session_of(place)
     session.begin()
-    tab = Tab(session)
+    tab = SessionPage(session)
     wanted = {"kp": [24.5, 25.5], "order": ["second", "second"], "kv": 140}
     tab.edit({"do": "set", "key": "servo", "value": wanted})
     text = session.document.text
@@ -209,7 +209,7 @@ def test_columns_have_the_names_that_the_page_gives(ask, robot, done, tmp_path):
 def test_logs_are_kept_in_the_folder_of_the_user_until_the_session_ends(file, home):
     session = session_of(file)
     session.begin()
-    tab = Tab(session)
+    tab = SessionPage(session)
     uploads = session.editor.uploads
     assert tab.last("document")["logs"] == []
     before = sorted(file.parent.rglob("*"))
@@ -222,15 +222,15 @@ def test_logs_are_kept_in_the_folder_of_the_user_until_the_session_ends(file, ho
     assert all(x.is_relative_to(state_folder()) for x in uploads.logs.values())
     assert all(x.parent.stat().st_mode & 0o077 == 0 for x in uploads.logs.values())
     tab.say("task", id="t1", task="measured", options={"logs": names[::-1]})
-    _, _, request = NoLane.last.given[-1]
+    _, _, request = RecordingTaskWorker.last.given[-1]
     read = [Path(x).read_bytes() for x in request["logs"]]
     assert read == [b"t,q2\n", b"t,q1\n"]
-    count = len(NoLane.last.given)
+    count = len(RecordingTaskWorker.last.given)
     for names in (["other.csv"], ["../job.yaml"], [str(file)], "run.csv", [["run.csv"]], {}, 5):
         said = tab.say("task", id="t2", task="measured", options={"logs": names})
         # Nothing chosen is what the task itself refuses.
         assert names == {} or said[-1].kind == "failed", names
-    assert len(NoLane.last.given) == count + 1
+    assert len(RecordingTaskWorker.last.given) == count + 1
     for name in (
         "../a.csv",
         "a/../b.csv",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.studio.test_arithmetic import NODE, compute
 
-from armcontour.core.frames import PageFrame as Pose
+from armcontour.core.frames import Frame as Pose
 from armcontour.studio.execution_picture import execution_frame
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.preview import CoarsePlanner
@@ -25,7 +25,7 @@ def test_the_page_reads_the_frames_that_the_server_writes():
     data = PageFrame("picture", head, arrays).pack()
     found = compute(
         """
-        const { unpack } = await import("./wire.js");
+        const { unpack } = await import("./page_frame.js");
         const frame = unpack(new Uint8Array(given).buffer);
         const arrays = Object.entries(frame.arrays).map(([name, x]) => [name, [...x]]);
         tell({ ...frame, arrays: Object.fromEntries(arrays) });

@@ -7,14 +7,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.studio.talking import (
+from tests.studio.session_pages import (
     JOB,
     MOVE,
-    AtOnce,
-    Held,
-    NoLane,
-    Resting,
-    Tab,
+    ImmediateWorker,
+    ManualWorker,
+    RecordingTaskWorker,
+    RestingWorker,
+    SessionPage,
     figure,
     kinds,
     session_of,
@@ -40,15 +40,15 @@ def opened(tmp_path):
     """Opens texts of jobs; each gives a session, a page and the lane of its exact figures."""
     sessions = []
 
-    def open_text(text=JOB, fast=AtOnce):
+    def open_text(text=JOB, preview_worker=ImmediateWorker):
         file = tmp_path / f"job{len(sessions)}.yaml"
         file.write_text(text)
-        session = session_of(file, fast=fast)
-        # The first slow lane of a session is that of figures.
-        lane = NoLane.last
+        session = session_of(file, preview_worker=preview_worker)
+        # The first task worker of a session is that of figures.
+        lane = RecordingTaskWorker.last
         sessions.append(session)
         session.begin()
-        return session, Tab(session), lane
+        return session, SessionPage(session), lane
 
     yield open_text
     for session in sessions:
@@ -87,7 +87,7 @@ def test_at_rest_the_picture_is_that_of_a_full_run(opened, run):
     want = ac.run(parse_job(text)).runs[run].evaluation
     _, tab, _ = opened(text)
     assert figure(tab.last("executed"), "contour_error.rms") != want.contour_error.rms
-    _, tab, _ = opened(text, fast=Resting)
+    _, tab, _ = opened(text, preview_worker=RestingWorker)
     assert tab.last("picture")["tier"] == tab.last("executed")["tier"] == "exact"
     assert figure(tab.last("picture"), "duration") == want.duration
     assert figure(tab.last("executed"), "contour_error.rms") == want.contour_error.rms
@@ -109,12 +109,12 @@ def test_what_moves_is_planned_on_a_coarser_grid_until_it_rests(opened):
 
 def test_older_answers_never_come_after_newer_ones(opened):
     session, tab, _ = opened()
-    session.display.scheduler._preview_worker = lane = Held(None)
+    session.display.scheduler._preview_worker = lane = ManualWorker(None)
     tab.edit(MOVE)
     tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
     old, new = lane.works
     for work in (new, old):
-        AtOnce.submit(lane, work)
+        ImmediateWorker.submit(lane, work)
     revs = [x.header["rev"] for x in tab.frames if x.kind in ("document", "picture", "executed")]
     assert revs == sorted(revs)
     pictures = [x.header for x in tab.frames if x.kind == "picture" and x.header["seq"]]
@@ -123,7 +123,7 @@ def test_older_answers_never_come_after_newer_ones(opened):
 
 
 def test_exact_figures_come_when_nothing_moves(opened):
-    session, tab, lane = opened(fast=Resting)
+    session, tab, lane = opened(preview_worker=RestingWorker)
     ((id, task, request),) = lane.given
     assert task == "figures" and request["text"] == JOB and request["run"] == "slow"
     answer(lane, duration=12.5)
@@ -146,7 +146,7 @@ def test_exact_figures_come_when_nothing_moves(opened):
 
 
 def test_what_to_change_follows_step_by_step_until_something_is_edited(opened):
-    session, tab, lane = opened(fast=Resting)
+    session, tab, lane = opened(preview_worker=RestingWorker)
     lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
     for share in (0.0, 0.5):
         advance(lane, share=share)
@@ -175,7 +175,7 @@ def test_what_to_change_follows_step_by_step_until_something_is_edited(opened):
 
 
 def test_another_configuration_of_the_full_run_is_announced(opened):
-    session, tab, lane = opened(SQUARE, fast=Resting)
+    session, tab, lane = opened(SQUARE, preview_worker=RestingWorker)
     # Nothing exact was shown before the first full run: it changes nothing.
     tab.edit({"do": "set", "key": "limits.speed", "value": 0.09}, gesture=9)
     answer(lane)
@@ -198,8 +198,8 @@ def test_another_configuration_of_the_full_run_is_announced(opened):
     assert all(f"{np.degrees(q[5]):.1f}" in told for q in (before, after)) and "joint 6" in told
 
 
-class Nested(Resting):
-    """A fast lane that takes newer work after what it does; `stale` tells that work of it."""
+class Nested(RestingWorker):
+    """A preview worker that takes newer work after its present work, which `stale` reports."""
 
     def __init__(self, deliver):
         super().__init__(deliver)
@@ -243,7 +243,7 @@ FINE = JOB.replace("runs:", "cycle: 1 ms\nruns:")
 
 @pytest.mark.parametrize("tier", ["moving", "preview", "exact"])
 def test_an_edit_during_any_tier_takes_its_place(opened, during, tier):
-    session, tab, _ = opened(FINE, fast=Nested)
+    session, tab, _ = opened(FINE, preview_worker=Nested)
     during(tier, lambda: tab.edit(moved(2), gesture=2))
     heard = tab.edit(moved(1), gesture=1, final=tier != "moving")
     shown = [x for x in heard if x.kind in ("picture", "executed")]
@@ -256,7 +256,7 @@ def test_an_edit_during_any_tier_takes_its_place(opened, during, tier):
 
 
 def test_a_refusal_during_a_preview_is_of_the_newest_state_and_goes_with_it(opened, during):
-    _, tab, _ = opened(fast=Nested)
+    _, tab, _ = opened(preview_worker=Nested)
     during("preview", lambda: tab.edit(FAR, gesture=2))
     heard = tab.edit(moved(1), gesture=1)
     (refusal,) = (x.header for x in heard if x.kind == "refusal")
@@ -274,7 +274,7 @@ def progress(frames):
 def test_a_slow_plan_has_an_outline_and_progress_and_is_stopped_and_resumed(
     opened, during, monkeypatch
 ):
-    _, tab, lane = opened(fast=Nested)
+    _, tab, lane = opened(preview_worker=Nested)
     monkeypatch.setattr(scheduler, "SLOW_PLAN", -1.0)
     during("preview", lambda: tab.say("cancel", id="#"))
     heard = tab.edit(moved(1), gesture=1)
@@ -311,7 +311,7 @@ def test_an_outline_follows_a_drag_whose_plans_take_long(opened, monkeypatch):
 
 def test_progress_of_exact_figures_is_told_with_its_step(opened, during, monkeypatch):
     monkeypatch.setattr(scheduler, "PROGRESS_INTERVAL", -1e6)
-    _, tab, lane = opened(fast=Nested)
+    _, tab, lane = opened(preview_worker=Nested)
     step = {"id": lane.given[-1][0], "steps": ["compensated", "timing"], "share": 0.25}
     lane.deliver(PageFrame("progress", step))
     told = tab.last("progress")
@@ -322,7 +322,7 @@ def test_progress_of_exact_figures_is_told_with_its_step(opened, during, monkeyp
 
 
 def test_a_killed_process_is_said_and_the_next_edit_has_figures(opened):
-    _, tab, lane = opened(fast=Nested)
+    _, tab, lane = opened(preview_worker=Nested)
     id = lane.given[-1][0]
     lane.deliver(
         PageFrame("failed", {"id": id, "sentence": "It has ended before it gave an answer."})
@@ -338,7 +338,7 @@ def test_a_killed_process_is_said_and_the_next_edit_has_figures(opened):
 
 
 def test_figures_that_take_long_make_way_for_an_edit(opened, monkeypatch):
-    _, tab, lane = opened(fast=Nested)
+    _, tab, lane = opened(preview_worker=Nested)
     tab.edit(moved(1), gesture=1)
     assert lane.cancelled == [], "soon they are there"
     monkeypatch.setattr(scheduler, "MAX_OBSOLETE_FIGURES", -1.0)
@@ -350,7 +350,7 @@ def test_figures_that_take_long_make_way_for_an_edit(opened, monkeypatch):
 
 def test_a_motion_of_minutes_has_its_errors_from_the_exact_run_and_no_refusal(opened):
     slow = JOB.replace("{speed: 50 mm/s}", "{speed: 0.1 mm/s}")
-    _, tab, lane = opened(slow, fast=Resting)
+    _, tab, lane = opened(slow, preview_worker=RestingWorker)
     assert tiers(tab.frames) == ["picture preview"] and "refusal" not in kinds(tab.frames)
     answer(lane)
     assert tiers(tab.frames)[-1] == "figures exact"

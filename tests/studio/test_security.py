@@ -5,8 +5,8 @@ import socket
 from contextlib import ExitStack, suppress
 
 import pytest
-from tests.studio.serving import running
-from tests.studio.talking import JOB
+from tests.studio.running_studio import running
+from tests.studio.session_pages import JOB
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from armcontour.core.errors import InvalidInput

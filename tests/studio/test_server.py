@@ -7,8 +7,8 @@ from itertools import count
 from types import SimpleNamespace
 
 import pytest
-from tests.studio.serving import running
-from tests.studio.talking import MOVE
+from tests.studio.running_studio import running
+from tests.studio.session_pages import MOVE
 
 from armcontour.core.errors import InvalidInput
 from armcontour.studio import server
@@ -46,7 +46,7 @@ def test_the_end_a_minute_after_the_last_page(file, monkeypatch):
         seen = 0
 
         def __bool__(self):
-            Pages.state += 1
+            Pages.seen += 1
             return next(self.looks)
 
     async def watch():
@@ -61,7 +61,7 @@ def test_the_end_a_minute_after_the_last_page(file, monkeypatch):
     monkeypatch.setattr(server, "asyncio", fake)
     asyncio.run(watch())
     # The last look at a page was the 40th.
-    assert Pages.state == 40 + server.EXIT_DELAY / 10
+    assert Pages.seen == 40 + server.EXIT_DELAY / 10
 
 
 def test_what_cannot_be_served_ends_the_server(tmp_path, monkeypatch):

@@ -2,7 +2,15 @@
 
 import numpy as np
 import pytest
-from tests.studio.talking import JOB, MOVE, NoLane, Tab, figure, kinds, session_of
+from tests.studio.session_pages import (
+    JOB,
+    MOVE,
+    RecordingTaskWorker,
+    SessionPage,
+    figure,
+    kinds,
+    session_of,
+)
 
 from armcontour.studio import pages as module
 from armcontour.studio.commands import MAX_EDITS
@@ -15,13 +23,13 @@ pytestmark = pytest.mark.usefixtures("no_hurry")
 
 
 def test_two_pages_see_the_same_and_do_not_undo_each_other(session, tab):
-    other, whole = Tab(session), figure(tab.last("picture"), "duration")
+    other, whole = SessionPage(session), figure(tab.last("picture"), "duration")
     tab.edit({**MOVE, "to": [0.4, 0.2]}, gesture=1, final=False)
     assert figure(other.last("picture"), "duration") == figure(tab.last("picture"), "duration")
     assert other.last("picture")["seq"] is None
     other.edit({"do": "remove_waypoint", "index": 2}, gesture=1)
     heard = tab.edit({**MOVE, "to": [0.4, 0.21]}, gesture=1, final=False)
-    assert kinds(heard) == ["document", "notice"] and "not made" in heard[1].header["sentence"]
+    assert kinds(heard) == ["document", "notice"] and "discarded" in heard[1].header["sentence"]
     assert tab.edit({**MOVE, "to": [0.4, 0.22]}, gesture=1) == []
     assert session.document.undo_label == "remove waypoint 3"
     heard = tab.edit({**MOVE, "to": [0.4, 0.22]}, gesture=2)
@@ -68,7 +76,7 @@ NONSENSE = (
 
 def test_what_makes_no_sense_is_answered_with_a_sentence(session, capsys):
     for message in NONSENSE:
-        tab = Tab(session)
+        tab = SessionPage(session)
         heard = tab.heard(message)
         assert set(kinds(heard)) & {"failed", "refusal", "notice"}, message
         assert session.document.text == JOB and not session.document.can_undo, message
@@ -104,7 +112,7 @@ def test_pages_know_when_another_job_or_drawing_is_shown(session, tab):
         assert tab.last("document")["id"] not in seen
         seen.append(tab.last("document")["id"])
     # A page that comes gets the last one only, before the picture of it.
-    later = Tab(session)
+    later = SessionPage(session)
     assert kinds(later.frames).count("document") == 1
     assert later.last("document")["id"] == seen[-1]
 
@@ -114,7 +122,7 @@ def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path):
     file.write_text(JOB.replace("arm: pmk3s", "arm: none"))
     session = session_of(file)
     session.begin()
-    tab = Tab(session)
+    tab = SessionPage(session)
     assert "none" in tab.last("document")["sentence"] and "refusal" in kinds(tab.frames)
     assert kinds(tab.edit(MOVE))[-1] == "refusal"
     heard = tab.edit({"do": "text", "text": JOB}, gesture=1)
@@ -237,8 +245,8 @@ def test_saving_and_what_others_have_changed(session, tab, file):
 
 def test_a_job_without_a_file_is_a_download(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    session = open_session(None, slow=NoLane)
-    tab = Tab(session)
+    session = open_session(None, task_worker=RecordingTaskWorker)
+    tab = SessionPage(session)
     try:
         session.begin()
         tab.say("new", card="paper", arm="ur5e")
@@ -254,7 +262,7 @@ def test_a_job_without_a_file_is_a_download(tmp_path, monkeypatch):
 
 def test_tasks_run_are_cancelled_and_give_files(session, tab):
     tab.say("task", id="t1", task="report", options={"all": True})
-    lane = NoLane.last
+    lane = RecordingTaskWorker.last
     ((id, task, request),) = lane.given
     assert (id, task, request["options"]) == ("t1", "report", {"all": True})
     assert "running already" in sentence(tab.say("task", id="t1", task="check"))

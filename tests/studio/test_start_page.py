@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.dynamics_extra import mark_all_but
 from tests.studio.conftest import DRAWINGS
-from tests.studio.talking import JOB, AtOnce, NoLane, Tab
+from tests.studio.session_pages import JOB, ImmediateWorker, RecordingTaskWorker, SessionPage
 
 import armcontour as ac
 from armcontour.files.cell import cell_names
@@ -26,13 +26,13 @@ FASTER = [Change(("limits", "speed"), "0.1 m/s")]
 def opened(tmp_path, monkeypatch):
     """Opens sessions as the command does, in a folder of its own."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("armcontour.studio.session.PreviewWorker", AtOnce, raising=False)
+    monkeypatch.setattr("armcontour.studio.session.PreviewWorker", ImmediateWorker, raising=False)
     sessions = []
 
     def open_one(file=None, cell=None):
-        session = open_session(file, cell=cell, slow=NoLane)
+        session = open_session(file, cell=cell, task_worker=RecordingTaskWorker)
         sessions.append(session)
-        tab = Tab(session)
+        tab = SessionPage(session)
         session.begin()
         return session, tab
 
@@ -116,7 +116,7 @@ def test_files_opened_before_are_offered_and_vanished_ones_are_not(opened, tmp_p
     drawing.unlink()
     assert [x["name"] for x in start(tab)["recent"]] == ["job.yaml"]
     for id in (recent[0]["id"], "0" * 32, "job.yaml"):
-        assert "not there" in tab.say("open_recent", id=id)[-1].header["sentence"]
+        assert "no longer exists" in tab.say("open_recent", id=id)[-1].header["sentence"]
 
 
 def test_a_file_opened_before_opens_no_other_folder(opened, tmp_path):

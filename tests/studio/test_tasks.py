@@ -10,7 +10,7 @@ import pytest
 import yaml
 from tests.dynamics_extra import needs_dynamics
 from tests.studio.conftest import DRAWINGS
-from tests.studio.talking import figure
+from tests.studio.session_pages import figure
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
@@ -42,7 +42,7 @@ def coarse(paper):
 
 
 @pytest.fixture
-def to_float32(coarse):
+def short(coarse):
     return coarse | {"path": {"points": [[0.35, 0.1], [0.37, 0.12], [0.36, 0.13]]}}
 
 
@@ -168,7 +168,7 @@ def test_what_a_file_cannot_be_made_of_is_refused(line, short):
         ("certify", short, {"tolerance": 5.5e-3, "plant": "robot"}, "must be one of servo"),
         ("certify", short, bodies, "on rigid bodies does not allow"),
         ("certify", short, {"tolerance": 5.5e-3, "of": 1}, "An option of certify must be one of"),
-        ("certify", short, {}, "beside Certify"),
+        ("certify", short, {}, "next to Certify"),
     ):
         with pytest.raises(ac.InvalidInput, match=words):
             ask(task, job, "optimal", **options)

@@ -4,7 +4,7 @@ from concurrent.futures import Future
 from threading import Condition, Event, Thread
 
 import pytest
-from tests.studio.talking import figure
+from tests.studio.session_pages import figure
 
 from armcontour.core.child_process import ProcessEnded
 from armcontour.core.errors import Unreachable

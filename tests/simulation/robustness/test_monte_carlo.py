@@ -12,7 +12,7 @@ from armcontour.control.compensation import METHODS
 from armcontour.geometry.kernels import search_along
 from armcontour.geometry.projection import pack_segments
 from armcontour.motion import LapLaw
-from armcontour.robot.planar import Tube
+from armcontour.robot.planar import LinkTube
 from armcontour.simulation.robustness import monte_carlo as robustness
 from armcontour.simulation.robustness.monte_carlo import (
     Uncertainty,
@@ -246,7 +246,7 @@ def test_jitter_is_a_command_that_comes_unevenly(job):
 def test_a_payload_takes_gain_and_limit_away(job):
     """At the joint behind which nothing turns: its inertia is the same in every pose."""
     set_points, path, arm, servo, limits = job
-    tube = Tube(outer_diameter=0.05, wall=0.005, density=2700.0)
+    tube = LinkTube(outer_diameter=0.05, wall=0.005, density=2700.0)
     loaded = ac.PlanarTwoLink(
         name="loaded",
         base=arm.base,

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
-from tests.studio.talking import figure
+from tests.studio.session_pages import figure
 from tests.studio.test_workers import Heard
 
 from armcontour.studio.tasks.dispatch import WARMUP_JOB

@@ -66,17 +66,17 @@ def test_robots_that_the_search_has_not_seen_keep_the_budget(certified):
 
 
 def test_corners_and_drawn_robots_are_stated(certified):
-    corners = certified.corners
+    corners = certified.worst.corners
     assert corners.max.max() <= 0.3e-3
-    assert len(corners) == 4 and len(certified.spread) == 3
+    assert len(corners) == 4 and len(certified.worst.spread) == 3
     assert certified.budget.executed == pytest.approx(
-        max(corners.max.max(), certified.spread.max.max()), rel=1e-9
+        max(corners.max.max(), certified.worst.spread.max.max()), rel=1e-9
     )
     data = json.loads(certificate_json(certified))["certificate"]["contours"][0]
     assert data["corners"]["max"] == corners.max.max()
     # Who reads the certificate sees the worst robots.
     page = render_report(certified.study, certificate=certified)
-    for x in (corners.max.max(), certified.spread.max.max()):
+    for x in (corners.max.max(), certified.worst.spread.max.max()):
         assert number(x, "m") in page
 
 
@@ -85,13 +85,13 @@ def test_the_executed_corners_are_the_worst_of_the_box(certified):
     runs = runs_of(certified)
     others = spread_on_bodies(runs, runs.unknowns.corners()[::5], processes=1)
     assert others.within(0.3e-3) == 1.0
-    assert others.quantile(0.5) < 0.9 * certified.corners.max.min()
+    assert others.quantile(0.5) < 0.9 * certified.worst.corners.max.min()
 
 
 def test_a_nominal_robot_alone():
     job = parse_job(JOB)
     found = ac.certify(job, goal=replace(job.certificate, box=None, servo_error=0.1e-3))
-    assert found.corners is None and found.spread is None
+    assert found.worst.corners is None and found.worst.spread is None
     assert found.evaluation.contour_error.max <= 0.1e-3
 
 

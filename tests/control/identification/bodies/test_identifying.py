@@ -7,7 +7,7 @@ import pytest
 
 import armcontour as ac
 from armcontour import identify_bodies
-from armcontour.control.identification.bodies.body_model import Model
+from armcontour.control.identification.bodies.body_model import RobotUnknowns
 from armcontour.control.identification.bodies.log_grid import Gridded
 from armcontour.control.identification.bodies.output_error import attempt, derivatives
 from armcontour.core.errors import InvalidInput
@@ -99,7 +99,7 @@ def test_the_identified_robot_is_within_its_standard_deviations(found, nominal):
 def test_derivatives_are_those_of_the_simulated_motion(log, nominal):
     """By central differences, at values that are neither nominal nor true."""
     short = log.between(0.0, 2.5)
-    model = Model(
+    model = RobotUnknowns(
         arm=nominal, servo=nominal_servo().for_joints(6), keep_kv=True, gravity="nominal", lag=1e-4
     )
     values = np.array(model.nominal)

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from queue import SimpleQueue
 from threading import Thread
 
-from tests.studio.talking import NoLane
+from tests.studio.session_pages import RecordingTaskWorker
 from websockets.sync.client import connect
 
 from armcontour.studio import connection as module
@@ -112,7 +112,7 @@ def running(file, *, make=module.open_session, **how):
     def work():
         try:
             serve(
-                lambda say: make(file, say=say, slow=NoLane),
+                lambda say: make(file, send=say, task_worker=RecordingTaskWorker),
                 announce=found.put,
                 opened=found.put,
                 **how,
