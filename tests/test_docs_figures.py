@@ -59,19 +59,19 @@ def page(name):
 
 def test_the_table_of_the_readme_is_what_is_computed(plans):
     slow = ac.plan(OBJECTIVE, ARM, LIMITS.replace(speed=0.04), ac.Conventional())
-    kept, full = plans[0.02], plans[0.0]
+    with_reserve, full = plans[0.02], plans[0.0]
     rows = [
         (slow, errors(slow, OBJECTIVE, options=ac.NoCompensation())),
-        (kept, errors(kept, options=ac.NoCompensation())),
-        (kept, errors(kept)),
-        (kept, errors(kept, servo=OTHER)),
+        (with_reserve, errors(with_reserve, options=ac.NoCompensation())),
+        (with_reserve, errors(with_reserve)),
+        (with_reserve, errors(with_reserve, servo=OTHER)),
         (full, errors(full, servo=OTHER)),
-        (kept, errors(kept, bodies=True)),
-        (kept, errors(kept, bodies=True, arm=ARM, options=ac.InverseDynamics())),
+        (with_reserve, errors(with_reserve, bodies=True)),
+        (with_reserve, errors(with_reserve, bodies=True, arm=ARM, options=ac.InverseDynamics())),
     ]
     lines = [x for x in page("README.md").splitlines() if " s | " in x]
-    for (plan, found), line in zip(rows, lines, strict=True):
-        is_printed([plan.duration, *found], numbers(line.split("|", 2)[2]))
+    for (plan, figures), line in zip(rows, lines, strict=True):
+        is_printed([plan.duration, *figures], numbers(line.split("|", 2)[2]))
     servo = next(x for x in lines if "K_v" in x).split("|")[1]
     is_printed([OTHER.kp, OTHER.kv], numbers(servo))
 
@@ -92,14 +92,14 @@ def test_figures_without_a_reserve(plans):
     is_printed([errors(plans[0.005])[0]], reserved.groups())
     words = " ".join(page("docs/guides/compensations.md").split())
     text = words[words.index("**Without a reserve**") : words.index("- **On rigid bodies**")]
-    found = [
+    figures = [
         *errors(plans[0.0]),
         *errors(plans[0.0], servo=OTHER),
         *(OTHER.kp, OTHER.kv),
         *errors(plans[0.0], options=ac.PolePlacement()),
         *errors(plans[0.0], servo=OTHER, options=ac.PolePlacement()),
     ]
-    is_printed(found, numbers(text))
+    is_printed(figures, numbers(text))
 
 
 def test_the_table_of_poles(plans):
@@ -108,9 +108,9 @@ def test_the_table_of_poles(plans):
         pole, norm, *printed = numbers(line.replace(")^3", ""))
         poles = [float(pole)] * 3
         is_printed([float(pole_behaviour(SERVO, poles).demand[0])], [norm])
-        done = executed(plans[0.0], options=ac.PolePlacement(poles=poles))
-        error = ac.evaluate(done, ROUNDED).contour_error
-        demand = abs(done.demand).max(axis=0)
+        execution = executed(plans[0.0], options=ac.PolePlacement(poles=poles))
+        error = ac.evaluate(execution, ROUNDED).contour_error
+        demand = abs(execution.demand).max(axis=0)
         is_printed([*demand, error.rms * 1e3, error.max * 1e3], printed)
 
 
