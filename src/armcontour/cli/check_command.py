@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -47,9 +48,10 @@ def check_file(trajectory: FilePath, options: CheckOptions) -> int:
     arm, scene = _arm_and_scene(options, None if job is None else job.arm)
     limits, path, deviation, angle = _limits_and_path(options, job, arm)
     samples = _samples(trajectory, arm, options)
-    result = check(samples, arm, limits, path, deviation=deviation, orientation_deviation=angle)
+    allowed: dict[str, Any] = {"deviation": deviation, "orientation_deviation": angle}
+    result = check(samples, arm, limits, path, **allowed)
     clearance = None if scene is None else _clearance(samples, arm, scene)
-    commands = _check_commands(samples, arm, options, limits, path, deviation, angle)
+    commands = _check_commands(samples, arm, options, limits, path, allowed)
     if not result.uses and result.path_deviation is None and clearance is None:
         raise InvalidInput(f"There is no limit to check: {arm.name} has none, so give --limits.")
     data = result.to_data()
@@ -82,14 +84,13 @@ def _check_commands(
     options: CheckOptions,
     limits: Limits,
     path: Program | None,
-    deviation: float | None,
-    angle: float | None,
+    allowed: Mapping[str, Any],
 ) -> CommandCheck | None:
     """Check of the commands of a controller; None without `--controller`."""
     from armcontour.cli.inputs import read_option
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import Frequency
-    from armcontour.motion.controller_laws import NAMES, interpolate_points
+    from armcontour.motion.controller_laws import interpolate_points
     from armcontour.verification import check_commands
 
     name, rate = options.controller, read_option("--rate", options.rate, Frequency)
@@ -97,16 +98,11 @@ def _check_commands(
         if (name, rate, options.plan) != (None, None, None):
             raise InvalidInput("--controller and --rate go together; --plan goes with them.")
         return None
-    if name not in NAMES:
-        raise InvalidInput(f"--controller is {', '.join(NAMES)}, not {name!r}.")
     reference = None
     if options.plan is not None:
         plan = _samples(options.plan, arm, replace(options, noise=None))
         reference = interpolate_points(plan, "jtc_spline").curve
-    return check_commands(
-        samples, arm, name, rate, limits, path,
-        reference=reference, deviation=deviation, orientation_deviation=angle,
-    )  # fmt: skip
+    return check_commands(samples, arm, name, rate, limits, path, reference=reference, **allowed)
 
 
 def _limits_and_path(

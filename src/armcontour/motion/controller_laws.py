@@ -69,11 +69,6 @@ class CommandCurve(Checked):
     lag: float = 0.0
     ahead: int = 0
 
-    @property
-    def dof(self) -> int:
-        """Number of joints."""
-        return self.curve.dof
-
     def __call__(self, t: FloatArray, order: int = 0) -> FloatArray:
         """Positions of the curve or a derivative, (n, dof); constant before and after it.
 
@@ -106,11 +101,8 @@ class CommandCurve(Checked):
         last = np.ceil((self.curve.duration - self.origin + delay) / cycle - ON_CYCLE)
         if last > MOST_COMMANDS:
             raise InvalidInput(
-                f"A controller with {rate:g} Hz sends {last:.0f} commands for this trajectory, but "
-                f"at most {MOST_COMMANDS} are computed: give a lower rate, or a part of the "
-                "trajectory.",
-                needed=float(last),
-                allowed=float(MOST_COMMANDS),
+                f"At {rate:g} Hz the trajectory has {last:.0f} commands, but {MOST_COMMANDS} are "
+                "the limit: give a lower rate, or a part of the trajectory."
             )
         t = np.arange(-self.ahead - 1, int(last) + 2) * cycle
         # Controllers have times in ns, so a command at a point is not one before it.

@@ -27,6 +27,8 @@ from armcontour.verification.trajectory_check import PathDeviation, TimeSamples,
 # Times per interval of a law at which its distance is computed, and the number of them in all above
 # which there are fewer: the peak of a smooth error is 0.3 % higher at most with 32.
 PLACES, MOST_TIMES = 32, 400_000
+# Interpolations whose velocity jumps at points.
+IN_STEPS = ("lines", "held", "next point")
 # Ratio above which the points themselves, and not the interpolation, exceed a limit.
 FAR_ABOVE = 1.5
 # Fraction by which commands may exceed a limit: interpolation adds as much to a valid plan with
@@ -52,7 +54,6 @@ class CommandCheck(Result):
             velocity jumps, or without a limit.
         own_acceleration: Largest second difference of the points over the limit.
         path_deviation: Largest distance from the path; None without a path.
-        tolerance: Fraction by which commands may exceed a limit.
         advice: How to reduce accelerations that exceed the limit; empty if none does.
     """
 
@@ -67,7 +68,6 @@ class CommandCheck(Result):
     acceleration: float
     own_acceleration: float
     path_deviation: PathDeviation | None
-    tolerance: float
     advice: str
 
     @property
@@ -90,7 +90,7 @@ class CommandCheck(Result):
             "Commands",
             (
                 Row("verdict", self.verdict, "", "verdict", f"{title} at {at}", VERDICT),
-                *(Row(x, getattr(self, x)) for x in ("controller", "reference", "tolerance")),
+                *(Row(x, getattr(self, x)) for x in ("controller", "reference")),
                 Row("rate", self.rate, "Hz"),
                 Row("law", self.law, "", "interpolation"),
                 # Without the plan, quintics and cubics are their own reference.
@@ -143,14 +143,11 @@ def check_commands(
         InvalidInput: The controller does not take these points, or they are not of this arm.
     """
     curve = interpolate_points(points, controller)
-    if curve.dof != arm.dof:
-        raise InvalidInput(
-            f"The arm {arm.name} has {arm.dof} joints, but the trajectory has {curve.dof}."
-        )
+    if (dof := curve.curve.dof) != arm.dof:
+        raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but the trajectory {dof}.")
     bounds = resolve_limits("check_commands", arm, limits)
-    t, q = curve.commands(rate)
+    commanded = _commands(curve, rate)
     smooth = bounds.replace(joint_jerk=None, tool_jerk=None, path_jerk=None)
-    commanded = SimpleNamespace(t=t, q=q)
     uses = check(commanded, arm, smooth, path, tolerance=tolerance).uses
     times = _times(points)
     far = None
@@ -161,8 +158,11 @@ def check_commands(
             deviation=deviation, orientation_deviation=orientation_deviation, tolerance=tolerance,
         )  # fmt: skip
         uses, far = uses + followed.uses, followed.path_deviation
-    ideal, name = _reference(points, reference)
-    distance, joints = _distances(curve, ideal, arm, times)
+    # Without the plan, its derivatives at the points are the best that is known.
+    best = interpolate_points(points, "jtc_spline")
+    ideal = reference or best.curve
+    q, exact = curve(times), ideal(np.minimum(times, ideal.duration))
+    distance = np.linalg.norm(arm.tool_position(q) - arm.tool_position(exact), axis=1)
     found = CommandCheck(
         controller=controller,
         law=curve.law,
@@ -170,15 +170,20 @@ def check_commands(
         uses=uses,
         deviation=float(distance.max()),
         deviation_time=float(times[np.argmax(distance)]),
-        joint_deviation=float(joints.max()),
-        reference=name,
+        joint_deviation=float(np.abs(q - exact).max()),
+        reference="the plan" if reference else f"{best.law} through the points",
         acceleration=_law_acceleration(curve, bounds, times),
         own_acceleration=float(_second_differences(points, bounds).max()),
         path_deviation=far,
-        tolerance=tolerance,
         advice="",
     )
     return replace(found, advice=_advise(found, points, bounds, arm))
+
+
+def _commands(curve: CommandCurve, rate: float) -> TimeSamples:
+    """The commands of a controller as samples."""
+    t, q = curve.commands(rate)
+    return SimpleNamespace(t=t, q=q)
 
 
 def _times(points: TimeSamples) -> FloatArray:
@@ -189,27 +194,9 @@ def _times(points: TimeSamples) -> FloatArray:
     return np.append(inside.ravel(), t[-1])
 
 
-def _reference(points: TimeSamples, reference: Trajectory | None) -> tuple[Trajectory, str]:
-    """The motion that was sampled, and its name."""
-    if reference is not None:
-        return reference, "the plan"
-    best = interpolate_points(points, "jtc_spline")
-    return best.curve, f"{best.law} through the points"
-
-
-def _distances(
-    curve: CommandCurve, ideal: Trajectory, arm: Arm, t: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Distances of the tool [m] and of the farthest joint [rad] at the same times, (n,) each."""
-    reference = ideal(np.minimum(t, ideal.duration))
-    q = curve(t)
-    distance = np.linalg.norm(arm.tool_position(q) - arm.tool_position(reference), axis=1)
-    return distance, np.abs(q - reference).max(axis=1)
-
-
 def _law_acceleration(curve: CommandCurve, limits: Limits, t: FloatArray) -> float:
     """Largest acceleration of an interpolation over its limit; NaN if its velocity jumps."""
-    if curve.law in ("lines", "held", "next point") or limits.joint_acceleration is None:
+    if curve.law in IN_STEPS or limits.joint_acceleration is None:
         return np.nan
     inside = np.clip(t + curve.origin, 0.0, curve.curve.duration)
     sides = (curve.curve(inside, 2, side=x) for x in ("left", "right"))
@@ -229,9 +216,8 @@ def _second_differences(points: TimeSamples, limits: Limits) -> FloatArray:
 def _advise(found: CommandCheck, points: TimeSamples, limits: Limits, arm: Arm) -> str:
     """A sentence on commands whose accelerations exceed the limit; empty if none does."""
     use = next((x for x in found.uses if x.name == "joint_acceleration"), None)
-    if use is None or use.verdict != "violated":
+    if use is None or use.joint is None or use.verdict != "violated":
         return ""
-    assert use.joint is not None
     joint, at = joint_label(use.joint + 1, arm.joint_names), number(found.rate, "Hz")
     needed = f"{number(use.ratio, '1')} of its acceleration limit at {at}"
     if found.own_acceleration > FAR_ABOVE:
@@ -240,9 +226,9 @@ def _advise(found: CommandCheck, points: TimeSamples, limits: Limits, arm: Arm) 
             "interpolation is much gentler; a limit of jerk (limits: joint_jerk) or a reserve "
             "reduces this."
         )
-    if found.law in ("lines", "held", "next point"):
-        t, q = interpolate_points(points, "jtc_spline").commands(found.rate)
-        spline = _second_differences(SimpleNamespace(t=t, q=q), limits).max()
+    if found.law in IN_STEPS:
+        smooth = _commands(interpolate_points(points, "jtc_spline"), found.rate)
+        spline = _second_differences(smooth, limits).max()
         return (
             f"The velocity of {found.law} changes in steps at the points: joint {joint} needs "
             f"{needed}. With velocities and accelerations at the points (--derivatives 2) it needs "

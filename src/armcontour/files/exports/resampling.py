@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from dataclasses import replace
+from typing import Annotated, Any
 
 from armcontour.core.fields import checked
 from armcontour.core.quantities import AtLeast, Choice, Frequency
@@ -37,11 +38,6 @@ def interpolate_set_points(
     """
     table = make_table(set_points, name="set-points", derivatives=derivatives)
     t, q = interpolate_points(table, controller).commands(rate)
-    return SetPoints(
-        cycle=1.0 / rate,
-        q=q,
-        trajectory=set_points.trajectory,
-        method=set_points.method,
-        start_time=set_points.start_time + float(t[0]),
-        truncated=set_points.truncated,
-    )
+    start = set_points.start_time + float(t[0])
+    changed: dict[str, Any] = {"cycle": 1.0 / rate, "q": q, "start_time": start}
+    return replace(set_points, **changed, command_limits=None, limit_cost=None)
