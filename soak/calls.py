@@ -245,7 +245,7 @@ def instances() -> Iterator[Any]:
     yield from (judged, judged.uses[0])
     yield check_commands(x["trajectory"].sample(0.01), x["arm"], "jtc", 100.0)
     yield ac.evaluate(x["executed"], x["path"])
-    yield ac.RigidBodyPlant(x["known"], x["servo"])
+    yield ac.RigidBodyPlant(x["arm_with_dynamics"], x["servo"])
     yield ac.shape(x["objective"], x["arm"], x["limits"], ac.Shaped(tolerance=1e-3, iterations=1))
     lesson = ac.learn(x["set_points"], x["executed"], arm=x["arm"], servo=x["servo"])
     yield from (lesson, lesson.runs[0])
