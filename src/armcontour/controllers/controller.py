@@ -18,6 +18,7 @@ from typing import Annotated, ClassVar, NamedTuple, Self
 
 import numpy as np
 
+from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import (
     ArmContourError,
@@ -48,6 +49,7 @@ SHOWN = 600
 Positions = Annotated[FloatArray, Quantity("rad"), Axes("n", "joints")]
 
 
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stop(Checked):
     """Set-points that replace those of a motion from a cycle on, and end at rest on its path.
@@ -61,6 +63,7 @@ class Stop(Checked):
     q: Positions
 
 
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Motion(Checked):
     """Set-points at the cycles of a controller, with its stops.
@@ -79,6 +82,7 @@ class Motion(Checked):
     band: float = np.inf
 
 
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlayedMotion(Checked):
     """What a controller recorded of a motion.

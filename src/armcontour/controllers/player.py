@@ -10,6 +10,7 @@ import numpy as np
 from armcontour.control.compensation import NoCompensation
 from armcontour.controllers.commands import Stopper
 from armcontour.controllers.controller import START, Controller, Motion, PlayedMotion
+from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.fields import checked
@@ -39,6 +40,7 @@ POWERS = {
 }  # fmt: skip
 
 
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Played(Result):
     """A motion of a robot, or of a dry run what would move.
