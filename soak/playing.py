@@ -177,7 +177,8 @@ class Trial:
             )
         finally:
             tempfile.tempdir = None
-        assert played.record is not None
+        if played.record is None:
+            raise AssertionError("A stop was requested before the motion.")
         if any("came late" in x for x in played.record.notes):
             self.close()
             raise CameLate
