@@ -188,7 +188,7 @@ def play(
         on.connect(arm, motion.q[0])
         distance = float(np.abs(on.position() - motion.q[0]).max())
         played = replace(played, distance=distance)
-        if not execute:
+        if not execute or wanted():
             return played
         if distance > START:
             tell(Step(("moving to the start",)))
