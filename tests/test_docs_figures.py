@@ -115,12 +115,6 @@ def test_the_table_of_poles(plans):
         is_printed([*demand, error.rms * 1e3, error.max * 1e3], printed)
 
 
-def test_the_table_of_linuxcnc_is_that_of_the_law_of_its_drives():
-    """That LinuxCNC follows this law is tested where it is installed."""
-    assert set(paper_table.printed()) == set(paper_table.NAMES)
-    assert not paper_table.differences(paper_table.figures(hal_drives.follow))
-
-
 @pytest.mark.filterwarnings("ignore:Limits are above")
 def test_the_interpolation_of_ros():
     text = page("docs/guides/controllers/ros2.md")
@@ -137,8 +131,8 @@ def test_the_interpolation_of_ros():
         inverse = ac.compensate(plan, SERVO, INVERSE, cycle=CYCLE)
         for derivatives, printed in zip((0, 2), steps.groups()[2 * k : 2 * k + 2], strict=True):
             table = make_table(inverse, name="square", derivatives=derivatives)
-            found = check_commands(table, arm, "jtc", 500.0, limits)
-            assert found["joint_acceleration"].ratio == pytest.approx(float(printed), abs=0.51)
+            commands = check_commands(table, arm, "jtc", 500.0, limits)
+            assert commands["joint_acceleration"].ratio == pytest.approx(float(printed), abs=0.51)
         rows = [x.split("|")[1:-1] for x in text.splitlines() if x.startswith("| ") and "ms |" in x]
         assert len(rows) == 4
         for period, *cells in rows:
@@ -150,7 +144,13 @@ def test_the_interpolation_of_ros():
                     cycle=float(period.split()[0]) * 1e-3,
                     derivatives=derivatives,
                 )
-                found = check_commands(table, arm, law, 500.0, limits, reference=plan)
+                commands = check_commands(table, arm, law, 500.0, limits, reference=plan)
                 printed = numbers(cell)[k]
                 half = 0.51 * 10.0 ** -len(printed.partition(".")[2])
-                assert found.deviation * 1e6 == pytest.approx(float(printed), rel=0.02, abs=half)
+                assert commands.deviation * 1e6 == pytest.approx(float(printed), rel=0.02, abs=half)
+
+
+def test_the_table_of_linuxcnc_is_that_of_the_law_of_its_drives():
+    """That LinuxCNC follows this law is tested where it is installed."""
+    assert set(paper_table.printed()) == set(paper_table.NAMES)
+    assert not paper_table.differences(paper_table.figures(hal_drives.follow))

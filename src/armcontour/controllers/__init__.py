@@ -6,5 +6,7 @@ _HOME = {
     "controller": "Controller Motion PlayedMotion Stop",
     "linuxcnc": "LinuxCNC",
     "player": "Played play",
+    "robot_identification": "RobotIdentification identify_on",
+    "robot_learning": "RobotLearner RobotLearning learn_on",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)
