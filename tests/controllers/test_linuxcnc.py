@@ -223,3 +223,36 @@ def test_ctrl_c_on_a_terminal_stops(tmp_path):
     assert process.returncode == 1, printed
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["completed"] in (False, None)
+
+
+# Stand-ins for drives, which follow their command when they are enabled.
+DRIVES = {"pos-cmd": "in", "pos-fb": "out", "enable": "enable"}
+OWN_FILE = """
+import sys
+import numpy as np
+import armcontour as ac
+from armcontour.controllers import LinuxCNC, Motion
+
+t = np.linspace(0.0, 1.0, 500)[:, None]
+q = np.concatenate([t**3 * (10 - t * (15 - 6 * t)), np.ones((300, 1))]) * [0.3, -0.2]
+with LinuxCNC(sys.argv[1]) as on:
+    on.connect(ac.load_arm("pmk3s"), q[0] + 1.0)
+    assert np.array_equal(on.position(), [0.0, 0.0]), "the measured position is commanded"
+    record = on.stream(Motion(q=q))
+assert np.array_equal(record.measured[1:], record.command[:-1]), record.notes
+"""
+
+
+@needs_linuxcnc
+@pytest.mark.skipif(os.geteuid() != 0, reason="needs a HAL apart from that of the machine")
+def test_the_hal_file_of_the_page_plays(tmp_path):
+    text = "loadrt limit3 names=drive0,drive1" + HAL.replace("addf DRIVE.read servo", "")
+    text = text.replace("addf DRIVE.write servo", "addf drive0 servo\naddf drive1 servo")
+    for j in range(2):
+        for pin, other in DRIVES.items():
+            text = text.replace(f"DRIVE.{j}.{pin}", f"drive{j}.{other}")
+    file = tmp_path / "machine.hal"
+    file.write_text(text.replace("drive1loadrt", "drive1\nloadrt"), encoding="utf-8")
+    words = ["unshare", "--ipc", sys.executable, "-c", OWN_FILE, str(file)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert not done.returncode, done.stderr
