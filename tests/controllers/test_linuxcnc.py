@@ -246,13 +246,13 @@ assert np.array_equal(record.measured[1:], record.command[:-1]), record.notes
 @needs_linuxcnc
 @pytest.mark.skipif(os.geteuid() != 0, reason="needs a HAL apart from that of the machine")
 def test_the_hal_file_of_the_page_plays(tmp_path):
-    text = "loadrt limit3 names=drive0,drive1" + HAL.replace("addf DRIVE.read servo", "")
+    text = "loadrt limit3 names=drive0,drive1\n" + HAL.replace("addf DRIVE.read servo", "")
     text = text.replace("addf DRIVE.write servo", "addf drive0 servo\naddf drive1 servo")
     for j in range(2):
         for pin, other in DRIVES.items():
             text = text.replace(f"DRIVE.{j}.{pin}", f"drive{j}.{other}")
     file = tmp_path / "machine.hal"
-    file.write_text(text.replace("drive1loadrt", "drive1\nloadrt"), encoding="utf-8")
+    file.write_text(text, encoding="utf-8")
     words = ["unshare", "--ipc", sys.executable, "-c", OWN_FILE, str(file)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert not done.returncode, done.stderr
