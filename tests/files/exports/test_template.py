@@ -294,7 +294,7 @@ def test_events_come_within_half_an_interval_and_the_set_points_stay_in_order(ta
     assert [what for _, what in events] == names
     for (at, _), event in zip(events, given.events, strict=True):
         assert abs(at - event.t) <= given.cycle / 2 + 1e-12
-    np.testing.assert_allclose([q for _, q in points[:9]], given.q, rtol=0, atol=0.5000001e-6)
+    np.testing.assert_allclose([q for _, q in points[:9]], given.q, rtol=0, atol=0.5000001e-7)
     exact = [float(x) for x in re.findall(r"# .* at ([\d.]+) s", text)]
     np.testing.assert_allclose(exact, [x.t for x in given.events], rtol=0, atol=0.5000001e-6)
 

@@ -9,10 +9,12 @@ from armcontour.files.exports.formats import (
     URScriptFormat,
     export,
 )
+from armcontour.files.exports.ros import GoalTolerances, predict_tolerances
 from armcontour.files.exports.table import SetPointTable, make_table
 
 __all__ = [
     "CsvFormat",
+    "GoalTolerances",
     "McapFormat",
     "NpzFormat",
     "RosYamlFormat",
@@ -21,4 +23,5 @@ __all__ = [
     "URScriptFormat",
     "export",
     "make_table",
+    "predict_tolerances",
 ]
