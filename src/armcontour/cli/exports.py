@@ -343,6 +343,7 @@ def write_exports(
         tables = {REFERENCE: (result.trajectory, exports.cycle_of(target) or result.run.cycle)}
         if not target.plans:
             tables[SET_POINTS] = (result.set_points, result.run.cycle)
+        sentences = dict[str, None]()
         for label, (data, cycle) in tables.items():
             title = _title(job, label)
             table = made.get((label, cycle)) or make_table(
@@ -351,6 +352,7 @@ def write_exports(
             made[label, cycle] = table
             filled = exports.with_tolerances(target, label, result)
             parts = filled.format.parts(table)
+            sentences |= dict.fromkeys(exports.describe(target, parts))
             files = part_files(FilePath(f"{name}/export/{label}{target.ending}"), len(parts))
             sizes = [
                 _place(folder, file.as_posix(), exports, filled, part)
@@ -365,8 +367,7 @@ def write_exports(
                     "controller) needs velocities: remove --derivatives 0."
                 )
             warnings += _warn_of_jumps(target, table, result.run.limits, name)
-        for sentence in exports.describe(target, parts):
-            warnings.append(f"{target.option}, run {name}: {sentence}")
+        warnings += [f"{target.option}, run {name}: {x}" for x in sentences]
     return written, warnings
 
 
@@ -445,14 +446,12 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     arm = None
     if options.job is not None:
         arm = read_cell_arm(options.job, trust_xacro=options.trust_xacro)
-    elif options.tool_motion or options.effort:
-        option = "--tool-motion" if options.tool_motion else "--effort"
-        raise InvalidInput(f"{option} needs the arm: give its job file or its cell with --job.")
+    elif options.tool_motion:
+        raise InvalidInput("--tool-motion needs the arm: give its job file or its cell with --job.")
     run = read_run(result, options.run_name)
     table_options: dict[str, Any] = {
         "derivatives": options.derivatives,
         "tool_motion": options.tool_motion,
-        "effort": options.effort,
     }
     table = (
         run.reference(cycle, arm=arm, **table_options)

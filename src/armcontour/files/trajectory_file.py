@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.file_access import read_text
@@ -212,7 +211,7 @@ class StoredRun:
     analog: tuple[str, ...] = ()  # Names of analog outputs, whose values a result does not have
     plain: bool = False  # Whether set-points are those of the plan, without compensation
 
-    def set_points(self, *, effort: bool = False, **options: Any) -> SetPointTable:
+    def set_points(self, **options: Any) -> SetPointTable:
         """The table of the set-points."""
         stored = self._read("set_points.csv")
         start = float(stored.t[0])
@@ -223,13 +222,10 @@ class StoredRun:
             events=tuple(x.shifted(-start) for x in self.events),
             start_time=start,
             joint_names=self.joint_names,
-            effort=self._plan_at(stored.t) if effort else None,
             **options,
         )
 
-    def reference(
-        self, cycle: float | None = None, *, effort: bool = False, **options: Any
-    ) -> SetPointTable:
+    def reference(self, cycle: float | None = None, **options: Any) -> SetPointTable:
         """The table of the plan, every `cycle`."""
         step = self.cycle if cycle is None else cycle
         every = round(step / self.cycle)
@@ -247,31 +243,16 @@ class StoredRun:
             raise InvalidInput(f"{planned.source} has no velocities and accelerations.")
         check_export_cycle(step, float(planned.t[-1]), f"{self.title} reference")
         rows = np.unique(np.append(np.arange(0, len(planned.t), every), len(planned.t) - 1))
-        samples = Samples(
-            t=planned.t[rows], q=planned.q[rows], dq=planned.dq[rows], ddq=planned.ddq[rows]
-        )
         return tabulate(
-            samples,
+            Samples(
+                t=planned.t[rows], q=planned.q[rows], dq=planned.dq[rows], ddq=planned.ddq[rows]
+            ),
             name=f"{self.title} reference",
             cycle=step,
             events=self.events,
             joint_names=self.joint_names,
-            effort=samples if effort else None,
             **options,
         )
-
-    def _plan_at(self, t: FloatArray) -> Samples:
-        """The motion of the plan at times, at rest before and after it."""
-        plan = self._read("planned.csv")
-        if plan.dq is None or plan.ddq is None:
-            raise InvalidInput(f"{plan.source} has no velocities and accelerations.")
-        q, dq, ddq = (
-            np.column_stack([np.interp(t, plan.t, y) for y in x.T])
-            for x in (plan.q, plan.dq, plan.ddq)
-        )
-        rests = (t < plan.t[0]) | (t > plan.t[-1])
-        dq[rests], ddq[rests] = 0.0, 0.0
-        return Samples(t=t, q=q, dq=dq, ddq=ddq)
 
     def _set_points(self, set_points: TrajectoryFile, derivatives: int) -> Samples:
         """Set-points with their derivatives, as `make_table` gives them."""

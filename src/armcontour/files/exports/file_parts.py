@@ -74,16 +74,16 @@ def describe_parts(parts: Sequence[SetPointTable], most: int | None) -> list[str
     if long:
         worst = max(parts, key=lambda x: len(x.t))
         sentences.append(
-            f"{len(long)} of {len(parts)} files have more than {most} points, up to "
-            f"{len(worst.t)}, because files end at rest only, and the robot does not rest from "
+            f"{len(long)} of {len(parts)} files of {worst.name} have more than {most} points, up "
+            f"to {len(worst.t)}, because files end at rest only, and the robot does not rest from "
             f"{worst.start_time:.3f} to {worst.start_time + worst.duration:.3f} s. Use a longer "
             "cycle, or let the program pause."
         )
     moving = [k for k, x in enumerate(parts, 1) if not x.ends_at_rest]
     if moving:
         sentences.append(
-            f"{len(moving)} of {len(parts)} files end in motion: the next file must follow without "
-            "a pause."
+            f"{len(moving)} of {len(parts)} files of {parts[0].name} end in motion: the next "
+            "file must follow without a pause."
         )
     return sentences
 

@@ -72,18 +72,33 @@ class ExportFormat(Checked):
         return self.kind
 
     def digit_of(self, table: SetPointTable) -> float | None:
-        """Last digit of joint positions [rad]; None for binary files and templates of users."""
+        """Last digit of joint positions [rad]; None for binary files and templates of users.
+
+        Args:
+            table: The table.
+        """
+        if isinstance(self, CsvFormat | RosYamlFormat):
+            return float(10.0 ** -table.decimals_of(self.decimals))
         return LAST_DIGIT.get(self.label)
 
     def parts(self, table: SetPointTable) -> tuple[SetPointTable, ...]:
-        """The tables of the files."""
+        """The tables of the files.
+
+        Args:
+            table: The table of the whole motion.
+        """
         most = read_points_per_file(self.points_per_file)
         return (table,) if most is None else split_table(table, most, in_motion=self.in_motion)
 
     def describe(
         self, parts: Sequence[SetPointTable], name_output: Callable[[str, int | str], str]
     ) -> list[str]:
-        """Sentences on files of parts of a table: outputs not set, digits, and size."""
+        """Sentences on files: outputs not set, digits, and size.
+
+        Args:
+            parts: The tables of the files.
+            name_output: Gives the text that sets the output of an event, for messages.
+        """
         most, outputs = read_points_per_file(self.points_per_file), outputs_of(self)
         found = [
             describe_program(x, self.label, outputs, name_output, self.digit_of(x)) for x in parts
@@ -149,10 +164,6 @@ class CsvFormat(TableFormat):
     decimals: Decimals | None = None
     comments: bool = False
 
-    def digit_of(self, table: SetPointTable) -> float:
-        """Last digit of joint positions [rad]."""
-        return float(10.0 ** -table.decimals_of(self.decimals))
-
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a file."""
         write_csv(table, file, decimals=self.decimals, comments=self.comments)
@@ -185,10 +196,6 @@ class RosYamlFormat(TrajectoryFormat):
     ending: ClassVar[str] = ".yaml"
     decimals: Decimals | None = None
     tolerances: GoalTolerances | None = None
-
-    def digit_of(self, table: SetPointTable) -> float:
-        """Last digit of joint positions [rad]."""
-        return float(10.0 ** -table.decimals_of(self.decimals))
 
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a file."""
