@@ -34,9 +34,9 @@ class Flat:
 @pytest.fixture(autouse=True)
 def home(tmp_path_factory, monkeypatch):
     """The user's folder of drafts and uploads, which is empty."""
-    found = tmp_path_factory.mktemp("state")
-    monkeypatch.setenv("XDG_STATE_HOME", str(found))
-    return found
+    folder = tmp_path_factory.mktemp("state")
+    monkeypatch.setenv("XDG_STATE_HOME", str(folder))
+    return folder
 
 
 @pytest.fixture
@@ -95,10 +95,10 @@ def file(tmp_path):
 
 @pytest.fixture
 def session(file):
-    found = session_of(file)
-    found.begin()
-    yield found
-    found.close()
+    opened = session_of(file)
+    opened.begin()
+    yield opened
+    opened.close()
 
 
 @pytest.fixture

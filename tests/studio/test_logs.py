@@ -37,12 +37,12 @@ def done(robot):
 def ask(file):
     """What a task makes of logs."""
 
-    def asked(task, *logs, text=None, **options):
+    def ask_task(task, *logs, text=None, **options):
         request = {"text": text or file.read_text(), "folder": str(file.parent), "run": "optimal"}
         request |= {"logs": [str(x) for x in logs], "options": options}
         return do(task, request, quiet)
 
-    return asked
+    return ask_task
 
 
 def test_the_measured_error_is_that_of_the_robot(ask, robot, done, log):
@@ -72,9 +72,9 @@ def test_the_measured_error_is_that_of_the_robot(ask, robot, done, log):
 def test_the_servo_of_a_log_is_put_into_the_job(ask, file, log):
     frame = ask("identify", log)
     logged = read_log(log)
-    found = ac.identify(logged, ac.ServoFit(kinematics=ac.load_arm("pmk3s")))
+    identification = ac.identify(logged, ac.ServoFit(kinematics=ac.load_arm("pmk3s")))
     tables = {x["title"]: x["cells"] for x in frame.header["tables"]}
-    assert tables == {x.name: cells(x) for x in found.to_data().tables}
+    assert tables == {x.name: cells(x) for x in identification.to_data().tables}
     (edit,) = frame.header["edits"]
     assert frame.header["label"] == "Use this servo" and frame.header["kept"]
     before = file.read_text()
@@ -86,7 +86,7 @@ def test_the_servo_of_a_log_is_put_into_the_job(ask, file, log):
     servo = parse_job(text).servo
     np.testing.assert_allclose(servo.kp, TRUE.kp, rtol=0.01)
     np.testing.assert_allclose(servo.kv, TRUE.kv, rtol=0.01)
-    np.testing.assert_allclose(servo.kp, found.servo_model().kp, rtol=1e-5)
+    np.testing.assert_allclose(servo.kp, identification.servo_model().kp, rtol=1e-5)
     assert tab.last("document")["undo_label"] == "set servo"
     tab.say("undo")
     assert session.document.text == before
@@ -101,8 +101,8 @@ def test_a_mapping_that_is_set_keeps_the_comments_of_its_keys(tmp_path, file):
     session = session_of(place)
     session.begin()
     tab = SessionPage(session)
-    wanted = {"kp": [24.5, 25.5], "order": ["second", "second"], "kv": 140}
-    tab.edit({"do": "set", "key": "servo", "value": wanted})
+    servo = {"kp": [24.5, 25.5], "order": ["second", "second"], "kv": 140}
+    tab.edit({"do": "set", "key": "servo", "value": servo})
     text = session.document.text
     assert "kp: [24.5 1/s, 25.5 1/s]  # note of kp" in text and "140 1/s  # note of kv" in text
     assert parse_job(text).servo.kp.tolist() == [24.5, 25.5]
@@ -182,8 +182,8 @@ def test_bags_are_logs_and_do_not_unpack_to_too_much(ask, robot, done, tmp_path,
     rows = robot.table(done)
     bag = write_bag(tmp_path / "bag", rows)
     same = write_table(tmp_path / "run.csv", rows)
-    found = [figure(ask("measured", x).header, "contour_rms") for x in (bag, same)]
-    assert found[0] == pytest.approx(found[1], rel=1e-3)
+    errors = [figure(ask("measured", x).header, "contour_rms") for x in (bag, same)]
+    assert errors[0] == pytest.approx(errors[1], rel=1e-3)
     monkeypatch.setattr(ros_files, "SMALL", 4_000_000)
     bomb = write_bag(tmp_path / "bomb", rows[:100], "a" * 5_000_000)
     assert bomb.stat().st_size < 100_000
@@ -227,9 +227,9 @@ def test_logs_are_kept_in_the_folder_of_the_user_until_the_session_ends(file, ho
     assert read == [b"t,q2\n", b"t,q1\n"]
     count = len(RecordingTaskWorker.last.given)
     for names in (["other.csv"], ["../job.yaml"], [str(file)], "run.csv", [["run.csv"]], {}, 5):
-        said = tab.say("task", id="t2", task="measured", options={"logs": names})
+        frames = tab.say("task", id="t2", task="measured", options={"logs": names})
         # Nothing chosen is what the task itself refuses.
-        assert names == {} or said[-1].kind == "failed", names
+        assert names == {} or frames[-1].kind == "failed", names
     assert len(RecordingTaskWorker.last.given) == count + 1
     for name in (
         "../a.csv",
@@ -248,8 +248,8 @@ def test_logs_are_kept_in_the_folder_of_the_user_until_the_session_ends(file, ho
     for k in range(MAX_LOGS + 2):
         session.open_upload("run.csv", b"%d" % k, None, log=True)
     assert len(tab.last("document")["logs"]) == MAX_LOGS
-    kept = list(uploads.logs.values())
-    assert sorted(kept[0].parent.iterdir()) == sorted(kept)
+    log_files = list(uploads.logs.values())
+    assert sorted(log_files[0].parent.iterdir()) == sorted(log_files)
     session.close()
     assert not any(x.is_file() for x in (home / "armcontour").rglob("*"))
     assert sorted(file.parent.rglob("*")) == before

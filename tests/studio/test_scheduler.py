@@ -97,14 +97,14 @@ def test_what_moves_is_planned_on_a_coarser_grid_until_it_rests(opened):
     _, tab, _ = opened(PAPER.replace("cycle: 0.2 ms", "cycle: 4 ms"))
     fine = figure(tab.last("picture"), "duration")
     same = {"do": "set", "key": "servo.kp", "value": "25 1/s"}
-    heard = tab.edit(same, final=False)
-    assert tiers(heard) == ["picture moving", "executed moving"]
-    coarse = figure(heard[0].header, "duration")
+    frames = tab.edit(same, final=False)
+    assert tiers(frames) == ["picture moving", "executed moving"]
+    coarse = figure(frames[0].header, "duration")
     assert coarse == pytest.approx(fine, rel=1e-3) and coarse != fine
-    assert any("600 intervals" in x for x in heard[0].header["notes"])
-    heard = tab.edit(same)
-    assert tiers(heard) == ["picture preview", "executed preview"]
-    assert figure(heard[1].header, "duration") == fine and not heard[1].header["notes"]
+    assert any("600 intervals" in x for x in frames[0].header["notes"])
+    frames = tab.edit(same)
+    assert tiers(frames) == ["picture preview", "executed preview"]
+    assert figure(frames[1].header, "duration") == fine and not frames[1].header["notes"]
 
 
 def test_older_answers_never_come_after_newer_ones(opened):
@@ -127,17 +127,17 @@ def test_exact_figures_come_when_nothing_moves(opened):
     ((id, task, request),) = lane.given
     assert task == "figures" and request["text"] == JOB and request["run"] == "slow"
     answer(lane, duration=12.5)
-    told = tab.last("figures")
-    assert told["duration"] == 12.5 and told["rev"] == session.editor.rev
+    figures = tab.last("figures")
+    assert figures["duration"] == 12.5 and figures["rev"] == session.editor.rev
     tab.edit(MOVE)
-    late = figures_asked(lane)[1][0]
+    last_id = figures_asked(lane)[1][0]
     tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
     assert len(figures_asked(lane)) == 2, "one at a time"
     before = kinds(tab.frames).count("figures")
-    lane.deliver(PageFrame("figures", {"id": late}))
+    lane.deliver(PageFrame("figures", {"id": last_id}))
     assert kinds(tab.frames).count("figures") == before, "out of date"
-    asked = figures_asked(lane)
-    assert len(asked) == 3 and asked[2][2]["text"] == session.document.text
+    requests = figures_asked(lane)
+    assert len(requests) == 3 and requests[2][2]["text"] == session.document.text
     # What is known is not computed again.
     answer(lane, duration=13.5)
     tab.say("select", run="slow")
@@ -188,14 +188,17 @@ def test_another_configuration_of_the_full_run_is_announced(opened):
     for k, turn in enumerate((0.0, np.pi / 2), 1):
         tab.edit({"do": "set", "key": "limits.speed", "value": 0.1 + 0.01 * k}, gesture=k)
         assert "notice" not in kinds(tab.frames)
-        asked = figures_asked(lane)
-        assert len(asked) == k + 2 and asked[-1][2]["text"] == session.document.text
+        requests = figures_asked(lane)
+        assert len(requests) == k + 2 and requests[-1][2]["text"] == session.document.text
         before = session.display.scheduler.planned.start
         answer(lane, start=before + [0, 0, 0, 0, 0, turn])
     assert kinds(tab.frames).count("notice") == 1
-    told = tab.last("notice")["sentence"]
+    sentence = tab.last("notice")["sentence"]
     after = session.display.scheduler.planned.start
-    assert all(f"{np.degrees(q[5]):.1f}" in told for q in (before, after)) and "joint 6" in told
+    assert (
+        all(f"{np.degrees(q[5]):.1f}" in sentence for q in (before, after))
+        and "joint 6" in sentence
+    )
 
 
 class Nested(RestingWorker):
@@ -245,11 +248,11 @@ FINE = JOB.replace("runs:", "cycle: 1 ms\nruns:")
 def test_an_edit_during_any_tier_takes_its_place(opened, during, tier):
     session, tab, _ = opened(FINE, preview_worker=Nested)
     during(tier, lambda: tab.edit(moved(2), gesture=2))
-    heard = tab.edit(moved(1), gesture=1, final=tier != "moving")
-    shown = [x for x in heard if x.kind in ("picture", "executed")]
+    frames = tab.edit(moved(1), gesture=1, final=tier != "moving")
+    shown = [x for x in frames if x.kind in ("picture", "executed")]
     old = [x for x in shown if x.header["seq"] < tab.seq]
-    wanted = {"moving": [], "preview": [], "exact": ["picture preview", "executed preview"]}
-    assert tiers(old) == wanted[tier]
+    expected = {"moving": [], "preview": [], "exact": ["picture preview", "executed preview"]}
+    assert tiers(old) == expected[tier]
     assert shown[: len(old)] == old, "no older frame after a newer one"
     assert tiers(shown)[-2:] == ["picture exact", "executed exact"]
     assert tab.last("picture")["rev"] == session.editor.rev
@@ -258,13 +261,13 @@ def test_an_edit_during_any_tier_takes_its_place(opened, during, tier):
 def test_a_refusal_during_a_preview_is_of_the_newest_state_and_goes_with_it(opened, during):
     _, tab, _ = opened(preview_worker=Nested)
     during("preview", lambda: tab.edit(FAR, gesture=2))
-    heard = tab.edit(moved(1), gesture=1)
-    (refusal,) = (x.header for x in heard if x.kind == "refusal")
+    frames = tab.edit(moved(1), gesture=1)
+    (refusal,) = (x.header for x in frames if x.kind == "refusal")
     assert refusal["seq"] == tab.seq and refusal["error"] == "Unreachable" and refusal["tier"] == 1
-    assert not tiers(heard), "the plan before is given up"
-    heard = tab.say("undo")
-    assert tiers(heard)[:2] == ["picture preview", "executed preview"]
-    assert "refusal" not in kinds(heard)
+    assert not tiers(frames), "the plan before is given up"
+    frames = tab.say("undo")
+    assert tiers(frames)[:2] == ["picture preview", "executed preview"]
+    assert "refusal" not in kinds(frames)
 
 
 def progress(frames):
@@ -277,15 +280,15 @@ def test_a_slow_plan_has_an_outline_and_progress_and_is_stopped_and_resumed(
     _, tab, lane = opened(preview_worker=Nested)
     monkeypatch.setattr(scheduler, "SLOW_PLAN", -1.0)
     during("preview", lambda: tab.say("cancel", id="#"))
-    heard = tab.edit(moved(1), gesture=1)
-    assert tiers(heard) == ["picture outline"]
-    assert progress(heard)[-2:] == ["working", "stopped"]
+    frames = tab.edit(moved(1), gesture=1)
+    assert tiers(frames) == ["picture outline"]
+    assert progress(frames)[-2:] == ["working", "stopped"]
     assert lane.cancelled == [lane.given[-1][0]], "its figures are stopped, too"
     lane.deliver(PageFrame("cancelled", {"id": lane.cancelled[0]}))
     count = len(lane.given)
-    heard = tab.say("resume")
-    assert tiers(heard)[-2:] == ["picture preview", "executed preview"]
-    assert len(lane.given) == count + 1 and set(progress(heard)) == {"working"}
+    frames = tab.say("resume")
+    assert tiers(frames)[-2:] == ["picture preview", "executed preview"]
+    assert len(lane.given) == count + 1 and set(progress(frames)) == {"working"}
     answer(lane)
     assert progress(tab.frames)[-1] == "done"
     # Progress of a state that is not shown any more goes.
@@ -300,8 +303,8 @@ def test_an_outline_follows_a_drag_whose_plans_take_long(opened, monkeypatch):
     slow = SimpleNamespace(monotonic=time.monotonic, thread_time=lambda: next(looks))
     monkeypatch.setattr(scheduler, "time", slow)
     for _ in range(2):
-        heard = tab.edit(moved(next(looks)), final=False)
-        assert tiers(heard)[0] == "picture moving", "one late plan may be late by chance"
+        frames = tab.edit(moved(next(looks)), final=False)
+        assert tiers(frames)[0] == "picture moving", "one late plan may be late by chance"
     assert tiers(tab.edit(moved(3), final=False)) == ["picture outline"]
     # Quick plans end this.
     slow.thread_time = lambda: 0.0
@@ -309,26 +312,26 @@ def test_an_outline_follows_a_drag_whose_plans_take_long(opened, monkeypatch):
     assert tiers(tab.edit(moved(5), gesture=1, final=False))[0] == "picture moving"
 
 
-def test_progress_of_exact_figures_is_told_with_its_step(opened, during, monkeypatch):
+def test_progress_of_exact_figures_is_sent_with_its_step(opened, during, monkeypatch):
     monkeypatch.setattr(scheduler, "PROGRESS_INTERVAL", -1e6)
     _, tab, lane = opened(preview_worker=Nested)
     step = {"id": lane.given[-1][0], "steps": ["compensated", "timing"], "share": 0.25}
     lane.deliver(PageFrame("progress", step))
-    told = tab.last("progress")
-    assert (told["tier"], told["share"]) == ("exact", 0.25)
-    assert told["steps"] == ["compensated", "timing (step 3 of 7)"]
+    message = tab.last("progress")
+    assert (message["tier"], message["share"]) == ("exact", 0.25)
+    assert message["steps"] == ["compensated", "timing (step 3 of 7)"]
     answer(lane)
     assert progress(tab.frames)[-1] == "done"
 
 
-def test_a_killed_process_is_said_and_the_next_edit_has_figures(opened):
+def test_a_killed_process_is_reported_and_the_next_edit_has_figures(opened):
     _, tab, lane = opened(preview_worker=Nested)
     id = lane.given[-1][0]
     lane.deliver(
         PageFrame("failed", {"id": id, "sentence": "It has ended before it gave an answer."})
     )
-    told = tab.last("progress")
-    assert told["state"] == "stopped" and "has ended" in told["steps"][0]
+    message = tab.last("progress")
+    assert message["state"] == "stopped" and "has ended" in message["steps"][0]
     tab.say("resume")
     assert len(lane.given) == 2 and tab.last("progress")["state"] == "working"
     tab.edit(moved(1), gesture=1)

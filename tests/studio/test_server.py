@@ -28,8 +28,8 @@ def test_a_page_talks_with_the_session(file):
         status, headers, body = studio.request("GET", f"/files/{number}")
         assert (status, body) == (200, b"x")
         assert headers["content-disposition"] == "attachment; filename*=UTF-8''a%20b.html"
-        status, told = studio.upload("part.csv", b"x [mm],y [mm]\n300,100\n350,120\n")
-        assert (status, told) == (200, "")
+        status, reply = studio.upload("part.csv", b"x [mm],y [mm]\n300,100\n350,120\n")
+        assert (status, reply) == (200, "")
         assert other.hear("document").header["path"]["kind"] == "file"
 
 
@@ -79,7 +79,7 @@ def test_what_cannot_be_served_ends_the_server(tmp_path, monkeypatch):
         require_server()
 
 
-def test_connections_that_say_nothing_or_never_all_stop_no_page(file):
+def test_silent_and_incomplete_connections_stop_no_page(file):
     with running(file) as studio, contextlib.ExitStack() as closing:
         for k in range(20 + 2 * MAX_CONNECTIONS):
             half = closing.enter_context(socket.create_connection(("127.0.0.1", studio.port)))

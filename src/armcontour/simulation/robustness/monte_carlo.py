@@ -201,7 +201,7 @@ def spread(
     checks.check_count(
         f"The spread over {samples} samples", samples * (3 * arm.dof + 1), "take fewer samples"
     )
-    model = _Model(set_points, path, arm, servo, limits, box, since, end_time)
+    model = _RobotSet(set_points, path, arm, servo, limits, box, since, end_time)
     unit = np.random.default_rng(seed).uniform(-1, 1, size=(samples, 3 * arm.dof + 1))
     return model.executed(unit, seed, threads or os.cpu_count() or 1)
 
@@ -227,7 +227,7 @@ def worst_corner(
 
     Arguments and exceptions are those of `spread`.
     """
-    model = _Model(set_points, path, arm, servo, limits, box, since, end_time)
+    model = _RobotSet(set_points, path, arm, servo, limits, box, since, end_time)
     use = threads or os.cpu_count() or 1
     k = int(model.varies.sum())
     if 2**k <= MAX_CORNERS:
@@ -248,7 +248,7 @@ def jitter_of(seed: int, sample: int, count: int, jitter: float) -> FloatArray:
     return drawn
 
 
-class _Model:
+class _RobotSet:
     """Data of all executions as arrays for the compiled code."""
 
     def __init__(

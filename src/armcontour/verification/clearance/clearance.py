@@ -309,7 +309,7 @@ class Cell:
         below = self.below(motion, resolution)
         if self._distances is None:
             return Clearance(pairs=(), left_out=self.left_out, below=below)
-        search = _Search(motion, self.pairs, self._distances, resolution)
+        search = _ClearanceSearch(motion, self.pairs, self._distances, resolution)
         search.run()
         results = sorted(search.results(), key=lambda x: x.low - x.margin)
         return Clearance(
@@ -328,7 +328,7 @@ class Cell:
         """
         if self._heights is None or self.stays_above(motion):
             return ()
-        search = _Search(motion, self._mounting, self._heights, resolution)
+        search = _ClearanceSearch(motion, self._mounting, self._heights, resolution)
         search.run()
         pairs = (x for x in search.results() if x.high < x.margin)
         return tuple(sorted(pairs, key=lambda x: x.high))
@@ -342,7 +342,7 @@ class Cell:
         """
         if self._heights is None:
             return True
-        return _Search(motion, self._mounting, self._heights, np.inf).run()
+        return _ClearanceSearch(motion, self._mounting, self._heights, np.inf).run()
 
     def smallest_distances(self, q: FloatArray) -> dict[str, FloatArray]:
         """Smallest distance of every kind of pair at joint positions, (n,) each [m].
@@ -377,7 +377,7 @@ class Cell:
         """
         if self._distances is None:
             return True
-        return _Search(motion, self.pairs, self._distances, np.inf).run()
+        return _ClearanceSearch(motion, self.pairs, self._distances, np.inf).run()
 
 
 @lru_cache(maxsize=CELLS)
@@ -386,7 +386,7 @@ def cell_of(arm: Arm, scene: Scene | None) -> Cell:
     return Cell(arm, Scene() if scene is None else scene)
 
 
-class _Search:
+class _ClearanceSearch:
     """Search for the smallest distances of pairs, to an accuracy `resolution` per kind [m]."""
 
     def __init__(
