@@ -121,7 +121,7 @@ def test_files_are_named_in_order_and_say_which_they_are(tmp_path, set_points):
         if name != "a.mcap":
             text = (folder / names[1]).read_text()
             assert "a, file 2 of 6" in text
-    assert "def armcontour_a__file_2_of_6():" in (tmp_path / "a.script" / "a_02.script").read_text()
+    assert "def armcontour_a_2():" in (tmp_path / "a.script" / "a_02.script").read_text()
     assert (tmp_path / "a.mod" / "a_02.mod").read_text().startswith("MODULE a_2\n")
     assert "DEF a_02( )" in (tmp_path / "a.src" / "a_02.src").read_text()
     # One file keeps its name.

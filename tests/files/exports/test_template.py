@@ -260,7 +260,7 @@ def run(text):
     """The set-points with their times, what was switched when, and where it began."""
     # The rule for programs over a socket: the first line begins the function, the last one ends it.
     first_line, *_, last_line = text.splitlines()
-    assert re.fullmatch(r"def armcontour_\w+\(\):", first_line) and last_line == "end"
+    assert re.fullmatch(r"def armcontour_\w{1,20}\(\):", first_line) and last_line == "end"
     lines = [x.split("#")[0].strip() for x in text.splitlines()]
     lines = [x for x in lines if x]
     assert sum(x.startswith("def ") for x in lines) == lines.count("end") == 1
@@ -359,3 +359,9 @@ def test_refuses_what_it_cannot_say(table, tmp_path):
     ]
     refusals(lambda x: program(x[0], tmp_path, **x[1]), cases)
     assert not list(tmp_path.iterdir())
+
+
+def test_long_names_are_shortened_but_not_their_number(table, tmp_path):
+    long = dataclasses.replace(table(events=()), name=30 * "long", part=(12, 13))
+    run(program(long, tmp_path))
+    assert program(long, tmp_path).startswith(f"def armcontour_{4 * 'long'}l_12():\n")

@@ -190,6 +190,9 @@ class SetPointTable(Checked):
         """Decimals of joint positions [rad] in texts."""
         if decimals is not None:
             return decimals
+        if self.command_limits is not None:
+            # Set-points satisfy limits of commands with these decimals.
+            return DECIMALS
         return POSITION_DECIMALS if self.cycle >= FINE_CYCLE * (1 - 1e-9) else FINE_DECIMALS
 
 

@@ -27,6 +27,8 @@ JOINTS = 6
 CONTROLLER_CYCLE = 0.002
 # Number of standard digital outputs of the control boxes.
 OUTPUTS = 8
+# Longest name of a program that all versions of the controller accept, as of UR's client library.
+LONGEST_NAME = 31
 # Duration for which the last set-point is repeated, until the servo has reached it [s].
 HOLD = 0.5
 
@@ -74,7 +76,9 @@ def write_urscript(
     cycle = f"{table.cycle:.12g}"
     point = f"  servoj([{', '.join([ANGLE] * JOINTS)}], 0, 0, {cycle}, lookahead, gain)\n"
     numbers = [", ".join(ANGLE % x for x in q) for q in (table.q[0], table.q[-1])]
-    program = "armcontour_" + re.sub(r"[^0-9A-Za-z]", "_", table.title)
+    part = f"_{table.part[0]}" if table.part[1] > 1 else ""
+    program = "armcontour_" + re.sub(r"[^0-9A-Za-z]", "_", table.name)
+    program = program[: LONGEST_NAME - len(part)] + part
     head = HEAD.format(
         program=program,
         title=table.title,
