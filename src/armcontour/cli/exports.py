@@ -337,7 +337,7 @@ def write_exports(
         if analog and not isinstance(y.format, WITH_ANALOG)
     ]
     options, written = exports.table_options(job.arm), list[str]()
-    made: dict[tuple[str, float], SetPointTable] = {}
+    made: dict[tuple[str, float, bool], SetPointTable] = {}
     for target in exports.targets:
         tables: dict[str, tuple[SetPoints | Trajectory, float]]
         tables = {REFERENCE: (result.trajectory, exports.cycle_of(target) or result.run.cycle)}
@@ -346,10 +346,11 @@ def write_exports(
         sentences = dict[str, None]()
         for label, (data, cycle) in tables.items():
             title = _title(job, label)
-            table = made.get((label, cycle)) or make_table(
-                data, name=title, cycle=cycle, analog=analog, **options
+            at_stops = target.format.at_stops
+            table = made.get((label, cycle, at_stops)) or make_table(
+                data, name=title, cycle=cycle, analog=analog, at_stops=at_stops, **options
             )
-            made[label, cycle] = table
+            made[label, cycle, at_stops] = table
             filled = exports.with_tolerances(target, label, result)
             parts = filled.format.parts(table)
             sentences |= dict.fromkeys(exports.describe(target, parts))

@@ -149,14 +149,19 @@ def test_the_plan_is_also_divided_where_it_stops_for_a_moment(tmp_path):
         ac.Contour(path=ac.Path.polyline(x), name=f"line {k}") for k, x in enumerate(lines, 1)
     )
     plan = ac.plan(ac.Program(moves=moves), arm, ac.Limits(joint_acceleration=0.72))
-    table = make_table(plan, name="a", arm=arm)
-    parts = split_table(table, len(table.t) // 2, in_motion=False)
-    assert len(parts) > 1 and all(x.ends_at_rest for x in parts)
     ends = np.array([x.t[1] for x in plan.spans])
-    for part in parts[1:]:
-        assert np.abs(ends - part.start_time).min() <= CYCLE / 2 + 1e-9
-        # To stop there, no joint needs more than the limit.
-        assert np.abs(np.diff(part.q[:2], axis=0)).max() / CYCLE**2 <= 0.72
+    for at_stops, cycle in ((False, CYCLE), (True, CYCLE), (True, 0.05)):
+        table = make_table(plan, name="a", arm=arm, cycle=cycle, at_stops=at_stops)
+        parts = split_table(table, len(table.t) // 2, in_motion=False)
+        assert len(parts) > 1 and all(x.ends_at_rest for x in parts)
+        assert 0.25 * cycle * (1 - 1e-9) <= np.diff(table.t)[:-1].min()
+        assert np.diff(table.t).max() <= 1.25 * cycle * (1 + 1e-9)
+        for part in parts[1:]:
+            away = np.abs(ends - part.start_time).min()
+            assert away <= (1e-9 if at_stops else cycle / 2 + 1e-9)
+            # To stop there, no joint needs more than the limit.
+            assert np.abs(np.diff(part.q[:2], axis=0)).max() / np.diff(part.t[:2]) ** 2 <= 0.72
+    table = make_table(plan, name="a", arm=arm)
     RosYamlFormat().write(table, tmp_path / "a.yaml")
     marks = [x for x in (tmp_path / "a.yaml").read_text().splitlines() if "# contour" in x]
     assert [yaml.safe_load(x.removeprefix("# contour: "))["name"] for x in marks] == [

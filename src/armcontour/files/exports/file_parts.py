@@ -93,8 +93,9 @@ def _rests(table: SetPointTable) -> BoolArray:
     still = np.all(np.abs(np.diff(table.q, axis=0)) <= REST_STEP, axis=1)
     rests = np.zeros(len(table.t), dtype=bool)
     rests[1:-1] = still[1:] & still[:-1]
-    nearest = np.rint(np.array(table.stops) / table.cycle).astype(np.intp)
-    rests[nearest[(nearest > 0) & (nearest < len(rests) - 1)]] = True
+    for stop in table.stops:
+        rests[np.abs(table.t - stop).argmin()] = True
+    rests[[0, -1]] = False
     return rests
 
 
@@ -111,8 +112,10 @@ def _part(table: SetPointTable, start: int, end: int, part: tuple[int, int]) -> 
         values = values[rows].copy()
         if key in ("dq", "ddq"):
             # A controller accepts an end at rest only if the velocity is exactly zero.
-            values[0] = values[0] if begins or not rests[start] else 0.0
-            values[-1] = values[-1] if ends or not rests[end] else 0.0
+            if key == "dq" and rests[start]:
+                values[0] = 0.0
+            if rests[end]:
+                values[-1] = 0.0
         changed[key] = values
     events = zip(table.events, table.point_of_events, strict=True)
     return dataclasses.replace(

@@ -60,6 +60,8 @@ class ExportFormat(Checked):
     joints: ClassVar[int | None] = None
     # Whether a file may end in motion, as its player goes on with the next one.
     in_motion: ClassVar[bool] = False
+    # Whether all points are a cycle apart.
+    regular: ClassVar[bool] = False
     name: str | None = None
     points_per_file: int | str | None = None
 
@@ -70,6 +72,11 @@ class ExportFormat(Checked):
     def label(self) -> str:
         """Name of the format, or of its template."""
         return self.kind
+
+    @property
+    def at_stops(self) -> bool:
+        """Whether tables need points at the stops of a trajectory, at which files end."""
+        return self.points_per_file is not None and not self.regular and not self.in_motion
 
     def digit_of(self, table: SetPointTable) -> float | None:
         """Last digit of joint positions [rad]; None for binary files and templates of users.
@@ -153,7 +160,8 @@ class CsvFormat(TableFormat):
 
     Args:
         decimals: Decimals of joint positions [rad]; by default 7, or 9 with cycles below 4 ms,
-            or 12 for set-points within limits of commands. Velocities have one less, accelerations two, torques three.
+            or 12 for set-points within limits of commands. Velocities have one less, accelerations
+            two, torques three.
         comments: Whether the file begins with its name and the contours, in lines that begin with
             #. pandas needs `comment="#"` for these.
     """
@@ -229,6 +237,7 @@ class URScriptFormat(ExportFormat):
     kind: ClassVar[str] = "urscript"
     ending: ClassVar[str] = ".script"
     joints: ClassVar[int | None] = JOINTS
+    regular: ClassVar[bool] = True
     outputs: Mapping[str, int | str] | None = None
     analog: Analog | None = None
     call: bool = False
@@ -345,6 +354,7 @@ def export(
         derivatives=getattr(chosen, "derivatives", 0),
         tool_motion=getattr(chosen, "tool_motion", False),
         effort=getattr(chosen, "effort", False),
+        at_stops=chosen.at_stops,
         analog=getattr(chosen, "analog", None),
     )
     outputs = outputs_of(chosen)

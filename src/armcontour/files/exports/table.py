@@ -51,6 +51,8 @@ MICRO, NANO = 6, 9
 # Number of values per formatting step: more take more memory and are not faster.
 CHUNK = 1 << 16
 UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "torque": "N m"}
+# A point of a trajectory that is nearer to a stop [cycles] is replaced by one at the stop.
+NEAR_A_STOP = 0.25
 # Attributes of events in JSON, and `point`.
 EVENT_KEYS = ("name", "value", "t", "due", "s")
 # Rows per block of the tool motion.
@@ -77,7 +79,7 @@ class SetPointTable(Checked):
         analog: Values of analog outputs by their names, (n,) each.
         contours: Start times [s] and names of contours.
         command_limits: Limits that the joint positions satisfy, as set-points.
-        stops: Times at which joint positions that are those of the plan stop [s].
+        stops: Times at which a sampled trajectory stops between moves [s].
         part: Number of this file and number of files.
         ends_at_rest: Whether the motion rests at the last point.
 
@@ -206,6 +208,7 @@ def make_table(
     derivatives: int = 2,
     tool_motion: bool = False,
     effort: bool = False,
+    at_stops: bool = False,
     analog: Mapping[str, Callable[[FloatArray], FloatArray]] | None = None,
 ) -> SetPointTable:
     """The table of set-points or of a sampled trajectory; time counts from the first point.
@@ -225,6 +228,7 @@ def make_table(
         derivatives: 2, 1 for positions and velocities only, or 0 for positions only.
         tool_motion: Whether the table has orientation and speed of the tool too.
         effort: Whether the table has the torques of the plan, which need an arm with bodies.
+        at_stops: Whether a sampled trajectory has points where it stops between moves.
         analog: Analog outputs by their names: functions from times of the plan [s], (n,), to
             values, as `armcontour.jobs.analog_outputs` gives them.
     """
@@ -235,10 +239,14 @@ def make_table(
     derivatives = checks.check_int("derivatives", derivatives, 0, 2)
     if isinstance(data, SetPoints):
         samples, step = _set_points(data, cycle, derivatives), data.cycle
+        stops = np.zeros(0)
         start, plan = data.start_time, data.trajectory
     else:
         step = _sampling_cycle(data, name, cycle)
         samples, start, plan = data.sample(step), 0.0, data
+        stops = _stops(data)
+        if at_stops:
+            samples = _sample_stops(data, samples, step)
     moved = (
         Samples(
             t=samples.t,
@@ -262,7 +270,7 @@ def make_table(
         effort=moved,
         analog={key: values(samples.t + start) for key, values in functions.items()},
         contours=tuple((x.t[0] - start, x.name) for x in plan.contour_spans),
-        stops=_stops(plan, samples, start),
+        stops=tuple(stops.tolist()),
         command_limits=data.command_limits if isinstance(data, SetPoints) else None,
     )
 
@@ -329,13 +337,25 @@ def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
     return whole
 
 
-def _stops(plan: Trajectory, samples: Samples, start: float) -> tuple[float, ...]:
-    """Times between moves at which the joints stop, if samples are those of the plan [s]."""
+def _stops(plan: Trajectory) -> FloatArray:
+    """Times between moves of the program at which the joints stop [s]."""
     ends = np.array([x.t[1] for x in plan.spans[:-1]])
-    if not len(ends) or not equals_plan(samples.q, plan.with_rests(samples.t + start)):
-        return ()
-    still = (np.abs(plan(ends, 1)) <= SAME_PLACE).all(axis=1)
-    return tuple((ends[still] - start).tolist())
+    still = np.all(np.abs(plan(ends, 1)) <= SAME_PLACE, axis=1)
+    return np.unique(ends[still])
+
+
+def _sample_stops(plan: Trajectory, samples: Samples, cycle: float) -> Samples:
+    """Samples with points at the stops of the plan, instead of points that are near to them."""
+    t, stops = samples.t, _stops(plan)
+    if not len(stops):
+        return samples
+    sides = np.concatenate([[-np.inf], stops, [np.inf]])
+    after = np.searchsorted(stops, t)
+    gaps = np.minimum(t - sides[after], sides[after + 1] - t)
+    kept = (gaps >= NEAR_A_STOP * cycle) | (t == t[0]) | (t == t[-1])
+    t = np.union1d(t[kept], stops[(stops > t[0]) & (stops < t[-1])])
+    q, dq, ddq = plan.motion(t)
+    return Samples(t=t, q=q, dq=dq, ddq=ddq)
 
 
 def check_export_cycle(cycle: float, duration: float, name: str) -> None:
