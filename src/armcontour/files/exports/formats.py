@@ -159,7 +159,7 @@ class CsvFormat(TableFormat):
     """A table as text (.csv).
 
     Args:
-        decimals: Decimals of joint positions [rad]; by default 7, or 9 with cycles below 4 ms,
+        decimals: Decimals of joint positions [rad]; by default 7, or 9 with cycles up to 4 ms,
             or 12 for set-points within limits of commands. Velocities have one less, accelerations
             two, torques three.
         comments: Whether the file begins with its name and the contours, in lines that begin with

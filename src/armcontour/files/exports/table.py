@@ -42,7 +42,7 @@ MAX_SAMPLES = 20_000_000
 # Decimals of results; the rounding error is at most half of the last digit.
 DECIMALS = 12
 # Decimals of joint positions [rad] in exported texts: 1e-7 rad move a tool at 1 m by 0.1 um. With
-# cycles below 4 ms, their second differences would change accelerations by over 0.03 rad/s^2.
+# cycles up to 4 ms, their second differences would change accelerations by 0.03 rad/s^2 or more.
 POSITION_DECIMALS, FINE_DECIMALS, FINE_CYCLE = 7, 9, 0.004
 # Decimals fewer than those of joint positions, by quantity.
 COARSER = {"dq": 1, "ddq": 2, "torque": 3}
@@ -195,7 +195,7 @@ class SetPointTable(Checked):
         if self.command_limits is not None:
             # Set-points satisfy limits of commands with these decimals.
             return DECIMALS
-        return POSITION_DECIMALS if self.cycle >= FINE_CYCLE * (1 - 1e-9) else FINE_DECIMALS
+        return POSITION_DECIMALS if self.cycle > FINE_CYCLE * (1 + 1e-9) else FINE_DECIMALS
 
 
 def make_table(
