@@ -30,7 +30,7 @@ DONE, STOPPED = 0, 1
 def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> int:
     """Play a run of a job, print and write the record, and return the exit code."""
     from armcontour.controllers import play
-    from armcontour.core.errors import InvalidInput
+    from armcontour.core.errors import ControllerRefused, InvalidInput
     from armcontour.core.quantities import AngularDistance, Factor
     from armcontour.files import ResultFolder
     from armcontour.files.result_folder import data_json
@@ -39,6 +39,10 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
 
     if options.out is not None and not options.execute:
         raise InvalidInput("--out is for the log of a motion: add --execute, or remove --out.")
+    if options.execute and not sys.stdin.isatty():
+        raise ControllerRefused(
+            "--execute asks on a terminal before a robot moves, but there is none; nothing moves."
+        )
     speed_factor = read_option("--speed-factor", options.speed_factor, Factor)
     band = read_option("--band", options.band, AngularDistance)
     assert speed_factor is not None
@@ -102,10 +106,6 @@ def _confirm(job: Job, controller: Controller) -> None:
     """Let the user type the name of the arm."""
     from armcontour.core.errors import ControllerRefused
 
-    if not sys.stdin.isatty():
-        raise ControllerRefused(
-            "--execute asks on a terminal before a robot moves, but there is none; nothing moves."
-        )
     name = job.arm.name
     answer = typer.prompt(
         f"{name} will move on {controller.name}. Type {name} to go on", default=""
