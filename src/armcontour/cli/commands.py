@@ -68,8 +68,8 @@ app = typer.Typer(
     epilog=(
         "Exit codes: 0 done; 1 not kept, not determined, or refused by the system; 2 invalid "
         "input; 3 out of reach; 4 no timing or certificate; 5 delay not compensated; 6 simulation "
-        "not completed; 7 cannot tell; 8 collision; 9 provisional; 10 robot differs; 11 robot lost; "
-        "130, 141 and 143 interrupted. "
+        "not completed; 7 cannot tell; 8 collision; 9 provisional; 10 robot differs; 11 robot "
+        "lost; 130, 141 and 143 interrupted. "
         "Example: armcontour run gasket.dxf --cell ur5e --out gasket"
     ),
     cls=CommandGroup,
@@ -274,12 +274,13 @@ def identify(
         list[FilePath],
         typer.Argument(
             metavar="LOG...",
-            help="Log of time, command and measured: CSV, or a bag; several are joined.",
+            help="Log of time, command and measured: CSV, or a bag; several are joined. With "
+            "--on, a job.",
         ),
     ],
     options: IdentifyOptions,
 ) -> None:
-    """Identify a servo, or with --arm a robot, from logs.
+    """Identify a servo, or with --arm a robot, from logs, or with --on from motions.
 
     Exit codes: 0 good, 1 a joint or the compensation is doubtful, 9 good on one program only.
     """
@@ -295,10 +296,10 @@ def learn(
     options: LearnOptions,
     job_options: JobOptions,
 ) -> None:
-    """Learn the set-points of the next run from the log of the last."""
+    """Learn the set-points of the next run from the log of the last, or with --on from runs."""
     from armcontour.cli.learn_command import learn_file
 
-    learn_file(job, job_options, options)
+    raise typer.Exit(learn_file(job, job_options, options))
 
 
 @_command(ROBOT, "play job.yaml --on linuxcnc --speed-factor '50 %' --execute --out played")

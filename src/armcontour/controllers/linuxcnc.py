@@ -22,6 +22,8 @@ SOURCE = FilePath(__file__).parents[2]
 SYSTEM_PYTHON = "/usr/bin/python3"
 # The real-time program refuses root; it then runs as this user, nobody.
 NOBODY = 65534
+# Dry friction of simulated joints grows with their speed by this factor until its size [1/s].
+SLIDING = 500.0
 # Rows of the FIFOs between the feeder and the thread.
 STREAMER_DEPTH, SAMPLER_DEPTH = 4000, 8000
 
@@ -37,7 +39,7 @@ class LinuxCNC(Controller):
             float for the cycle number and one per joint, and a `sampler` with the same and the
             measured positions [rad]. By default joints are simulated.
         servo: Simulated drives: position and velocity loops by HAL's `pid`, which integrate to
-            positions.
+            positions; gains, integrators and dry friction of the model are used.
         accelerations: Largest acceleration of the simulated drives [rad/s²], one or one per joint.
         late: True for `pid` with `error-previous-target`, LinuxCNC's default, with which a loop
             compares the measured position with the command of the cycle before.
@@ -65,6 +67,35 @@ class LinuxCNC(Controller):
         self.observes = self.hal_file is None
         self.servo, self.accelerations, self.late = servo, accelerations, late
         self.cycle, self.ahead = cycle, round(ahead / cycle)
+
+    @classmethod
+    def simulated(cls, servo: ServoModel, arm: Arm) -> LinuxCNC:
+        """LinuxCNC with simulated drives whose accelerations are limited as the servo's, or arm's.
+
+        Args:
+            servo: The drives; with a dead time of one cycle loops are `late`.
+            arm: The arm.
+
+        Raises:
+            InvalidInput: Another dead time, or something else that these drives have not.
+        """
+        cycle = 1e-3
+        model, bounds = servo.for_joints(arm.dof), arm.limits.acceleration_bounds(arm.dof)
+        late = np.isclose(model.dead_time, cycle)
+        has_feed = model.velocity_feedforward.any() or model.acceleration_feedforward.any()
+        if not (late.all() or (model.dead_time == 0).all()) or has_feed:
+            raise InvalidInput(
+                "Simulated drives of LinuxCNC have a dead time of 0 or 1 ms, the same in all "
+                "joints, and no feed-forward: describe them with the key plant of the job, or with "
+                "--drives."
+            )
+        lower, upper = model.saturate(*bounds)
+        return cls(
+            servo=model,
+            accelerations=np.minimum(-lower, upper),
+            late=bool(late.all()),
+            cycle=cycle,
+        )
 
     def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> Command:
         if shutil.which("halcmd") is None:
@@ -122,11 +153,20 @@ def simulated_drives(
     yield f"loadrt sampler depth={SAMPLER_DEPTH} cfg={'f' * (2 * dof + 1)}"
     yield f"loadrt pid names={names('p')},{names('v')}"
     yield f"loadrt integ names={names('iv')},{names('iq')}"
-    yield f"loadrt sum2 names={names('q')}"
+    yield f"loadrt sum2 names={names('q')},{names('a')}"
+    yield f"loadrt scale names={names('fs')}"
+    yield f"loadrt limit1 names={names('fl')}"
     yield "net cycle streamer.0.pin.0 => sampler.0.pin.0"
     for j in joints:
         yield f"setp p{j}.Pgain {servo.kp[j]:.15g}"
         yield f"setp v{j}.Pgain {servo.kv[j]:.15g}"
+        yield f"setp v{j}.Igain {servo.kv[j] * servo.ki[j]:.15g}"
+        yield f"setp a{j}.gain1 -1"
+        # Dry friction, which is the same as a position error.
+        friction = servo.kp[j] * servo.kv[j] * servo.friction[j]
+        yield f"setp fs{j}.gain {SLIDING:g}"
+        yield f"setp fl{j}.min {-friction:.15g}"
+        yield f"setp fl{j}.max {friction:.15g}"
         if np.isfinite(limits[j]):
             yield f"setp v{j}.maxoutput {limits[j]:.15g}"
         for loop in "pv":
@@ -135,11 +175,14 @@ def simulated_drives(
         yield f"setp q{j}.offset {start[j]:.17g}"
         yield f"net u{j} streamer.0.pin.{j + 1} => p{j}.command sampler.0.pin.{j + 1}"
         yield f"net w{j} p{j}.output => v{j}.command"
-        yield f"net a{j} v{j}.output => iv{j}.in"
-        yield f"net s{j} iv{j}.out => v{j}.feedback iq{j}.in"
+        yield f"net d{j} v{j}.output => a{j}.in0"
+        yield f"net s{j} iv{j}.out => v{j}.feedback iq{j}.in fs{j}.in"
+        yield f"net r{j} fs{j}.out => fl{j}.in"
+        yield f"net f{j} fl{j}.out => a{j}.in1"
+        yield f"net a{j} a{j}.out => iv{j}.in"
         yield f"net x{j} iq{j}.out => q{j}.in0"
         yield f"net m{j} q{j}.out => p{j}.feedback sampler.0.pin.{dof + j + 1}"
     order = ["streamer.0", *(f"q{j}" for j in joints), "sampler.0"]
     order += [f"{loop}{j}.do-pid-calcs" for loop in "pv" for j in joints]
-    order += [f"{prefix}{j}" for prefix in ("iv", "iq") for j in joints]
+    order += [f"{prefix}{j}" for prefix in ("fs", "fl", "a", "iv", "iq") for j in joints]
     yield from (f"addf {x} servo" for x in order)
