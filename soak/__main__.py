@@ -41,6 +41,7 @@ TOPICS = {
     "identification": ("soak.identification:run", 2000),
     "readers": ("soak.readers:run", 200_000),
     "interrupts": ("soak.interrupts:run", 400),
+    "playing": ("soak.playing:run", 250),
     "studio": ("soak.studio:run", 1),
     "calls": ("soak.calls:run", 60_000),
 }

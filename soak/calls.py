@@ -30,12 +30,14 @@ from armcontour.files.exports import (
     RosYamlFormat,
     TemplateFormat,
     URScriptFormat,
+    interpolate_set_points,
 )
 from armcontour.planning.constraints import SecondOrder
 from armcontour.program import Analog, Lead, Pierce, Switch, Tabs, Weave, smooth_curvature
 from armcontour.robot import scene
 from armcontour.simulation import robustness
 from armcontour.studies.placement import Placement
+from armcontour.verification import check_commands
 from armcontour.verification.clearance import Cell
 from soak import Outcome
 
@@ -135,6 +137,10 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.certify, {"job": x["job"]}),
         (ac.check, {"samples": x["trajectory"], **on}),
         (ac.check, {"samples": x["trajectory"].sample(0.01), **on}),
+        (check_commands,
+         {"points": x["trajectory"].sample(0.01), "controller": "jtc", "rate": 100.0, **on}),
+        (interpolate_set_points,
+         {"set_points": x["set_points"], "controller": "jtc", "rate": 100.0}),
         (ac.check_clearance, {"motion": x["trajectory"], "arm": x["arm"]}),
         *((ac.compensate, {"trajectory": x["slow"], "servo": x["servo"], "options": m, **on})
           for m in (ac.NoCompensation(), ac.Inverse(), ac.PolePlacement())),
@@ -237,8 +243,9 @@ def instances() -> Iterator[Any]:
     yield ac.check_clearance(x["trajectory"], x["arm"])
     judged = ac.check(x["trajectory"], x["arm"])
     yield from (judged, judged.uses[0])
+    yield check_commands(x["trajectory"].sample(0.01), x["arm"], "jtc", 100.0)
     yield ac.evaluate(x["executed"], x["path"])
-    yield ac.RigidBodyPlant(x["known"], x["servo"])
+    yield ac.RigidBodyPlant(x["arm_with_dynamics"], x["servo"])
     yield ac.shape(x["objective"], x["arm"], x["limits"], ac.Shaped(tolerance=1e-3, iterations=1))
     lesson = ac.learn(x["set_points"], x["executed"], arm=x["arm"], servo=x["servo"])
     yield from (lesson, lesson.runs[0])

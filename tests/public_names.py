@@ -11,7 +11,8 @@ OWNED = {
     "control.identification": "BodyIdentification Identification",
     "control.learning": "LearningResult LearningRun Recording",
     "controllers": "LinuxCNC Motion Played PlayedMotion Stop",
-    "files.exports": "CsvFormat McapFormat NpzFormat RosYamlFormat TemplateFormat URScriptFormat",
+    "files.exports": "CsvFormat McapFormat NpzFormat RosYamlFormat TemplateFormat URScriptFormat "
+    "interpolate_set_points",
     "geometry": "Orientation RoundedPath ShapedPath",
     "jobs": "JobResult",
     "planning": "Explanation PlanOptions",
@@ -19,7 +20,7 @@ OWNED = {
     "simulation": "Plant",
     "studies.certification": "Certificate",
     "studies.placement": "Placement",
-    "verification": "Check Evaluation LimitUse",
+    "verification": "Check CommandCheck Evaluation LimitUse check_commands",
     "verification.clearance": "Cell Clearance",
 }
 # By name, without the version.

@@ -278,3 +278,31 @@ def test_degrees_in_columns_of_radians_are_asked_about(tmp_path, check):
     # Radians that are only a little out of range are a violation.
     write(tmp_path / "log.csv", titles.replace("deg", "rad"), t, q / 12)
     assert check(tmp_path, "log.csv", "--arm", "ur5e").code == 1
+
+
+def test_the_commands_of_a_controller(folder, mac, check, refused):
+    given = (*PLANNED, "--path", "job.yaml")
+    with_jtc = (*given, "--controller", "jtc", "--rate", "1000 Hz")
+    done = check(folder, *with_jtc)
+    # The file has positions only, and lines between points 4 ms apart need four times as much.
+    assert done.code == 1 and "--derivatives 2" in done.out and "lines" in done.out
+    lines = json.loads(check(folder, *with_jtc, "--json").out)["commands"]
+    (use,) = (x for x in lines["limits"] if x["name"] == "joint_acceleration")
+    assert use["ratio"] == pytest.approx(4, rel=0.1) and lines["verdict"] == "violated"
+    assert lines["path_deviation"] <= 1e-4
+    # At the rate of the points they are the commands.
+    assert check(folder, *given, "--controller", "jtc", "--rate", "250 Hz").code == 0
+    samples = mac.sample(1e-3)
+    write(folder / "fine.csv", "t,q1,q2,dq1,dq2", samples.t, samples.q, samples.dq)
+    with_spline = (*given, "--controller", "linuxcnc", "--rate", "1 kHz", "--plan", "fine.csv")
+    found = json.loads(check(folder, *with_spline, "--json").out)["commands"]
+    assert found["reference"] == "the plan" and found["law"] == "uniform B-spline"
+    assert 0 < found["joint_deviation"] <= 1.01 * 4e-3**2 / 6 * 0.722
+    rows = [
+        ([*given, "--controller", "jtc"], ["--rate"]),
+        ([*given, "--plan", "fine.csv"], ["--controller"]),
+        ([*given, "--controller", "ros", "--rate", "1 kHz"], ["linuxcnc"]),
+        ([*given, "--controller", "jtc", "--rate", "1 MHz"], ["commands"]),
+        ([*given, "--controller", "jtc", "--rate", "0.1 Hz"], ["cycle"]),
+    ]
+    assert not refused(folder, rows, begin=["check"])

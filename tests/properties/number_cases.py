@@ -508,6 +508,7 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--resume-at": ("# m", "# mm"),
     "--tool-diameter": ("1: # m", "1: # mm"),
     "--cycle": ("# s", "# ms"),
+    "--rate": ("# Hz",),
     "--servo-error": ("# m", "# um"),
     "--set": ("limits.speed=#", "limits.speed=# mm/s", "corners.tolerance=#"),
     "--over": ("x: # m .. 0 m, 2", "yaw: 0 deg .. # deg, 2", "x: 0 mm .. 1 mm, #"),
@@ -521,7 +522,7 @@ FORMS: dict[str, tuple[str, ...]] = {
 }
 TEXTS = {
     "--arm", "--base", "--cell", "--cluster", "--color", "--columns", "--continuity",
-    "--contour", "--corner-shape", "--export", "--format",
+    "--contour", "--controller", "--corner-shape", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
     "--model", "--move", "--objective", "--only-tool", "--out", "--output", "--package", "--path",
     "--plant", "--validate", "--run", "--scene", "--skip", "--set-points", "--texts",

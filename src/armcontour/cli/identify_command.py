@@ -30,7 +30,7 @@ def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
     raise_if(lonely, "--open and --force go with --out, the folder for the report.")
     if options.on is not None:
         return _identify_robot(logs, options)
-    for name in ("execute", "drives", "hal", "address", "run_name", "sets"):
+    for name in ("execute", "drives", "hal", "address", "run_name", "sets", "excitation"):
         option = f"--{'run' if name == 'run_name' else 'set' if name == 'sets' else name}"
         raise_if(bool(getattr(options, name)), f"{option} goes with --on: name a controller too.")
     if options.arm is None:

@@ -35,7 +35,7 @@ TOPICS: dict[str, tuple[str, ...]] = {
     "Log and files of numbers": ("log", "set_points", "tool_positions", "start", "end", "columns",
                                  "topic", "unwrap", "interpolation"),
     "Robot controller": ("on", "address", "hal", "drives", "execute", "speed_factor", "runs",
-                         "reserve", "band"),
+                         "reserve", "excitation", "band"),
     "Arm": ("arm", "tip", "base", "joint_limits", "package", "xacro_arg", "trust_xacro"),
     "Files for robot controllers": ("export", "template", "output", "cycle", "derivatives",
                                     "tool_motion", "call"),
@@ -387,6 +387,11 @@ class CheckOptions(DescriptionOptions, LogOptions):
             as ur5e, a job file, of which scene is enough, or obstacles as URDF.
         noise: Largest error of measured positions, and perhaps of velocities: '0.05 mrad, 2
             mrad/s'.
+        controller: Also check the commands that a controller sends for these points: jtc,
+            jtc_spline, jtc_none, linuxcnc or hold.
+        rate: Rate of that controller: '500 Hz'.
+        plan: File with the motion that was sampled, such as planned.csv; its distance from the
+            commands is printed.
     """
 
     arm: Text = None
@@ -395,6 +400,9 @@ class CheckOptions(DescriptionOptions, LogOptions):
     run_name: Annotated[Text, typer.Option("--run")] = None
     scene: Text = None
     noise: Text = None
+    controller: Text = None
+    rate: Text = None
+    plan: File = None
     as_json: AsJson = False
 
 
@@ -424,6 +432,8 @@ class IdentifyOptions(ControllerOptions, DescriptionOptions, WindowOptions):
         on: Controller that plays a run of a job to identify from: linuxcnc, franka or ur. The
             argument is then the job.
         reserve: With --on, smallest reserve of this run.
+        excitation: With --on, excite all joints in any case, so that servos are judged on two
+            programs.
         sets: With --on, any key of the job with its value; may be repeated.
         arm: Nominal arm: with masses, payload, friction and drive inertias are identified
             too; without, errors are also at the tool. Built in, or an arm file (.yaml,
@@ -443,6 +453,7 @@ class IdentifyOptions(ControllerOptions, DescriptionOptions, WindowOptions):
     on: Text = None
     run_name: Name = None
     reserve: str = "20 %"
+    excitation: bool = False
     sets: Annotated[Texts, typer.Option("--set")] = None
     arm: Text = None
     servo: File = None

@@ -55,6 +55,7 @@ def identify_robot(file: FilePath, options: IdentifyOptions) -> RobotIdentificat
             controller,
             run_name=options.run_name,
             reserve=reserve,
+            excitation=options.excitation,
             execute=options.execute,
             options=ServoFit(model=options.model, kinematics=job.arm, **shared_options(options)),
             wanted=stop.is_set,

@@ -11,6 +11,7 @@ import numpy as np
 from armcontour.control.compensation import NoCompensation
 from armcontour.controllers.commands import Stopper
 from armcontour.controllers.controller import START, Controller, Motion, PlayedMotion
+from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.fields import checked
@@ -40,6 +41,7 @@ POWERS = {
 }  # fmt: skip
 
 
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Played(Result):
     """A motion of a robot, or of a dry run what would move.
@@ -234,7 +236,7 @@ def perform_motion(
         on.connect(job.arm, motion.q[0])
         distance = float(np.abs(on.position() - motion.q[0]).max())
         played = replace(played, distance=distance)
-        if not execute:
+        if not execute or wanted():
             return played
         if distance > START:
             tell(Step(("moving to the start",)))

@@ -90,6 +90,7 @@ def identify_on(
     *,
     run_name: str | None = None,
     reserve: Reserve = GENTLE,
+    excitation: bool = False,
     execute: bool = False,
     options: ServoFit | None = None,
     wanted: Callable[[], bool] = lambda: False,
@@ -106,6 +107,8 @@ def identify_on(
         on: The controller, not connected.
         run_name: The run; by default the only one.
         reserve: Smallest reserve of its plan.
+        excitation: Whether all joints are excited in any case, so that servos are judged on two
+            different programs.
         execute: Whether the robot moves; otherwise the motions are planned and compared only.
         options: Options of the identification; by default with the arm of the job.
         wanted: Called often during a motion; True stops it on its path.
@@ -144,7 +147,7 @@ def identify_on(
         return fit
 
     motions = {RUN: play_run, EXCITATION: play_excitation}
-    if not resting:
+    if not resting and not excitation:
         del motions[EXCITATION]
     for name, play_one in motions.items():
         result = replace(result, played={**result.played, name: play_one()})
@@ -153,7 +156,7 @@ def identify_on(
     if not execute:
         return result
     fit = fit_of(result.logs)
-    if not resting and any(x.note or not x.kp.determined for x in fit.joints):
+    if EXCITATION not in motions and any(x.note or not x.kp.determined for x in fit.joints):
         names = tuple(x.name for x in fit.joints if x.note or not x.kp.determined)
         result = replace(result, resting=names)
         result = replace(result, played={**result.played, EXCITATION: play_excitation()})

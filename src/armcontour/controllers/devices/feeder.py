@@ -20,22 +20,28 @@ Lines to a feeder, with the cycle k of a motion counted from 0:
 
 Lines from a feeder: `R q1 q2 ...` connected, at these commanded positions; `s number k command
 measured` a sample of the controller's clock, k is -1 between motions; `X k` a stop from cycle k on;
-`D` the motion has ended; `W` no sign of life, so the next stop is taken; `F message` the controller
-failed. A cycle that a sample repeats had no row in time.
+`D` the motion has ended; `W` no sign of life, so the next stop is taken; `V` the sender or a
+process of the feeder is gone, so the next stop is taken; `F message` the controller failed. A cycle
+that a sample repeats had no row in time.
 """
 
 from __future__ import annotations
 
+import mmap
 import os
 import select
 import signal
 import sys
 import time
 from collections.abc import Iterable
-from typing import Protocol
+from typing import Protocol, TextIO
 
 # Longest time without a line from the sender before the next stop is taken [s].
 SILENCE = 0.5
+# Longest pause of a guarded feeder before its guard takes its place [s].
+HALT = 0.15
+# Stops that a guard keeps.
+KEPT = 8
 # Pause of the loop between two looks at the controller [s].
 PAUSE = 1e-3
 BLOCK = 1 << 20
@@ -76,19 +82,29 @@ class Device(Protocol):
         """Disconnect."""
 
 
+class GuardedDevice(Device, Protocol):
+    """A controller that holds rows, so that another process can go on where one has ended."""
+
+    def take_over(self) -> int:
+        """Connect to the moving controller; number of rows of the motion that it has got."""
+
+
 class Feeder:
     """Reads lines from stdin, plays motions on a device, and prints lines.
 
     Args:
         device: The controller.
         record: File that gets every sample, which remains if the sender is gone.
+        out: What gets the lines.
+        state: Memory shared with a guard: number of loops, whether a motion is played, and number
+            of rows sent.
     """
 
-    def __init__(self, device: Device, record: str) -> None:
-        self.device, self.record = device, open(record, "w")
-        # Libraries may print to stdout, which is the channel to the sender.
-        self.out = os.fdopen(os.dup(1), "w", buffering=BLOCK)
-        os.dup2(2, 1)
+    def __init__(
+        self, device: Device, record: str, out: TextIO, state: memoryview | None = None
+    ) -> None:
+        self.device, self.record, self.out = device, open(record, "a"), out
+        self.state = memoryview(bytearray(24)).cast("q") if state is None else state
         self.rows: list[Row] = []
         self.stops: dict[int, list[Row]] = {}
         self.block: list[Row] = []
@@ -100,26 +116,28 @@ class Feeder:
 
     def say(self, *words: object) -> None:
         """Print a line; nothing if no process reads."""
-        if self.orphaned:
-            return
         try:
             self.out.write(" ".join(map(str, words)) + "\n")
         except BrokenPipeError:
-            self.lose_sender()
+            self.lose_reader()
 
     def flush(self) -> None:
         """Send printed lines."""
-        if self.orphaned:
-            return
         try:
             self.out.flush()
         except BrokenPipeError:
-            self.lose_sender()
+            self.lose_reader()
+
+    def lose_reader(self) -> None:
+        """Print to nowhere, and go on alone."""
+        self.out = open(os.devnull, "w")
+        self.lose_sender()
 
     def lose_sender(self) -> None:
         """Go on alone: take the next stop, then quit."""
-        self.orphaned = self.stop_wanted = True
-        self.out = open(os.devnull, "w")
+        if not self.quitting:
+            self.say("V")
+        self.orphaned = self.stop_wanted = self.quitting = True
 
     def run(self) -> None:
         """Connect and obey until the end."""
@@ -129,18 +147,24 @@ class Feeder:
         try:
             self.say("R", *self.device.connect())
             self.flush()
-            while not self.quitting or self.playing:
-                self.read()
-                self.feed()
-                self.report()
-                self.flush()
-                time.sleep(PAUSE)
+            self.loop()
         except DeviceError as error:
             self.say("F", str(error).replace("\n", " | "))
         finally:
+            self.state[1] = 0
             self.flush()
             self.record.close()
             self.device.close()
+
+    def loop(self) -> None:
+        """Obey and feed until the end."""
+        while not self.quitting or self.playing:
+            self.read()
+            self.feed()
+            self.report()
+            self.flush()
+            self.state[0], self.state[1] = self.state[0] + 1, int(self.playing)
+            time.sleep(PAUSE)
 
     def read(self) -> None:
         """Obey the lines that have arrived."""
@@ -149,16 +173,23 @@ class Feeder:
             if not data:
                 self.lose_sender()
                 break
-            self.heard = time.monotonic()
-            *lines, self.rest = (self.rest + data).split(b"\n")
-            for line in lines:
-                if line:
-                    self.obey(line.decode().split())
-        if self.orphaned:
-            self.quitting = True
-        elif self.playing and not self.stop_wanted and time.monotonic() - self.heard > SILENCE:
+            self.take(data)
+        if (
+            not self.orphaned
+            and self.playing
+            and not self.stop_wanted
+            and time.monotonic() - self.heard > SILENCE
+        ):
             self.say("W")
             self.stop_wanted = True
+
+    def take(self, data: bytes) -> None:
+        """Obey the lines of received data."""
+        self.heard = time.monotonic()
+        *lines, self.rest = (self.rest + data).split(b"\n")
+        for line in lines:
+            if line:
+                self.obey(line.decode().split())
 
     def obey(self, words: list[str]) -> None:
         """Obey one line."""
@@ -192,6 +223,7 @@ class Feeder:
         for _ in range(min(self.device.room(), len(self.rows) - self.sent)):
             self.device.write(self.sent, self.rows[self.sent])
             self.sent += 1
+            self.state[2] = self.sent
         if self.sent == len(self.rows) and self.device.is_done():
             self.report()
             self.device.finish()
@@ -206,6 +238,113 @@ class Feeder:
             self.say("s", line)
 
 
+class Guard(Feeder):
+    """Passes lines on to a feeder, its child process, and stops in its place if it ends or halts.
+
+    If the guard ends, the feeder stops, since it then has no sender.
+    """
+
+    device: GuardedDevice
+
+    def __init__(
+        self,
+        device: GuardedDevice,
+        record: str,
+        out: TextIO,
+        state: memoryview,
+        child: int,
+        pipe: int,
+    ) -> None:
+        super().__init__(device, record, out, state)
+        self.child, self.pipe = child, pipe
+        self.waiting = b""
+
+    def obey(self, words: list[str]) -> None:
+        """Keep rows and the latest stops, which the feeder has, too."""
+        if words[0] in "PMTE":
+            super().obey(words)
+        while len(self.stops) > KEPT:
+            del self.stops[min(self.stops)]
+
+    def run(self) -> None:
+        """Pass lines on until the feeder ends."""
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGPIPE, signal.SIG_IGN)
+        os.set_blocking(self.pipe, False)
+        loops, moved = -1, 0.0
+        while True:
+            if select.select([] if self.orphaned else [0], [], [], PAUSE)[0]:
+                data = os.read(0, BLOCK)
+                self.orphaned = not data
+                self.take(data)
+                self.waiting += data
+            self.pass_on()
+            if loops != self.state[0] or not self.state[1]:
+                loops, moved = self.state[0], time.monotonic()
+            ended, status = os.waitpid(self.child, os.WNOHANG)
+            if not ended and time.monotonic() - moved > HALT:
+                os.kill(self.child, signal.SIGKILL)
+                ended, status = os.waitpid(self.child, 0)
+            if ended:
+                break
+        if os.WIFSIGNALED(status):
+            self.stop()
+        sys.exit(os.waitstatus_to_exitcode(status))
+
+    def pass_on(self) -> None:
+        """Send as much to the feeder as it takes."""
+        try:
+            while self.waiting:
+                self.waiting = self.waiting[os.write(self.pipe, self.waiting) :]
+        except BlockingIOError:
+            return
+        except OSError:
+            self.waiting = b""
+        if self.orphaned and self.pipe >= 0:
+            os.close(self.pipe)
+            self.pipe = -1
+
+    def stop(self) -> None:
+        """Stop the motion in place of the feeder, and disconnect."""
+        # The feeder may have ended within a line.
+        self.say("")
+        try:
+            self.lose_sender()
+            if self.state[1]:
+                # Both counts may miss the last row.
+                self.sent = max(self.device.take_over(), self.state[2])
+                self.playing = True
+                self.loop()
+        except DeviceError as error:
+            self.say("F", str(error).replace("\n", " | "))
+        finally:
+            self.flush()
+            self.record.close()
+            self.device.close()
+
+
+def take_stdout() -> TextIO:
+    """The channel to the sender; what libraries print goes to stderr."""
+    out = os.fdopen(os.dup(1), "w", buffering=BLOCK)
+    os.dup2(2, 1)
+    return out
+
+
 def main(device: Device) -> None:
     """Run a feeder whose first argument is the file that gets the samples."""
-    Feeder(device, sys.argv[1]).run()
+    Feeder(device, sys.argv[1], take_stdout()).run()
+
+
+def main_guarded(device: GuardedDevice) -> None:
+    """Run a feeder behind a guard; the first argument is the file that gets the samples."""
+    out = take_stdout()
+    lines, pipe = os.pipe()
+    state = memoryview(mmap.mmap(-1, 24)).cast("q")
+    child = os.fork()
+    if child:
+        os.close(lines)
+        Guard(device, sys.argv[1], out, state, child, pipe).run()
+    os.dup2(lines, 0)
+    os.close(lines)
+    os.close(pipe)
+    Feeder(device, sys.argv[1], out, state).run()
