@@ -178,15 +178,22 @@ def _print(result: RobotLearning, file: FilePath, options: LearnOptions) -> None
         console.print(DRY if not options.execute else "Stopped: nothing was learned.")
         return
     console.show(result.study.result)
-    if result.ended:
+    if not options.execute:
+        console.print(DRY)
+    elif result.ended:
         console.print(f"Ended: {result.ended}.")
     if options.out is None:
         return
     run = result.plan.run
+    robot = "".join(
+        f" --{name} {value}"
+        for name in ("address", "hal", "drives")
+        if (value := getattr(options, name)) is not None
+    )
     console.print(f"Set-points of the best run: {options.out / run.name / 'set_points.csv'}")
+    reserve = f"runs.{run.name}.timing.reserve='{run.timing.reserve * 100:g} %'"
     console.print(
-        f"Play them: armcontour play {file} --on {options.on} --speed-factor '100 %' "
-        f"--run {run.name} --set runs.{run.name}.timing.reserve='{run.timing.reserve * 100:g} %' "
-        f"--set-points {options.out}"
+        f"Play them: armcontour play {file} --on {options.on}{robot} --speed-factor '100 %' "
+        f"--run {run.name} --set {reserve} --set-points {options.out}"
     )
     console.print(f"Report: {(options.out / 'report.html').resolve().as_uri()}")

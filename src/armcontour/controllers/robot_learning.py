@@ -34,6 +34,7 @@ RUNAWAY, LEAST = 3.0, 1e-3
 ATTEMPTS = 3
 # Commands of a log, and the set-points of its run, are equal within this [rad].
 SAME = 1e-6
+STOPPED = "stopped on request"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,9 +68,8 @@ class RobotLearning(Result):
     @property
     def study(self) -> LearningStudy | None:
         """The runs for a report; None before the first run."""
-        return None if self.best is None else LearningStudy(
-            job=self.job, plan=self.plan, lesson=self.best
-        )  # fmt: skip
+        best = self.best
+        return None if best is None else LearningStudy(job=self.job, plan=self.plan, lesson=best)
 
     @property
     def stopped(self) -> bool:
@@ -89,9 +89,6 @@ class RobotLearning(Result):
             )
         rows.append(Row("ended", self.ended))
         return Data(f"Learning of run {self.plan.run.name}", tuple(rows))
-
-
-STOPPED = "stopped on request"
 
 
 class RobotLearner:
@@ -141,6 +138,9 @@ class RobotLearner:
 
     def run_next(self) -> None:
         """Play the next run, and learn from it."""
+        if self.wanted():
+            self.result = replace(self.result, ended=STOPPED)
+            return
         for _ in range(ATTEMPTS):
             played = perform(
                 self.result.job,
