@@ -25,8 +25,8 @@ from armcontour.robot import Limits
 
 # Reserve of the run that is identified: its commanded accelerations should not saturate.
 GENTLE = 0.2
-# A joint moves enough if it uses this share of its acceleration limit.
-ENOUGH = 0.25
+# A joint moves enough if it uses this share of its acceleration limit, RMS.
+ENOUGH = 0.15
 # Names of the motions, also of their logs.
 RUN, EXCITATION = "run", "excitation"
 
@@ -98,7 +98,7 @@ def identify_on(
 ) -> RobotIdentification:
     """Play a run of a job without compensation, and identify the servos of the robot from it.
 
-    If a joint uses less than a quarter of its acceleration limit in this run, or if the run does
+    If a joint uses less than 15 % of its acceleration limit (RMS) in this run, or if the run does
     not determine all servos, a second motion moves all joints about the begin of the run: sums of
     sines of 12 s, within the limits, clear of the arm itself and of its cell.
 
@@ -168,7 +168,7 @@ def identify_on(
 
 def _resting(planned: RunResult, limits: Limits, cycle: float) -> tuple[str, ...]:
     """Names of the joints that a plan moves too little for an identification."""
-    ddq = np.abs(planned.trajectory.sample(cycle).ddq).max(axis=0)
+    ddq = np.sqrt(np.mean(planned.trajectory.sample(cycle).ddq ** 2, axis=0))
     low, high = limits.acceleration_bounds(len(ddq))
     fastest = np.minimum(-low, high)
     names = planned.arm.joint_names
