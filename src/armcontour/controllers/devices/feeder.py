@@ -111,7 +111,7 @@ class Feeder:
         self.block_start: int | None = None
         self.rest = b""
         self.sent = 0
-        self.playing = self.stop_wanted = self.orphaned = self.quitting = False
+        self.playing = self.stop_wanted = self.stopped = self.orphaned = self.quitting = False
         self.heard = time.monotonic()
 
     def say(self, *words: object) -> None:
@@ -204,7 +204,7 @@ class Feeder:
             self.stops[self.block_start or 0] = self.block
         elif kind == "G":
             self.device.start()
-            self.sent, self.playing, self.stop_wanted = 0, True, False
+            self.sent, self.playing, self.stop_wanted, self.stopped = 0, True, False, False
         elif kind == "S":
             self.stop_wanted = self.playing
         elif kind == "Q":
@@ -215,8 +215,9 @@ class Feeder:
         if not self.playing:
             return
         self.stops = {k: rows for k, rows in self.stops.items() if k >= self.sent}
-        if self.stop_wanted and self.stops:
-            k = min(self.stops)
+        # Stops replace the motion: a second one would jump from the first.
+        if self.stop_wanted and self.stops and not self.stopped:
+            k, self.stopped = min(self.stops), True
             self.rows = self.rows[:k] + self.stops[k]
             self.stops, self.stop_wanted = {}, False
             self.say("X", k)
