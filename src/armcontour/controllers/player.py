@@ -219,7 +219,7 @@ def approach_of(
     trajectory = plan(line, job.arm, limits.of_joints, Optimal(reserve=RESERVE))
     q = trajectory.sample(cycle).q
     set_points = SetPoints(cycle=cycle, q=q, trajectory=trajectory, method="none")
-    servo = ServoModel(kp=1.0)
+    servo = ServoModel(kp=1.0, order="first")
     stopper = Stopper(set_points, servo, NoCompensation(), job.arm, cycle)
     return Motion(q=stopper.q, next_stop=stopper)
 

@@ -26,11 +26,13 @@ failed. A cycle that a sample repeats had no row in time.
 
 from __future__ import annotations
 
+import gc
 import os
 import select
 import signal
 import sys
 import time
+from collections import deque
 from collections.abc import Iterable
 from typing import Protocol
 
@@ -39,6 +41,8 @@ SILENCE = 0.5
 # Pause of the loop between two looks at the controller [s].
 PAUSE = 1e-3
 BLOCK = 1 << 20
+# Largest number of lines that are obeyed between two cycles of a motion: about 0.2 ms.
+LINES = 60
 Row = tuple[float, ...]
 # Number by the controller's clock, cycle of the motion, command and measured positions.
 Sample = tuple[int, int, Row, Row]
@@ -72,6 +76,9 @@ class Device(Protocol):
     def finish(self) -> None:
         """End a motion."""
 
+    def wait(self) -> None:
+        """Wait until there may be room or samples: a cycle of the controller at most, about."""
+
     def close(self) -> None:
         """Disconnect."""
 
@@ -86,9 +93,12 @@ class Feeder:
 
     def __init__(self, device: Device, record: str) -> None:
         self.device, self.record = device, open(record, "w")
-        # Libraries may print to stdout, which is the channel to the sender.
-        self.out = os.fdopen(os.dup(1), "w", buffering=BLOCK)
+        # Libraries may print to stdout, which is the channel to the sender. A sender that does not
+        # read must not halt a motion.
+        self.out, self.unsent = os.dup(1), bytearray()
+        os.set_blocking(self.out, False)
         os.dup2(2, 1)
+        self.lines: deque[bytes] = deque()
         self.rows: list[Row] = []
         self.stops: dict[int, list[Row]] = {}
         self.block: list[Row] = []
@@ -100,26 +110,23 @@ class Feeder:
 
     def say(self, *words: object) -> None:
         """Print a line; nothing if no process reads."""
-        if self.orphaned:
-            return
-        try:
-            self.out.write(" ".join(map(str, words)) + "\n")
-        except BrokenPipeError:
-            self.lose_sender()
+        if not self.orphaned:
+            self.unsent += (" ".join(map(str, words)) + "\n").encode()
 
     def flush(self) -> None:
-        """Send printed lines."""
-        if self.orphaned:
-            return
+        """Send as much of the printed lines as the sender takes."""
         try:
-            self.out.flush()
+            while self.unsent:
+                del self.unsent[: os.write(self.out, self.unsent)]
+        except BlockingIOError:
+            pass
         except BrokenPipeError:
             self.lose_sender()
 
     def lose_sender(self) -> None:
         """Go on alone: take the next stop, then quit."""
         self.orphaned = self.stop_wanted = True
-        self.out = open(os.devnull, "w")
+        self.unsent.clear()
 
     def run(self) -> None:
         """Connect and obey until the end."""
@@ -134,13 +141,14 @@ class Feeder:
                 self.feed()
                 self.report()
                 self.flush()
-                time.sleep(PAUSE)
+                self.device.wait()
         except DeviceError as error:
             self.say("F", str(error).replace("\n", " | "))
         finally:
-            self.flush()
-            self.record.close()
             self.device.close()
+            self.record.close()
+            os.set_blocking(self.out, True)
+            self.flush()
 
     def read(self) -> None:
         """Obey the lines that have arrived."""
@@ -151,9 +159,11 @@ class Feeder:
                 break
             self.heard = time.monotonic()
             *lines, self.rest = (self.rest + data).split(b"\n")
-            for line in lines:
-                if line:
-                    self.obey(line.decode().split())
+            self.lines.extend(filter(None, lines))
+        obeyed = 0
+        while self.lines and not (self.playing and obeyed >= LINES):
+            self.obey(self.lines.popleft().decode().split())
+            obeyed += 1
         if self.orphaned:
             self.quitting = True
         elif self.playing and not self.stop_wanted and time.monotonic() - self.heard > SILENCE:
@@ -193,8 +203,8 @@ class Feeder:
             self.device.write(self.sent, self.rows[self.sent])
             self.sent += 1
         if self.sent == len(self.rows) and self.device.is_done():
-            self.report()
             self.device.finish()
+            self.report()
             self.playing = False
             self.say("D")
 
@@ -208,4 +218,6 @@ class Feeder:
 
 def main(device: Device) -> None:
     """Run a feeder whose first argument is the file that gets the samples."""
+    # A collection takes longer than a cycle, and there is nothing to collect.
+    gc.disable()
     Feeder(device, sys.argv[1]).run()

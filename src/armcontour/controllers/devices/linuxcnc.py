@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from collections.abc import Iterable
 
 import hal  # type: ignore[import-not-found]
 
-from armcontour.controllers.devices.feeder import DeviceError, Row, Sample, main
+from armcontour.controllers.devices.feeder import PAUSE, DeviceError, Row, Sample, main
 
 COMPONENT = "armcontour-play"
 # Rows of the position that the FIFO holds before the thread starts.
@@ -76,6 +77,10 @@ class LinuxCNC:
     def finish(self) -> None:
         """Hold the last row, as no cycle of a motion."""
         self.out.write((-1.0, *self.held))
+
+    def wait(self) -> None:
+        """Pause; the FIFO holds rows for many cycles."""
+        time.sleep(PAUSE)
 
     def close(self) -> None:
         """Stop the threads and unload HAL."""
