@@ -4,6 +4,7 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "controller": "Controller Motion PlayedMotion Stop",
+    "franka": "Franka",
     "linuxcnc": "LinuxCNC",
     "player": "Played play",
 }
