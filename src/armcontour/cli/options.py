@@ -498,8 +498,8 @@ class PlayOptions:
     """Options of the command `play`.
 
     Args:
-        on: Controller: linuxcnc, franka or ur.
-        address: Address of a robot (franka, ur).
+        on: Controller: linuxcnc, franka or ur. The adapter for ur has never run on a robot.
+        address: Address of a robot (franka, ur); none is assumed.
         hal: HAL file of the machine (linuxcnc); by default joints are simulated.
         execute: Move the robot, after its name is typed on the terminal.
         speed_factor: Share of the job's speed.

@@ -82,12 +82,20 @@ def controller_of(
     job: Job, name: str, address: str | None, hal_file: FilePath | None
 ) -> Controller:
     """The controller of a name, with a simulated robot as the job describes it where possible."""
-    from armcontour.controllers import LinuxCNC
+    from armcontour.controllers import Franka, LinuxCNC, Ur
     from armcontour.core.errors import InvalidInput
     from armcontour.robot.limits import or_unlimited
 
+    if name not in ("linuxcnc", "franka", "ur"):
+        raise InvalidInput(f"There is no controller {name}: --on takes linuxcnc, franka or ur.")
+    if hal_file is not None and name != "linuxcnc":
+        raise InvalidInput(f"--hal is for linuxcnc, and --on is {name}.")
     if name != "linuxcnc":
-        raise InvalidInput(f"There is no controller {name}: --on takes linuxcnc.")
+        if address is None:
+            raise InvalidInput(f"--on {name} needs the address of the robot: add --address.")
+        if name == "ur":
+            return Ur(address)
+        return Franka(address, model="panda" if job.arm.name == "Panda" else "fr3")
     if address is not None:
         raise InvalidInput("--address is for franka and ur: linuxcnc runs on this machine.")
     if hal_file is not None:

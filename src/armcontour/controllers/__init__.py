@@ -7,5 +7,6 @@ _HOME = {
     "franka": "Franka",
     "linuxcnc": "LinuxCNC",
     "player": "Played play",
+    "ur": "Ur",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

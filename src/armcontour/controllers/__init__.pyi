@@ -6,3 +6,4 @@ from armcontour.controllers.franka import Franka as Franka
 from armcontour.controllers.linuxcnc import LinuxCNC as LinuxCNC
 from armcontour.controllers.player import Played as Played
 from armcontour.controllers.player import play as play
+from armcontour.controllers.ur import Ur as Ur

@@ -128,7 +128,8 @@ class _Channel:
         self.failure = ""
         self.alive = True
         self._lock = threading.Lock()
-        threading.Thread(target=self._listen, daemon=True).start()
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
 
     def _listen(self) -> None:
         assert self.process.stdout is not None
@@ -177,6 +178,9 @@ class _Channel:
         except subprocess.TimeoutExpired:
             os.killpg(self.process.pid, signal.SIGTERM)
             self.process.wait()
+        self._listener.join()
+        assert self.process.stdout is not None
+        self.process.stdout.close()
         shutil.rmtree(self.folder, ignore_errors=True)
 
 

@@ -17,6 +17,7 @@ from armcontour.core.render import number
 from armcontour.core.result import Row
 from armcontour.core.text import count_noun
 from armcontour.robot import Arm, Limits
+from armcontour.robot.limits import or_unlimited
 
 CYCLE = 1e-3
 DOF = 7
@@ -61,12 +62,12 @@ class FrankaLimits:
         )
         return EPS - np.maximum(low, 0.0), np.maximum(high, 0.0) - EPS
 
-    def use(self, q: FloatArray) -> dict[str, FloatArray]:
-        """Use of each limit by joint positions every 1 ms, 1 is the limit, (n, 7) each.
+    def compare(self, q: FloatArray) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """Values and limits of joint positions every 1 ms, by derivative, (n, 7) each.
 
         Differences are those of libfranka's `limitRate` (src/rate_limiting.cpp 76 to 125), which
-        changes no position if no use is above 1. Velocities count with the acceleration of the last
-        cycle going on for `acceleration / jerk`, since it limits accelerations to
+        changes no position if no value is above its limit. Velocities count with the acceleration
+        of the cycle going on for `acceleration / jerk`, since it limits accelerations to
         `jerk / acceleration` times the distance from the velocity limit.
         """
         q = np.concatenate([np.repeat(q[:1], 3, axis=0), q])
@@ -75,13 +76,10 @@ class FrankaLimits:
         j = np.diff(a, axis=0) / CYCLE
         low, high = self.velocities(q[2:-1])
         ahead = v[1:-1] + a[1:] * self.acceleration / self.jerk
-        bound = np.where(ahead >= 0, high, -low)
-        with np.errstate(divide="ignore"):
-            speed = np.where(bound > 0, np.abs(ahead) / bound, np.inf)
         return {
-            "velocity": speed,
-            "acceleration": np.abs(a[1:]) / self.acceleration,
-            "jerk": np.abs(j) / self.jerk,
+            "velocity": (np.abs(ahead), np.where(ahead >= 0, high, -low)),
+            "acceleration": (np.abs(a[1:]), np.broadcast_to(self.acceleration, j.shape)),
+            "jerk": (np.abs(j), np.broadcast_to(self.jerk, j.shape)),
         }
 
 
@@ -116,7 +114,7 @@ LIMITS = {
         upper_zero=np.full(DOF, 1e3),
     ),
 }
-UNITS = {"velocity": "rad/s", "acceleration": "rad/s²", "jerk": "rad/s³"}
+UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3"}
 
 
 class Franka(Controller):
@@ -150,10 +148,11 @@ class Franka(Controller):
         allowed = LIMITS[self.model]
         # Stops on the path are as smooth as the plan.
         for name, most in (("acceleration", allowed.acceleration), ("jerk", allowed.jerk)):
-            values = getattr(limits, f"joint_{name}")
-            j = 0 if values is None else int(np.argmax(values / most))
-            if values is None or values[j] > most[j]:
-                given = "unlimited" if values is None else number(values[j], UNITS[name])
+            values = or_unlimited(getattr(limits, f"joint_{name}"), DOF)
+            values = np.broadcast_to(values, DOF)
+            j = int(np.argmax(values / most))
+            if values[j] > most[j]:
+                given = number(values[j], UNITS[name]) if np.isfinite(values[j]) else "unlimited"
                 raise ControllerRefused(
                     f"The plan's {name} of joint {j + 1} is {given}, above the "
                     f"{number(most[j], UNITS[name])} of the FCI: set the limit joint_{name}.",
@@ -171,29 +170,31 @@ class Franka(Controller):
         """The use of the FCI's limits by set-points."""
         limits = LIMITS[self.model]
         beyond = np.maximum(q - limits.upper, limits.lower - q)
-        i, j = np.unravel_index(int(beyond.argmax()), q.shape)
+        i, j = divmod(int(beyond.argmax()), DOF)
         if beyond[i, j] > 0:
             end = limits.upper[j] if q[i, j] > limits.upper[j] else limits.lower[j]
             raise ControllerRefused(
-                f"Joint {j + 1} is at {number(q[i, j], 'rad')} {_at(i)}, outside the robot's range, "
-                f"which ends at {number(end, 'rad')}: move the path.",
-                joint=int(j),
+                f"Joint {j + 1} is at {number(q[i, j], 'rad')} {_at(i)}, outside the robot's "
+                f"range, which ends at {number(end, 'rad')}: move the path.",
+                joint=j,
                 needed=float(q[i, j]),
                 allowed=float(end),
             )
         rows = []
-        for name, use in limits.use(q).items():
-            i, j = np.unravel_index(int(use.argmax()), use.shape)
+        for name, (values, most) in limits.compare(q).items():
+            with np.errstate(divide="ignore"):
+                use = np.where(most > 0, values / most, np.inf)
+            i, j = divmod(int(use.argmax()), DOF)
             if use[i, j] > 1:
-                change = "its limit (joint_velocity)" if name == "velocity" else f"joint_{name}"
+                unit = UNITS[name]
                 raise ControllerRefused(
-                    f"The {name} of joint {j + 1} is {number(use[i, j], '')} times what the FCI "
-                    f"takes {_at(i)}: lower {change}, or give the plan a larger reserve. "
-                    "Set-points of a compensation need far more jerk than the FCI takes: its "
-                    "method is none there.",
-                    joint=int(j),
-                    needed=float(use[i, j]),
-                    allowed=1.0,
+                    f"The {name} of joint {j + 1} is {number(values[i, j], unit)} {_at(i)}, above "
+                    f"the {number(most[i, j], unit)} of the FCI: lower the limit joint_{name}, or "
+                    "give the plan a larger reserve. Compensated set-points need far more jerk "
+                    "than the FCI takes: use the method none.",
+                    joint=j,
+                    needed=float(values[i, j]),
+                    allowed=float(most[i, j]),
                 )
             rows.append(Row(f"fci.{name}", float(use[i, j]), "1", f"{name} of the FCI's limit"))
         return rows
