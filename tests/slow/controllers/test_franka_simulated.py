@@ -18,6 +18,7 @@ import armcontour as ac
 from armcontour.control.compensation import NoCompensation
 from armcontour.controllers import Franka, Motion, play
 from armcontour.controllers.commands import Stopper
+from armcontour.controllers.controller import START
 from armcontour.controllers.player import approach_of
 from armcontour.files import parse_job
 from armcontour.motion import Log, SetPoints
@@ -36,7 +37,7 @@ arm: fr3
 path:
   points: [[0.40, -0.05, 0.3], [0.50, -0.05, 0.3], [0.50, 0.05, 0.3], [0.40, 0.05, 0.3],
     [0.40, -0.05, 0.3]]
-  pointing: [0, 0, -1]
+  orientation: {axis: [0, 0, -1]}
 corners: {tolerance: 0.5 mm, continuity: curvature}
 cycle: 1 ms
 limits:
@@ -99,18 +100,12 @@ def stopper_of(trajectory, arm):
 def played(robot, motion, job, limits, wanted=lambda: False):
     """The record of a motion that is played from its start, until one is faithful."""
     for _ in range(TRIES):
-        if np.abs(robot.position() - motion.q[0]).max() > robot_start():
+        if np.abs(robot.position() - motion.q[0]).max() > START:
             robot.stream(approach_of(job, limits, robot.position(), motion.q[0], 1e-3))
         record = robot.stream(motion, wanted)
         if record.faithful:
             return record
     pytest.skip(f"This machine is too busy: {' '.join(record.notes)}")
-
-
-def robot_start():
-    from armcontour.controllers.controller import START
-
-    return START
 
 
 def random_program(arm, limits, seed):
@@ -149,21 +144,13 @@ def test_a_stop_ends_on_the_path_and_the_limiter_changes_nothing(robot, arm, lim
     stopper = stopper_of(trajectory, arm)
     path = ac.Path.polyline(arm.forward(trajectory(np.linspace(0, trajectory.duration, 20_000))))
     for share in (0.2, 0.5):
-        begin, seen = robot.position(), 0
+        far = share * np.abs(stopper.q - stopper.q[0]).max()
 
-        def wanted():
-            nonlocal seen
-            moved = np.abs(robot.position() - stopper.q[0]).max()
-            seen += moved > share * np.abs(stopper.q - stopper.q[0]).max()
-            return seen > 0
+        def is_far(far=far):
+            return np.abs(robot.position() - stopper.q[0]).max() > far
 
-        seen = 0
-        del begin
-        if np.abs(robot.position() - stopper.q[0]).max() > 1e-3:
-            robot.stream(approach_of(job, limits, robot.position(), stopper.q[0], 1e-3))
-        record = robot.stream(Motion(q=stopper.q, next_stop=stopper), wanted)
-        if not record.faithful:
-            pytest.skip(f"This machine is too busy: {' '.join(record.notes)}")
+        motion = Motion(q=stopper.q, next_stop=stopper)
+        record = played(robot, motion, job, limits, is_far)
         assert record.stopped is not None and record.stopped < trajectory.duration * 1e3
         assert commands_changed("fr3", record.command) == 0
         assert np.abs(np.diff(record.command[-100:], axis=0)).max() < 1e-12
@@ -177,7 +164,7 @@ def test_the_gain_is_identified_from_a_log(robot, arm, limits, job):
     x = np.clip(np.minimum(t, 5 - t), 0, 1)
     fade = x**3 * (10 - x * (15 - 6 * x))
     wave = np.sin(2 * np.pi * np.outer(t, 0.5 + 0.15 * np.arange(7)))
-    q = np.concatenate([robot.position() + 0.05 * fade[:, None] * wave] * 1)
+    q = robot.position() + 0.05 * fade[:, None] * wave
     record = played(robot, Motion(q=np.concatenate([q, [q[-1]] * 500])), job, limits)
     log = Log(t=record.t, command=record.command, measured=record.measured, interpolation="linear")
     servo = ac.identify(log).servo_model()
