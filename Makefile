@@ -45,7 +45,7 @@ TOOLS := tools/vendor
 TSC := $(TOOLS)/node_modules/.bin/tsc
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test slow newest lowest constraints check types layers page package release docs site links soak bench figures kernels vendor clean
+.PHONY: help demo test slow newest lowest plain constraints check types layers page package release docs site links soak bench figures kernels vendor clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
@@ -58,6 +58,9 @@ test: $(VENV)/test-all  ## Run the whole test suite, on all cores
 
 slow: $(VENV)/test-all docs package  ## Run the tests that need time, processes, signals or a browser, and try the wheel
 	$(BIN)/python -m pytest -q -n auto tests/slow docs/site
+	$(BIN)/python -m soak playing --jobs 1 --count 30
+	@if command -v halcmd >/dev/null; then $(BIN)/python -m soak.paper_table; \
+		else echo "Table I was not played: LinuxCNC is not installed (apt-get install linuxcnc-uspace)."; fi
 	$(BIN)/python tools/try_package.py dist --install
 
 newest: $(VENV)/bin/python  ## Run the suite with the newest versions of all dependencies
@@ -65,6 +68,10 @@ newest: $(VENV)/bin/python  ## Run the suite with the newest versions of all dep
 
 lowest: $(VENV)/bin/python  ## Run the suite with the lowest versions of the dependencies
 	$(call suite_with,lowest,--resolution lowest-direct)
+
+# pinocchio needs a newer NumPy than the package.
+plain: $(VENV)/bin/python  ## Run the suite with the lowest versions, without the extra dynamics
+	$(call suite_with,plain,--resolution lowest-direct --override tools/without_dynamics.txt)
 
 constraints: $(VENV)/bin/python  ## Write the newest versions to constraints.txt, which `make test` then tests
 	printf '%s\n' hatchling uv | $(BIN)/python -m uv pip compile -q --upgrade --universal --python-version 3.11 \

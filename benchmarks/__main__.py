@@ -44,62 +44,62 @@ Found: TypeAlias = dict[str, list[Measured]]
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure; answers 1 if something is slower than the baseline, or failed."""
-    given = _parser().parse_args(arguments)
+    options = _parser().parse_args(arguments)
     # It is read when numpy is imported, by the modules.
     for name in THREADS:
         os.environ.setdefault(name, "1")
     everything = all_lines()
-    lines = chosen(everything, given.only, given.full)
-    if given.list:
+    lines = chosen(everything, options.only, options.full)
+    if options.list:
         print(*(f"{x.name:32} {x.what}; against {x.peer}" for x in lines), sep="\n")
         return 0
-    if given.page:
-        _write_pages(everything, given.baseline)
+    if options.page:
+        _write_pages(everything, options.baseline)
         return 0
-    sessions = baseline.read(given.baseline)
-    if given.update or given.resume:
-        code = _update(given, lines, sessions)
-        _write_pages(everything, given.baseline)
+    sessions = baseline.read(options.baseline)
+    if options.update or options.resume:
+        code = _update(options, lines, sessions)
+        _write_pages(everything, options.baseline)
         return code
-    known = baseline.known(sessions)
-    found, failed = _measured(lines, known, 1)
-    best = [_judged(x) for x in found.values()]
-    print(*baseline.sentences(best, known), sep="\n")
-    return int(failed or any(baseline.is_slower(x, known) for x in best))
+    baselines = baseline.baselines_by_name(sessions)
+    measured, failed = _measured(lines, baselines, 1)
+    best = [_judged(x) for x in measured.values()]
+    print(*baseline.sentences(best, baselines), sep="\n")
+    return int(failed or any(baseline.is_slower(x, baselines) for x in best))
 
 
-def _update(given: argparse.Namespace, lines: list[Line], sessions: Sequence[Session]) -> int:
+def _update(options: argparse.Namespace, lines: list[Line], sessions: Sequence[Session]) -> int:
     """Measure for the baseline, which has every line as soon as it is measured."""
     new = Session(date.today().isoformat(), _commit(), _machine(), {})
-    if given.resume:
+    if options.resume:
         there = baseline.done(sessions, new)
         lines = [x for x in lines if x.name not in there]
 
-    def keep(found: Found) -> None:
-        measured = replace(new, lines={name: Known.of(x) for name, x in found.items()})
-        baseline.write(given.baseline, baseline.updated(sessions, measured))
+    def keep(measurements: Found) -> None:
+        measured = replace(new, lines={name: Known.of(x) for name, x in measurements.items()})
+        baseline.write(options.baseline, baseline.updated(sessions, measured))
 
-    _, failed = _measured(lines, baseline.known(sessions), given.times, keep)
-    print(f"Written: {given.baseline}")
+    _, failed = _measured(lines, baseline.baselines_by_name(sessions), options.times, keep)
+    print(f"Written: {options.baseline}")
     return int(failed)
 
 
 def _measured(
     lines: Sequence[Line],
-    known: Mapping[str, Known],
+    baselines: Mapping[str, Known],
     times: int,
     keep: Callable[[Found], None] | None = None,
 ) -> tuple[Found, bool]:
     """Measure, and say what was found; answers that, and whether a line failed."""
     busy, begin = _busy(), time.perf_counter()
     # What goes into the baseline is not judged by the one before.
-    found, trouble = measure_all(lines, {} if keep else known, times, keep)
-    best = [_judged(x) for x in found.values()]
-    _print_table(best, known)
+    measurements, trouble = measure_all(lines, {} if keep else baselines, times, keep)
+    best = [_judged(x) for x in measurements.values()]
+    _print_table(best, baselines)
     print(*(f"{x.line.name}: {note}." for x in best for note in x.notes), sep="\n")
     minutes = (time.perf_counter() - begin) / 60
     print(f"\n{len(best)} lines in {minutes:.1f} min.", *busy, *trouble, sep="\n")
-    return found, any(x.startswith("Failed") for x in trouble)
+    return measurements, any(x.startswith("Failed") for x in trouble)
 
 
 def _write_pages(lines: Sequence[Line], file: Path) -> None:
@@ -117,14 +117,14 @@ def chosen(lines: Iterable[Line], only: Sequence[str] | None, full: bool) -> lis
     """The lines whose names begin with one of those given; the longest only if wanted by name."""
     if not only:
         return [x for x in lines if full or not x.full]
-    found = [
+    selection = [
         x
         for x in lines
         if x.name in only or ((full or not x.full) and x.name.startswith(tuple(only)))
     ]
-    if not found:
+    if not selection:
         raise SystemExit(f"No line begins with {' or '.join(only)}: see --list.")
-    return found
+    return selection
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -149,7 +149,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def measure_all(
     lines: Sequence[Line],
-    known: Mapping[str, Known],
+    baselines: Mapping[str, Known],
     times: int,
     keep: Callable[[Found], None] | None = None,
 ) -> tuple[Found, list[str]]:
@@ -157,20 +157,23 @@ def measure_all(
 
     Args:
         lines: What is measured.
-        known: The baseline that tells which lines seem slower.
+        baselines: The baseline that tells which lines seem slower.
         times: How often each line is measured.
         keep: Called with all that was measured so far, after each line.
     """
-    found: Found = {}
+    measurements: Found = {}
     trouble: list[str] = []
     for k, line in enumerate(lines):
         print(f"{k + 1}/{len(lines)} {line.name}", end=": ", flush=True)
         try:
-            found[line.name] = measure(line, times)
+            measurements[line.name] = measure(line, times)
         except KeyboardInterrupt:
             # What was measured until then counts.
             print("interrupted", flush=True)
-            return found, [*trouble, f"Interrupted: {len(lines) - k} lines are not measured."]
+            return measurements, [
+                *trouble,
+                f"Interrupted: {len(lines) - k} lines are not measured.",
+            ]
         except Missing as reason:
             print("left out", flush=True)
             trouble.append(f"Left out: {line.name}, as {reason}.")
@@ -178,45 +181,45 @@ def measure_all(
             print("failed", flush=True)
             trouble.append(f"Failed: {line.name}: {type(error).__name__}: {error}")
         else:
-            _print_row(found[line.name][-1], known)
+            _print_row(measurements[line.name][-1], baselines)
             if keep is not None:
-                keep(found)
+                keep(measurements)
     # Noise is not blamed on a line: it is slower only if it is so whenever it is measured.
     for _ in range(AGAIN):
         for line in lines:
-            mine = found.get(line.name, [])
-            if mine and all(baseline.is_slower(x, known) for x in mine):
+            mine = measurements.get(line.name, [])
+            if mine and all(baseline.is_slower(x, baselines) for x in mine):
                 print(f"{line.name} seems slower, once more", end=": ", flush=True)
                 mine += measure(line)
-                _print_row(mine[-1], known)
-    return found, trouble
+                _print_row(mine[-1], baselines)
+    return measurements, trouble
 
 
-def _judged(found: Sequence[Measured]) -> Measured:
+def _judged(repetitions: Sequence[Measured]) -> Measured:
     """The measurement with the lowest ratio."""
-    return min(found, key=lambda x: x.ratio)
+    return min(repetitions, key=lambda x: x.ratio)
 
 
-def _print_row(x: Measured, known: Mapping[str, Known]) -> None:
-    change = baseline.change(x, known)
+def _print_row(x: Measured, baselines: Mapping[str, Known]) -> None:
+    change = baseline.change(x, baselines)
     more = "" if change is None else f", {change:+.0%}"
     took = in_words(x.least[0])
     print(f"{took}, {x.ratio:.3g} of {x.line.peer}{more}", flush=True)
 
 
-def _print_table(found: Iterable[Measured], known: Mapping[str, Known]) -> None:
+def _print_table(rows: Iterable[Measured], baselines: Mapping[str, Known]) -> None:
     table = Table(title="armcontour benchmarks", title_justify="left")
     heads = ("line", "what", "ours", "peer", "peer's", "ratio", "baseline", "change", "bar")
     for name in heads:
         right = name in ("ours", "peer's", "ratio", "baseline", "change")
         table.add_column(name, justify="right" if right else "left")
-    for x in found:
-        change = baseline.change(x, known)
+    for x in rows:
+        change = baseline.change(x, baselines)
         ours, peer = (in_words(x) for x in x.least)
         table.add_row(
             *(x.line.name, x.line.what, ours, x.line.peer, peer),
             f"{x.ratio:.3g}",
-            "-" if change is None else f"{known[x.line.name].ratio:.3g}",
+            "-" if change is None else f"{baselines[x.line.name].ratio:.3g}",
             "-" if change is None else f"{change:+.0%}",
             "-" if x.of_bar == "-" else f"{x.of_bar} of {x.line.bar}",
         )

@@ -43,14 +43,14 @@ class Known:
     notes: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, found: Sequence[Measured]) -> Known:
+    def of(cls, repetitions: Sequence[Measured]) -> Known:
         """What some measurements of a line come to."""
-        ordered = sorted(found, key=lambda x: x.ratio)
-        middle = ordered[(len(found) - 1) // 2]
+        ordered = sorted(repetitions, key=lambda x: x.ratio)
+        middle = ordered[(len(repetitions) - 1) // 2]
         ours, theirs = (_rounded(x) for x in middle.least)
         return cls(
             ratio=_rounded(middle.ratio),
-            runs=len(found),
+            runs=len(repetitions),
             spread=round(ordered[-1].ratio / ordered[0].ratio - 1, 3),
             peer=middle.line.peer,
             ours=ours,
@@ -118,21 +118,21 @@ def write(file: Path, sessions: Iterable[Session]) -> None:
     os.replace(fresh, file)
 
 
-def known(sessions: Iterable[Session]) -> dict[str, Known]:
+def baselines_by_name(sessions: Iterable[Session]) -> dict[str, Known]:
     """All lines of a baseline by name."""
     return {name: line for x in sessions for name, line in x.lines.items()}
 
 
 def updated(sessions: Iterable[Session], new: Session) -> list[Session]:
     """A baseline with lines measured anew, which leave the session that they were of."""
-    kept, lines = [], dict(new.lines)
+    unchanged, lines = [], dict(new.lines)
     for x in sessions:
         rest = {name: line for name, line in x.lines.items() if name not in new.lines}
         if x.is_like(new):
             lines |= rest
         elif rest:
-            kept.append(replace(x, lines=rest))
-    return [*kept, replace(new, lines=lines)]
+            unchanged.append(replace(x, lines=rest))
+    return [*unchanged, replace(new, lines=lines)]
 
 
 def done(sessions: Iterable[Session], new: Session) -> set[str]:
@@ -141,36 +141,38 @@ def done(sessions: Iterable[Session], new: Session) -> set[str]:
     return {name for x in same for name in x.lines}
 
 
-def change(found: Measured, lines: Mapping[str, Known]) -> float | None:
+def change(measurement: Measured, lines: Mapping[str, Known]) -> float | None:
     """How much slower than in the baseline, as a share; None for a new line."""
-    before = lines.get(found.line.name)
-    if before is None or before.peer != found.line.peer:
+    before = lines.get(measurement.line.name)
+    if before is None or before.peer != measurement.line.peer:
         return None
-    return found.ratio / before.ratio - 1
+    return measurement.ratio / before.ratio - 1
 
 
-def is_slower(found: Measured, lines: Mapping[str, Known]) -> bool:
+def is_slower(measurement: Measured, lines: Mapping[str, Known]) -> bool:
     """Whether a line has become slower than the baseline has it."""
-    more = change(found, lines)
+    more = change(measurement, lines)
     return more is not None and more > SLOWER
 
 
-def sentences(found: Sequence[Measured], lines: Mapping[str, Known]) -> list[str]:
+def sentences(measurements: Sequence[Measured], lines: Mapping[str, Known]) -> list[str]:
     """What to say of the lines: slower ones first, then missed bars, then new lines."""
-    said = []
-    slow = [x for x in found if is_slower(x, lines)]
+    messages = []
+    slow = [x for x in measurements if is_slower(x, lines)]
     for x in sorted(slow, key=lambda x: -(change(x, lines) or 0.0)):
         before = lines[x.line.name].ratio
-        said.append(
+        messages.append(
             f"Slower than the baseline by {change(x, lines):.0%}: {x.line.name} takes "
             f"{x.ratio:.3g} of {x.line.peer}, {before:.3g} before."
         )
     if not slow:
-        said.append(f"No line is slower than the baseline by more than {SLOWER:.0%}.")
-    said += [
-        f"Misses its bar of {x.line.bar}: {x.line.name} has {x.of_bar}." for x in found if x.missed
+        messages.append(f"No line is slower than the baseline by more than {SLOWER:.0%}.")
+    messages += [
+        f"Misses its bar of {x.line.bar}: {x.line.name} has {x.of_bar}."
+        for x in measurements
+        if x.missed
     ]
-    new = [x.line.name for x in found if change(x, lines) is None]
+    new = [x.line.name for x in measurements if change(x, lines) is None]
     if new:
-        said.append(f"Not in the baseline yet: {', '.join(new)}.")
-    return said
+        messages.append(f"Not in the baseline yet: {', '.join(new)}.")
+    return messages

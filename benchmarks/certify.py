@@ -24,8 +24,8 @@ def lines() -> list[Line]:
 def _prepare() -> Pair:
     whole = built_in_job()
     run = next(x for x in whole.runs if x.name == "optimal")
-    this = replace(run, compensation=ac.Inverse(), cycle=4e-3, experiment=None)
-    job = replace(whole, runs=(this,))
+    inverse_run = replace(run, compensation=ac.Inverse(), cycle=4e-3, experiment=None)
+    job = replace(whole, runs=(inverse_run,))
     ours = timed(lambda: ac.certify(job, goal=ac.CertificateGoal(servo_error=2e-6, rms=5e-7)))
     plain = timed(lambda: ac.run(job))
 

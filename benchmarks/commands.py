@@ -57,12 +57,12 @@ def circles(count: int) -> str:
     size = APART * (columns + 2)
     row, column = np.divmod(np.arange(count), columns)
     x, y = (APART * (1.5 + k) + rng.uniform(-0.5, 0.5, count) for k in (column, row))
-    found = [
+    circles_svg = [
         f'<circle cx="{a:.3f}" cy="{b:.3f}" r="{r:.3f}"/>'
         for a, b, r in zip(x, y, rng.uniform(*RADII, count), strict=True)
     ]
     head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{size}mm" height="{size}mm" '
-    return f'{head}viewBox="0 0 {size} {size}">{"".join(found)}</svg>'
+    return f'{head}viewBox="0 0 {size} {size}">{"".join(circles_svg)}</svg>'
 
 
 SET_POINTS = ("--no-simulation", "--export", "csv")
@@ -90,8 +90,8 @@ def _by_clock(seconds: float, memory: float | None = None) -> Bar:
 
 
 def _long(name: str, drawn: Drawn, count: int, cell: str, bar: Bar, full: bool = False) -> Line:
-    what = f"run, {count:,} {drawn.parts}, {cell}"
-    return Line(name, what, reference.NAME, partial(_drawn, drawn, count, cell), bar, full)
+    title = f"run, {count:,} {drawn.parts}, {cell}"
+    return Line(name, title, reference.NAME, partial(_drawn, drawn, count, cell), bar, full)
 
 
 def _drawn(drawn: Drawn, count: int, cell: str) -> Pair:

@@ -21,11 +21,11 @@ FEW, MANY, WAYPOINTS = 8_000, 32_000, 640
 
 def lines() -> list[Line]:
     """One plan, and the cost of many cells."""
-    what = f"plan with limits of jerk, {CELLS} cells"
+    title = f"plan with limits of jerk, {CELLS} cells"
     more = f"plan with limits of jerk, {MANY:,} cells"
     return [
-        Line("jerk/plan", what, reference.NAME, _plan, Bar(seconds=0.06)),
-        Line("jerk/ipopt", what, "IPOPT", _against_ipopt, full=True),
+        Line("jerk/plan", title, reference.NAME, _plan, Bar(seconds=0.06)),
+        Line("jerk/ipopt", title, "IPOPT", _against_ipopt, full=True),
         Line("jerk/cells", more, f"{FEW:,} cells", _many, Bar(ratio=6)),
     ]
 

@@ -50,16 +50,16 @@ class Task:
 def lines() -> list[Line]:
     """Both paths from all guesses, and the part of it that the path has."""
     peer = f"{PLACES:,} forward kinematics, pinocchio"
-    found = []
+    entries = []
     for key, name in PATHS.items():
         for start, guessed in GUESSES.items():
-            what = f"IK and derivatives, {name}, from {guessed}"
-            found.append(
-                Line(f"ik/{key}/{start}", what, peer, partial(_pair, key, start), Bar(ratio=10))
+            title = f"IK and derivatives, {name}, from {guessed}"
+            entries.append(
+                Line(f"ik/{key}/{start}", title, peer, partial(_pair, key, start), Bar(ratio=10))
             )
-        what = f"of it, poses and rates of the path, {name}"
-        found.append(Line(f"ik/{key}/path", what, peer, partial(_pair, key, None)))
-    return found
+        title = f"of it, poses and rates of the path, {name}"
+        entries.append(Line(f"ik/{key}/path", title, peer, partial(_pair, key, None)))
+    return entries
 
 
 def _pair(key: str, start: str | None) -> Pair:
@@ -78,10 +78,10 @@ def _pair(key: str, start: str | None) -> Pair:
     if start is None:
         return Pair(timed(partial(_evaluate, task)), timed(peer))
     guess = task.guesses[start]
-    off, moved = verified(arm, model, task, guess)
+    error, moved = verified(arm, model, task, guess)
     note = f"guesses off by {np.median(moved):.1e} rad, at most {moved.max():.1e}"
     ours = timed(partial(task.solver.ends, task.knots, task.knots.u0, guess))
-    return Pair(ours, timed(peer), lambda: [f"{note}; tool within {off:.1e} m"])
+    return Pair(ours, timed(peer), lambda: [f"{note}; tool within {error:.1e} m"])
 
 
 def path_of(key: str) -> ac.Path:
@@ -136,14 +136,14 @@ def verified(
     for k, row in enumerate(q):
         pin.framesForwardKinematics(model, data, row)
         places[k] = data.oMf[frame].homogeneous[:3]
-    off = float(np.linalg.norm(places[:, :, 3] - poses[:, :, 3], axis=1).max())
+    error = float(np.linalg.norm(places[:, :, 3] - poses[:, :, 3], axis=1).max())
     turned = float(np.abs(places[:, :, :3] - poses[:, :, :3]).max())
     first = arm.tool_twist(q, dq_ds) - rates[:, [0, 2]].reshape(PLACES, 6)
     second = arm.tool_twist_rate(q, dq_ds, d2q_ds2) - rates[:, [1, 3]].reshape(PLACES, 6)
     wrong = max(float(np.abs(x).max() / (1 + np.abs(rates).max())) for x in (first, second))
-    if off > TOOL or turned > TURNED or wrong > DERIVATIVES:
-        raise AssertionError(f"Not right: {off:.1e} m, {turned:.1e} rad, rates {wrong:.1e}.")
-    return off, np.abs(q - guess).max(axis=1)
+    if error > TOOL or turned > TURNED or wrong > DERIVATIVES:
+        raise AssertionError(f"Not right: {error:.1e} m, {turned:.1e} rad, rates {wrong:.1e}.")
+    return error, np.abs(q - guess).max(axis=1)
 
 
 def _evaluate(task: Task) -> tuple[FloatArray, FloatArray]:

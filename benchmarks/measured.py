@@ -201,9 +201,9 @@ def measure(line: Line, times: int = 1) -> list[Measured]:
     if not pair.warm:
         pair.ours(1)
         pair.peer(1)
-    found = [_measure(pair) for _ in range(times)]
+    repetitions = [_measure(pair) for _ in range(times)]
     notes = tuple(pair.notes())
-    return [Measured(line, *sides, notes) for sides in found]
+    return [Measured(line, *sides, notes) for sides in repetitions]
 
 
 def _measure(pair: Pair) -> tuple[list[Taken], list[Taken]]:
@@ -246,12 +246,12 @@ def spawned(
         taken = []
         for _ in range(times):
             called = [sys.executable, "-c", LAUNCH, *command()]
-            done = subprocess.run(
+            outcome = subprocess.run(
                 called, env={**os.environ, **environment()}, capture_output=True, text=True
             )
-            if done.returncode != 0:
-                raise RuntimeError(f"{' '.join(called[3:])}: {done.stderr.strip()[-500:]}")
-            taken.append(Taken(*(float(x) for x in done.stdout.split())))
+            if outcome.returncode != 0:
+                raise RuntimeError(f"{' '.join(called[3:])}: {outcome.stderr.strip()[-500:]}")
+            taken.append(Taken(*(float(x) for x in outcome.stdout.split())))
         return taken
 
     return run

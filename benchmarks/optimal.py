@@ -58,7 +58,7 @@ def lines() -> list[Line]:
         ("toppra", "toppra (Seidel)", _against_python, PYTHON_BARS),
         ("cpp", "TOPP-RA C++ (Seidel)", _against_cpp, CPP_BARS),
     ]
-    found = [
+    entries = [
         Line(
             f"plan/{name}/{points}",
             f"optimal plan, {points} points",
@@ -69,8 +69,8 @@ def lines() -> list[Line]:
         for name, peer, against, bars in rows
         for points in POINTS
     ]
-    what = f"optimal plan, a grid point of {LARGE:,}"
-    return [*found, Line("plan/grid", what, f"one of {SMALL:,}", _scaling, Bar(ratio=1.5))]
+    title = f"optimal plan, a grid point of {LARGE:,}"
+    return [*entries, Line("plan/grid", title, f"one of {SMALL:,}", _scaling, Bar(ratio=1.5))]
 
 
 def plan(points: int) -> ac.Trajectory:
@@ -186,8 +186,8 @@ def _run(program: Path, points: int, times: int) -> tuple[list[float], float, np
     text = f"{JOINTS} {WAYPOINTS} {points} {times}\n" + "\n".join(
         repr(float(x)) for values in numbers for x in np.ravel(values)
     )
-    done = subprocess.run([program], input=text, capture_output=True, text=True, check=True)
-    head, *rest = done.stdout.splitlines()
+    outcome = subprocess.run([program], input=text, capture_output=True, text=True, check=True)
+    head, *rest = outcome.stdout.splitlines()
     duration, *taken = (float(x) for x in head.split())
     return taken, duration, np.array([float(x) for x in rest])
 
@@ -235,11 +235,11 @@ def _scaling() -> Pair:
 
 def memory() -> list[str]:
     """Growth of the peak memory per grid point, each in a process of its own."""
-    found = []
+    peaks = []
     for points in GRIDS:
         code = MEMORY.format(points=points)
         run = subprocess.run(
             [sys.executable, "-c", code], capture_output=True, text=True, check=True
         )
-        found.append(f"{float(run.stdout):,.0f} at {points:,}")
-    return [f"peak memory, bytes a grid point: {', '.join(found)}"]
+        peaks.append(f"{float(run.stdout):,.0f} at {points:,}")
+    return [f"peak memory, bytes a grid point: {', '.join(peaks)}"]

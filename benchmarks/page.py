@@ -40,7 +40,7 @@ def filled(text: str, lines: Sequence[Line], sessions: Sequence[Session]) -> str
     Raises:
         KeyError: A mark names a line that does not exist.
     """
-    known = baseline.known(sessions)
+    baselines = baseline.baselines_by_name(sessions)
 
     def fill(mark: re.Match[str]) -> str:
         begin, kind, argument, _, end = mark.groups()
@@ -50,10 +50,10 @@ def filled(text: str, lines: Sequence[Line], sessions: Sequence[Session]) -> str
             rows = [x for x in lines if x.name.startswith(tuple(argument.split()))]
             if not rows:
                 raise KeyError(f"No line begins with {argument}.")
-            return f"{begin}\n\n{_table(rows, known)}\n\n{end}"
+            return f"{begin}\n\n{_table(rows, baselines)}\n\n{end}"
         if argument not in {x.name for x in lines}:
             raise KeyError(f"There is no line {argument}.")
-        line = known.get(argument)
+        line = baselines.get(argument)
         return f"{begin}{NOT_YET if line is None else f'{100 * line.ratio:.3g} %'}{end}"
 
     return MARK.sub(fill, text)
@@ -64,21 +64,21 @@ def named(text: str) -> list[str]:
     return [x for mark in MARK.finditer(text) if mark[2] == "lines" for x in mark[3].split()]
 
 
-def _table(lines: Iterable[Line], known: Mapping[str, Known]) -> str:
+def _table(lines: Iterable[Line], baselines: Mapping[str, Known]) -> str:
     rows = [HEADS, tuple("--:" if x in RIGHT else "---" for x in HEADS)]
-    rows += [(f"`{x.name}`", *_cells(x, known.get(x.name))) for x in lines]
+    rows += [(f"`{x.name}`", *_cells(x, baselines.get(x.name))) for x in lines]
     return "\n".join(f"| {' | '.join(map(_plain, row))} |" for row in rows)
 
 
-def _cells(line: Line, found: Known | None) -> tuple[str, ...]:
-    if found is None:
+def _cells(line: Line, baseline: Known | None) -> tuple[str, ...]:
+    if baseline is None:
         more = " (only if asked for)" if line.full else ""
         return NOT_YET + more, line.peer, "-", str(line.bar)
     bar = str(line.bar)
-    if found.of_bar != "-":
-        bar += f" ({found.of_bar}{', missed' if found.missed else ''})"
-    ours = "-" if found.ours is None else in_words(found.ours)
-    return ours, found.peer, f"{found.ratio:.3g}", bar
+    if baseline.of_bar != "-":
+        bar += f" ({baseline.of_bar}{', missed' if baseline.missed else ''})"
+    ours = "-" if baseline.ours is None else in_words(baseline.ours)
+    return ours, baseline.peer, f"{baseline.ratio:.3g}", bar
 
 
 def _plain(text: str) -> str:

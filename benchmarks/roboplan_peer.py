@@ -56,8 +56,13 @@ class Peer:
 
     def answer(self, name):
         """What was planned last: times, positions, velocities, accelerations."""
-        found = self.planned[name]
-        values = found.times, found.positions, found.velocities, found.accelerations
+        trajectory = self.planned[name]
+        values = (
+            trajectory.times,
+            trajectory.positions,
+            trajectory.velocities,
+            trajectory.accelerations,
+        )
         return [np.asarray(x).tolist() for x in values]
 
 
@@ -65,13 +70,13 @@ def main():
     """Obey until there are no more lines."""
     peer = None
     for line in sys.stdin:
-        what, arguments = json.loads(line)
+        method, arguments = json.loads(line)
         try:
-            if what == "arm":
-                peer, found = Peer(**arguments), None
+            if method == "arm":
+                peer, answer = Peer(**arguments), None
             else:
-                found = getattr(peer, what)(**arguments)
-            print(json.dumps([found, None]), flush=True)
+                answer = getattr(peer, method)(**arguments)
+            print(json.dumps([answer, None]), flush=True)
         except Exception as error:
             print(json.dumps([None, str(error)]), flush=True)
 

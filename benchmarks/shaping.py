@@ -42,7 +42,7 @@ NEAR, FAR = 0.15, 0.42
 
 def lines() -> list[Line]:
     """Both jobs with their tolerances, the UR5e's square, and long paths."""
-    found = [
+    entries = [
         _line(
             f"{job}/{tolerance:g}mm",
             f"job {job}, {tolerance:g} mm",
@@ -57,7 +57,7 @@ def lines() -> list[Line]:
     ]
     (line, zone), bars = MIXED
     mixed = {"tolerance": 5e-3, "line_tolerance": line / 1e3, "zone": zone / 1e3}
-    found += [
+    entries += [
         _line(
             "1/mixed",
             f"job 1, lines {line:g} mm, corners 5 mm",
@@ -70,19 +70,19 @@ def lines() -> list[Line]:
         for cap, bar in zip((CENTRIPETAL, None), bars, strict=True)
     ]
     longer = Bar(ratio=12, seconds=30)
-    what, peer = f"shaped: {LONG} corners, 2 mm", f"{SHORT} corners"
+    title, peer = f"shaped: {LONG} corners, 2 mm", f"{SHORT} corners"
     return [
-        *found,
+        *entries,
         Line(
             "shaped/ur5e", "shaped: UR5e, square, 0.25 mm", reference.NAME, _space, Bar(seconds=5)
         ),
-        Line("shaped/long", what, peer, _long, longer, full=True),
+        Line("shaped/long", title, peer, _long, longer, full=True),
     ]
 
 
 def _line(
     name: str,
-    what: str,
+    title: str,
     job: dict[str, Any],
     cap: float | None,
     bar: float,
@@ -91,16 +91,16 @@ def _line(
 ) -> Line:
     """One of the jobs on the PMK-3s, with the duration that it shall have and an oracle's."""
     if cap is not None:
-        name, what = f"{name}/centripetal", f"{what}, centripetal limit"
-    known = f"bar {bar:g}{'' if oracle is None else f', oracle {oracle:.3f}'}"
+        name, title = f"{name}/centripetal", f"{title}, centripetal limit"
+    bar_text = f"bar {bar:g}{'' if oracle is None else f', oracle {oracle:.3f}'}"
 
     def prepare() -> Pair:
         arm = ac.load_arm("pmk3s")
         limits = arm.limits.replace(speed=SPEED, centripetal_acceleration=cap)
         path = ac.Path.polyline(job["points"])
-        return _pair(path, arm, limits, job["options"], known)
+        return _pair(path, arm, limits, job["options"], bar_text)
 
-    return Line(f"shaped/{name}", f"shaped: {what}", reference.NAME, prepare, Bar(seconds=longest))
+    return Line(f"shaped/{name}", f"shaped: {title}", reference.NAME, prepare, Bar(seconds=longest))
 
 
 def _space() -> Pair:
@@ -109,20 +109,20 @@ def _space() -> Pair:
 
 
 def _pair(
-    path: ac.Path, arm: ac.Arm, limits: ac.Limits, options: dict[str, float], known: str
+    path: ac.Path, arm: ac.Arm, limits: ac.Limits, options: dict[str, float], bar_text: str
 ) -> Pair:
-    found: list[ac.Trajectory] = []
+    trajectories: list[ac.Trajectory] = []
 
     def shape() -> None:
-        found[:] = [ac.plan(path, arm, limits, ac.Shaped(**options))]
+        trajectories[:] = [ac.plan(path, arm, limits, ac.Shaped(**options))]
 
     def notes() -> list[str]:
         arcs = ac.plan(ac.round_corners(path, tolerance=options["tolerance"]), arm, limits)
-        (shaped,) = found
+        (shaped,) = trajectories
         assert isinstance(shaped.path, ShapedPath)
         start = shaped.path.outcome.start
         ours = f"shaped {shaped.duration:.4f} s from {start}"
-        return [f"arcs {arcs.duration:.4f} s, {ours} ({known})"]
+        return [f"arcs {arcs.duration:.4f} s, {ours} ({bar_text})"]
 
     return Pair(timed(shape), timed(reference.work), notes)
 
@@ -149,7 +149,7 @@ def wander(corners: int) -> FloatArray:
         heading = rng.uniform(0, 2 * np.pi)
         there = points[-1] + rng.uniform(*STEPS) * np.array([np.cos(heading), np.sin(heading)])
         middle = (points[-1] + there) / 2
-        off = np.hypot(*(np.array([middle, there]) - (0.135, 0.0)).T)
-        if (off > NEAR).all() and (off < FAR).all() and there[1] > 0:
+        radii = np.hypot(*(np.array([middle, there]) - (0.135, 0.0)).T)
+        if (radii > NEAR).all() and (radii < FAR).all() and there[1] > 0:
             points.append(there)
     return np.array(points)

@@ -88,7 +88,7 @@ def lines() -> list[Line]:
         ("joints", "roboplan, joint limits only", Bar()),
         ("start", "roboplan, default TimeOptimal", Bar()),
     ]
-    found = [
+    entries = [
         Line(
             f"square/{ours}/{peer.removeprefix('roboplan, ').replace(' ', '-')}",
             f"square, {OURS[ours]}",
@@ -100,7 +100,7 @@ def lines() -> list[Line]:
     ]
     peer = f"toppra and RNEA, {torque.POINTS} points"
     return [
-        *found,
+        *entries,
         Line("torque/square/start", TORQUE, peer, partial(_torque, True), Bar(seconds=12e-3)),
         Line(
             "torque/square/configurations",
@@ -116,8 +116,8 @@ def _pair(ours: str, peer: str) -> Pair:
     arm, path = ur5e.load(), ur5e.square()
     limits = JOINTS if ours == "joints" else JOINTS.replace(speed=SPEED)
     start = plan(arm, path, JOINTS.replace(speed=SPEED))(0.0)
-    given = None if ours == "configurations" else start
-    call = partial(plan, arm, path, limits, given)
+    posture = None if ours == "configurations" else start
+    call = partial(plan, arm, path, limits, posture)
     ask = _roboplan()
     mode, options = _settings()[peer]
     _prepare(ask, peer, mode, options)
@@ -126,21 +126,21 @@ def _pair(ours: str, peer: str) -> Pair:
         return [Taken(x, x) for x in ask("time", name=peer, runs=times)]
 
     def notes() -> list[str]:
-        found = call()
+        trajectory = call()
         rounded = ac.round_corners(path, tolerance=ur5e.CORNER_ERROR)
-        off = _off(rounded, arm.tool_position(found(_places(found.breaks))))
-        if off > OFF:
-            raise AssertionError(f"The plan leaves the rounded path by {off:.1e} m.")
+        error = _off(rounded, arm.tool_position(trajectory(_places(trajectory.breaks))))
+        if error > OFF:
+            raise AssertionError(f"The plan leaves the rounded path by {error:.1e} m.")
         values = ", ".join(f"{k}={v:.5g}" for k, v in options.items()) or "its defaults"
         return [
-            f"{_ours('armcontour', arm, path, found)}; {off:.1e} m off the rounded path",
+            f"{_ours('armcontour', arm, path, trajectory)}; {error:.1e} m off the rounded path",
             f"{_theirs(ask, arm, path, peer, mode, options)} ({mode}, {values})",
         ]
 
     return Pair(timed(call), theirs, notes)
 
 
-def _torque(given: bool) -> Pair:
+def _torque(fixed_start: bool) -> Pair:
     """The arm's own limits and the tool's speed; toppra is given the joint path that we plan on."""
     arm, path = ur5e.load(), ur5e.square()
     limits = arm.limits.replace(speed=SPEED)
@@ -154,7 +154,7 @@ def _torque(given: bool) -> Pair:
     def notes() -> list[str]:
         return [f"{first.duration:.4f} s; toppra, joint limits only: {solve():.4f} s"]
 
-    call = partial(plan, arm, path, limits, start if given else None)
+    call = partial(plan, arm, path, limits, start if fixed_start else None)
     return Pair(timed(call), timed(solve), notes)
 
 
@@ -256,8 +256,8 @@ def _through(
     from scipy.interpolate import CubicHermiteSpline
 
     spline = CubicHermiteSpline(t, q, dq)
-    at = _places(t)
-    return at, spline(at), spline(at, 1), spline(at, 2)
+    parameters = _places(t)
+    return parameters, spline(parameters), spline(parameters, 1), spline(parameters, 2)
 
 
 def _prepare(ask: Ask, name: str, mode: str, options: dict[str, float]) -> None:
@@ -268,9 +268,9 @@ def _prepare(ask: Ask, name: str, mode: str, options: dict[str, float]) -> None:
 
 def _samples(ask: Ask, name: str) -> list[FloatArray]:
     """Times, positions, velocities and accelerations, without repeated times."""
-    found = [np.array(x) for x in ask("answer", name=name)]
-    fresh = np.append(True, np.diff(found[0]) > 1e-9)
-    return [x[fresh] for x in found]
+    columns = [np.array(x) for x in ask("answer", name=name)]
+    fresh = np.append(True, np.diff(columns[0]) > 1e-9)
+    return [x[fresh] for x in columns]
 
 
 @cache
@@ -295,14 +295,14 @@ def _roboplan() -> Ask:
     # Leaving it closes its input, which ends it.
     resources.enter_context(process)
 
-    def ask(what: str, **arguments: Any) -> Any:
+    def ask(method: str, **arguments: Any) -> Any:
         assert process.stdin is not None and process.stdout is not None
-        process.stdin.write(json.dumps([what, arguments]) + "\n")
+        process.stdin.write(json.dumps([method, arguments]) + "\n")
         process.stdin.flush()
-        found, error = json.loads(process.stdout.readline())
+        answer, error = json.loads(process.stdout.readline())
         if error is not None:
             raise RuntimeError(f"roboplan: {error}")
-        return found
+        return answer
 
     files = {"urdf": str(urdf), "limits": str(limits)}
     ask("arm", **files, base=ur5e.BASE, tool=ur5e.TOOL, start=start.tolist())

@@ -75,10 +75,10 @@ def _prepare(text: str, *, change: Callable[[Data, int], Data], executed: bool =
 
     def preview() -> list[bytes]:
         planned = previewer.plan(change(data, next(numbers) % STEPS), "optimal")
-        found = [picture_frame(planned, view).pack()]
+        frames = [picture_frame(planned, view).pack()]
         if executed:
-            found.append(execution_frame(previewer.simulate(planned), view).pack())
-        return found
+            frames.append(execution_frame(previewer.simulate(planned), view).pack())
+        return frames
 
     def notes() -> list[str]:
         return [f"{', '.join(f'{len(x) / 1e3:.0f} kB' for x in preview())} for the page"]

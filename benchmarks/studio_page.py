@@ -110,8 +110,8 @@ def segments(browser: Browser, folder: FilePath) -> Iterator[Found]:
             mouse.up()
             slowest = f"95 % of the frames within {_share(frames, 0.95):.0f} ms"
             rate = 1e3 * len(frames) / sum(frames)
-            what = f"{name} {SEGMENTS:,} segments"
-            yield Found(what, rate, 30.0, "frames/s", least=True, more=slowest)
+            title = f"{name} {SEGMENTS:,} segments"
+            yield Found(title, rate, 30.0, "frames/s", least=True, more=slowest)
 
 
 def corner(browser: Browser, folder: FilePath) -> Iterator[Found]:
@@ -162,7 +162,7 @@ def _panning(studio: Studio) -> tuple[Mouse, Callable[[float], None]]:
     return mouse, lambda t: mouse.move(x + 80 * math.sin(3 * t), y + 60 * math.cos(2 * t))
 
 
-def _panned(studio: Studio, what: str, wheel: float) -> Iterator[Found]:
+def _panned(studio: Studio, title: str, wheel: float) -> Iterator[Found]:
     """Frames of the screen while the drawing is panned."""
     mouse, pan = _panning(studio)
     mouse.wheel(0, wheel)
@@ -171,7 +171,7 @@ def _panned(studio: Studio, what: str, wheel: float) -> Iterator[Found]:
     frames = _frames(studio, pan)
     mouse.up()
     more = f"p50 {_share(frames, 0.5):.0f}, max {max(frames):.0f}"
-    yield Found(f"{what}: frames, p95", _share(frames, 0.95), 50.0, "ms", more=more)
+    yield Found(f"{title}: frames, p95", _share(frames, 0.95), 50.0, "ms", more=more)
 
 
 def program(browser: Browser, folder: FilePath) -> Iterator[Found]:
@@ -253,33 +253,33 @@ class Drawn:
 def _measuring(studio: Studio) -> Iterator[Drawn]:
     """Collects what is drawn during the block."""
     studio.page.evaluate("() => performance.clearMeasures()")
-    found = Drawn({}, {})
+    frames = Drawn({}, {})
     begin = time.perf_counter()
-    yield found
-    found.seconds = time.perf_counter() - begin
+    yield frames
+    frames.seconds = time.perf_counter() - begin
     entries = studio.page.evaluate(
         "() => performance.getEntriesByType('measure').map((e) => [e.name, e.duration, e.detail])"
     )
     for name, duration, message in entries:
-        found.after.setdefault(name, []).append(duration)
-        found.messages.setdefault(name, []).append(message)
+        frames.after.setdefault(name, []).append(duration)
+        frames.messages.setdefault(name, []).append(message)
 
 
 def _latencies(
-    what: str, drawn: Drawn, first: float, second: float, rate: float | None = 30.0
+    title: str, drawn: Drawn, first: float, second: float, rate: float | None = 30.0
 ) -> Iterator[Found]:
     """How long after the event the plan and the executed error are drawn, and how often."""
     for kind, name, bar in (("picture", "plan", first), ("executed", "executed error", second)):
         after = drawn.after.get(f"drawn {kind}", [math.inf])
         order = drawn.messages.get(f"drawn {kind}", [])
         per = len(order) / drawn.seconds
-        told = f"p50 {_share(after, 0.5):.0f}, max {max(after):.0f}, {per:.0f}/s"
-        yield Found(f"{what}: {name}, p95", _share(after, 0.95), bar, "ms", more=told)
+        details = f"p50 {_share(after, 0.5):.0f}, max {max(after):.0f}, {per:.0f}/s"
+        yield Found(f"{title}: {name}, p95", _share(after, 0.95), bar, "ms", more=details)
         if kind == "picture" and rate is not None:
-            yield Found(f"{what}: updates", per, rate, "1/s", least=True)
+            yield Found(f"{title}: updates", per, rate, "1/s", least=True)
         back = sum(a > b for a, b in zip(order, order[1:], strict=False))
         if back:
-            yield Found(f"{what}: older after newer", back, 0.0, "times")
+            yield Found(f"{title}: older after newer", back, 0.0, "times")
 
 
 def _share(values: Sequence[float], share: float) -> float:
@@ -351,21 +351,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Measure; answers 1 if a bar is missed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.studio_page", description=__doc__)
     parser.add_argument("--only", nargs="+", choices=MEASURES, default=list(MEASURES))
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     table = Table("what", "found", "bar", "", "")
-    found = []
+    figures = []
     with browsing() as browser:
-        for name in given.only:
+        for name in options.only:
             with tempfile.TemporaryDirectory() as folder:
                 for x in MEASURES[name](browser, FilePath(folder)):
-                    found.append(x)
+                    figures.append(x)
                     sign = "≥" if x.least else "≤"
                     bar = "" if x.bar is None else f"{sign} {x.bar:g} {x.unit}"
                     missed = "" if x.kept else "coverage_error"
                     table.add_row(x.what, f"{x.value:.3g} {x.unit}", bar, missed, x.more)
     Console(width=130).print(table)
     print(f"Load of the machine: {os.getloadavg()[0]:.1f}.")
-    return 0 if all(x.kept for x in found) else 1
+    return 0 if all(x.kept for x in figures) else 1
 
 
 if __name__ == "__main__":

@@ -31,8 +31,8 @@ VELOCITY, ACCELERATION = 3.14, 40.0  # rad/s, rad/s²
 
 def lines() -> list[Line]:
     """One line."""
-    what, peer = f"plan with torque limits, {POINTS} points", "toppra and RNEA (Seidel)"
-    return [Line("torque/spline", what, peer, _prepare, Bar(ratio=1 / 20))]
+    title, peer = f"plan with torque limits, {POINTS} points", "toppra and RNEA (Seidel)"
+    return [Line("torque/spline", title, peer, _prepare, Bar(ratio=1 / 20))]
 
 
 def _prepare() -> Pair:
@@ -59,14 +59,14 @@ def _prepare() -> Pair:
 
 
 def toppra_planner(
-    arm: ac.SerialArm, limits: ac.Limits, at: FloatArray, way: FloatArray
+    arm: ac.SerialArm, limits: ac.Limits, parameters: FloatArray, way: FloatArray
 ) -> Callable[[], float]:
     """A call that plans with toppra through waypoints, and answers the duration [s].
 
     Args:
         arm: The arm, with masses.
         limits: Of joint velocity, acceleration and torque.
-        at: Path parameters of the waypoints, from 0 to 1.
+        parameters: Path parameters of the waypoints, from 0 to 1.
         way: The waypoints [rad], (n, dof).
     """
     if find_spec("toppra") is None:
@@ -101,7 +101,7 @@ def toppra_planner(
         ]
         law = TOPPRA(
             constraints,
-            toppra.SplineInterpolator(at, way, bc_type="natural"),
+            toppra.SplineInterpolator(parameters, way, bc_type="natural"),
             gridpoints=np.linspace(0, 1, POINTS),
             solver_wrapper="seidel",
             parametrizer="ParametrizeConstAccel",

@@ -71,8 +71,8 @@ def blocks(file: Path) -> Iterator[Block]:
     page = file.relative_to(ROOT).as_posix()
     for token in MarkdownIt().parse(file.read_text(encoding="utf-8")):
         if token.type == "html_block":
-            found = MARK.findall(token.content)
-            marks |= {kind or other: text or of for kind, text, other, of in found}
+            matches = MARK.findall(token.content)
+            marks |= {kind or other: text or language for kind, text, other, language in matches}
         elif token.type == "fence":
             assert token.map is not None
             yield Block(page, token.info.strip(), token.content, token.map[0] + 2, marks)
@@ -173,38 +173,38 @@ def agree(expected: str, printed: str, *, within: float = 0.0) -> bool:
         printed: What was printed.
         within: Share by which numbers with decimals may differ besides.
     """
-    wanted, found = (FRAME.sub(" ", x).split() for x in (expected, printed))
+    expected_words, printed_words = (FRAME.sub(" ", x).split() for x in (expected, printed))
     # The usual matching of wildcards: the last one takes a word more where the rest does not fit.
     i = k = 0
     last: tuple[int, int] | None = None
-    while k < len(found):
-        if i < len(wanted) and wanted[i] == ANY:
+    while k < len(printed_words):
+        if i < len(expected_words) and expected_words[i] == ANY:
             last = (i, k)
             i += 1
-        elif i < len(wanted) and _same_word(wanted[i], found[k], within):
+        elif i < len(expected_words) and _same_word(expected_words[i], printed_words[k], within):
             i, k = i + 1, k + 1
         elif last is not None:
             last = (last[0], last[1] + 1)
             i, k = last[0] + 1, last[1]
         else:
             return False
-    return all(x == ANY for x in wanted[i:])
+    return all(x == ANY for x in expected_words[i:])
 
 
-def _same_word(wanted: str, found: str, within: float) -> bool:
+def _same_word(expected: str, printed: str, within: float) -> bool:
     """Whether a word is that of the page, with its numbers."""
-    if ANY in wanted:
-        return re.fullmatch(".*".join(map(re.escape, wanted.split(ANY))), found) is not None
-    if NUMBER.sub("#", wanted) != NUMBER.sub("#", found):
+    if ANY in expected:
+        return re.fullmatch(".*".join(map(re.escape, expected.split(ANY))), printed) is not None
+    if NUMBER.sub("#", expected) != NUMBER.sub("#", printed):
         return False
-    pairs = zip(NUMBER.findall(wanted), NUMBER.findall(found), strict=True)
+    pairs = zip(NUMBER.findall(expected), NUMBER.findall(printed), strict=True)
     return all(_same_number(x, y, within) for x, y in pairs)
 
 
-def _same_number(wanted: str, found: str, within: float) -> bool:
+def _same_number(expected: str, printed: str, within: float) -> bool:
     """Whether a number is that of the page."""
-    last = Decimal(wanted).as_tuple().exponent
+    last = Decimal(expected).as_tuple().exponent
     if last == 0:
-        return wanted == found
+        return expected == printed
     unit = UNITS * 10.0 ** float(last)
-    return abs(float(found) - float(wanted)) <= unit + within * abs(float(wanted))
+    return abs(float(printed) - float(expected)) <= unit + within * abs(float(expected))

@@ -3,14 +3,14 @@
 import armcontour as ac
 
 arm = ac.load_arm("pmk3s")
-late = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.04)
+delayed_servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.04)
 job = ac.Job(
     name="slot",
     title="A slot, certified",
     arm=arm,
     path=ac.Path.polyline([(0.30, 0.15), (0.40, 0.15), (0.40, 0.25), (0.30, 0.25)]),
-    servo=late,
-    plant_servo=late,
+    servo=delayed_servo,
+    plant_servo=delayed_servo,
     runs=(
         ac.Run(
             name="slot",
@@ -20,8 +20,11 @@ job = ac.Job(
         ),
     ),
 )
-found = ac.certify(job, goal=ac.CertificateGoal(servo_error=1e-5))
-error = found.evaluation.contour_error
-print(f"certified in {found.duration:.3f} s, {found.cost * 1e3:.0f} ms more than the optimum")
-print(f"contour error {error.max * 1e3:.4f} mm at most; holds for: {found.model}")
-print(f"set-points lead by {-found.set_points.start_time * 1e3:.0f} ms")
+certificate = ac.certify(job, goal=ac.CertificateGoal(servo_error=1e-5))
+error = certificate.evaluation.contour_error
+print(
+    f"certified in {certificate.duration:.3f} s, "
+    f"{certificate.cost * 1e3:.0f} ms more than the optimum"
+)
+print(f"contour error {error.max * 1e3:.4f} mm at most; holds for: {certificate.model}")
+print(f"set-points lead by {-certificate.set_points.start_time * 1e3:.0f} ms")

@@ -25,17 +25,17 @@ servo = ac.ServoModel(kp=25.0, kv=150.0)
 limits = arm.limits.replace(speed=0.05, centripetal_acceleration=0.09)
 
 
-def cut(asked: ac.Process) -> ac.SetPoints:
+def cut(process: ac.Process) -> ac.SetPoints:
     """Plan, compensate, execute and judge what a process asks for."""
-    objective = ac.prepare(gasket, asked)
+    objective = ac.prepare(gasket, process)
     program = ac.round_corners(objective, tolerance=2e-4)
     # A tenth of the joints' acceleration is left to the servo.
     planned = ac.plan(program, arm, limits, ac.Optimal(reserve=0.1))
     set_points = ac.compensate(planned, servo, ac.Inverse(), cycle=4e-3)
     executed = ac.simulate(set_points, ac.ServoPlant(arm, servo))
-    found = ac.evaluate(executed, program, objective=objective, limits=limits)
-    worst = max(found.contours, key=lambda x: x.max)
-    name = program.contours[found.contours.index(worst)].name
+    evaluation = ac.evaluate(executed, program, objective=objective, limits=limits)
+    worst = max(evaluation.contours, key=lambda x: x.max)
+    name = program.contours[evaluation.contours.index(worst)].name
     print(f"{planned.duration:.1f} s, contour error {worst.max * 1e3:.4f} mm at most, on {name}")
     return set_points
 

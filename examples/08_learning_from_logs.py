@@ -20,8 +20,8 @@ def write_log(file: Path, executed: ac.Execution, seed: int) -> None:
     """What a controller would log: time, set-points and measured positions."""
     t = np.arange(executed.t[0] - 0.3, executed.t[-1] + 0.3, 0.008)
     noise = 1e-6 * np.random.default_rng(seed).standard_normal((len(t), arm.dof))
-    at = executed.set_points.t
-    u = np.stack([np.interp(t, at, x) for x in executed.set_points.q.T], axis=1)
+    times = executed.set_points.t
+    u = np.stack([np.interp(t, times, x) for x in executed.set_points.q.T], axis=1)
     q = np.stack([np.interp(t, executed.t, x) for x in executed.q.T], axis=1) + noise
     table = np.column_stack([t + 1234.567, np.degrees(u), np.degrees(q)])
     titles = "t [s],command 1 [deg],command 2 [deg],measured 1 [deg],measured 2 [deg]"

@@ -19,9 +19,9 @@ def cell(x: float) -> ac.Scene:
 
 
 for x in (0.35, 0.60):
-    found = ac.check_clearance(planned, arm, cell(x))
-    print(f"post at x = {x:.2f} m: {'clear' if found.satisfied else 'too near'}")
-    for pair in found.nearest if found.satisfied else found.too_near[:1]:
+    clearance = ac.check_clearance(planned, arm, cell(x))
+    print(f"post at x = {x:.2f} m: {'clear' if clearance.satisfied else 'too near'}")
+    for pair in clearance.nearest if clearance.satisfied else clearance.too_near[:1]:
         names = f"{pair.first} and {pair.second}"
         if pair.satisfied:
             print(f"  {names}: {pair.low * 1e3:.1f} mm or more, at all times")

@@ -29,10 +29,10 @@ with tempfile.TemporaryDirectory() as name:
         "columns": ["duration", "contour_error.max"],
     }
     # `armcontour batch` uses all processors, or a cluster, and can be interrupted.
-    found = ac.batch(plan, folder / "out", workers=0)
+    result = ac.batch(plan, folder / "out", workers=0)
 
-print(f"{found.counts['done']} of {len(found.plan)} jobs done")
-for row in found.rows:
+print(f"{result.counts['done']} of {len(result.plan)} jobs done")
+for row in result.rows:
     print(
         f"{row['limits.speed'] * 1e3:3.0f} mm/s, {row['runs.only.compensation.method']:14s} "
         f"{row['duration']:.3f} s, {row['contour_error.max'] * 1e3:.4f} mm at most"

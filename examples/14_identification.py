@@ -26,8 +26,8 @@ for program in (1, 2):
     q = np.stack([np.interp(t, shaken.t, x) for x in shaken.q.T], axis=1) + noise
     logs.append(ac.Log(t=t, command=u, measured=q, interpolation="linear"))
 
-found = ac.identify(logs)
-for joint in found.joints:
+identification = ac.identify(logs)
+for joint in identification.joints:
     print(
         f"{joint.name}: K_p {joint.kp.value:.2f} 1/s, K_v {joint.kv.value:.1f} 1/s, "
         f"dead time {joint.dead_time.value * 1e3:.2f} ms"
@@ -38,7 +38,7 @@ path = ac.round_corners(corner, tolerance=2e-3)
 limits = arm.limits.replace(speed=0.1, centripetal_acceleration=0.05)
 planned = ac.plan(path, arm, limits, ac.Optimal(reserve=0.1))
 errors = {}
-for name, servo in (("data sheet", data_sheet), ("identified", found.servo_model())):
+for name, servo in (("data sheet", data_sheet), ("identified", identification.servo_model())):
     set_points = ac.compensate(planned, servo, ac.Inverse(), cycle=4e-3)
     error = errors[name] = ac.evaluate(ac.simulate(set_points, robot), path).contour_error
     print(f"{name}: contour error {error.rms * 1e3:.4f} mm RMS, {error.max * 1e3:.4f} mm at most")

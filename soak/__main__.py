@@ -41,6 +41,7 @@ TOPICS = {
     "identification": ("soak.identification:run", 2000),
     "readers": ("soak.readers:run", 200_000),
     "interrupts": ("soak.interrupts:run", 400),
+    "playing": ("soak.playing:run", 250),
     "studio": ("soak.studio:run", 1),
     "calls": ("soak.calls:run", 60_000),
 }
@@ -58,10 +59,10 @@ def judge(task: tuple[str, int]) -> tuple[int, Outcome, float]:
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", "Limits of jerk add")
         try:
-            found = run(seed)
+            outcome = run(seed)
         except Exception as error:  # noqa: BLE001 - every crash is a finding
-            found = Outcome(result="crash", notes=[f"{type(error).__name__}: {error}"])
-    return seed, found, time.perf_counter() - begun
+            outcome = Outcome(result="crash", notes=[f"{type(error).__name__}: {error}"])
+    return seed, outcome, time.perf_counter() - begun
 
 
 def judge_all(
@@ -88,21 +89,21 @@ def uncovered(hits: dict[str, list[bool]]) -> int:
     return missed
 
 
-def soak(topic: str, given: argparse.Namespace) -> int:
+def soak(topic: str, options: argparse.Namespace) -> int:
     """Judge the problems of a topic; returns how many are wrong."""
     place, usual = TOPICS[topic]
-    seeds = range(given.first_seed, given.first_seed + (given.count or usual))
+    seeds = range(options.first_seed, options.first_seed + (options.count or usual))
     counts: Counter[tuple[str, str]] = Counter()
     hits: dict[str, list[bool]] = defaultdict(list)
     wrong, worst, slowest = 0, 0.0, (0.0, -1)
-    for seed, found, seconds in judge_all(place, seeds, given.jobs, given.seconds):
-        counts[found.kind, found.result] += 1
-        wrong += bool(found.notes)
-        worst, slowest = max(worst, found.worst), max(slowest, (seconds, seed))
-        for name, held in found.covered.items():
+    for seed, outcome, seconds in judge_all(place, seeds, options.jobs, options.seconds):
+        counts[outcome.kind, outcome.result] += 1
+        wrong += bool(outcome.notes)
+        worst, slowest = max(worst, outcome.worst), max(slowest, (seconds, seed))
+        for name, held in outcome.covered.items():
             hits[name].append(held)
-        for note in found.notes:
-            print(f"seed {seed} ({found.kind}) {found.result}: {note}", flush=True)
+        for note in outcome.notes:
+            print(f"seed {seed} ({outcome.kind}) {outcome.result}: {note}", flush=True)
     for (kind, result), count in sorted(counts.items()):
         print(f"  {kind:24} {result:16} {count:7d}")
     wrong += uncovered(hits)
@@ -123,13 +124,13 @@ def main() -> int:
     parser.add_argument("--first-seed", type=int, default=0, help="seed of the first one")
     parser.add_argument("--seconds", type=float, default=math.inf, help="time per topic")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
-    given = parser.parse_args()
-    unknown = sorted(set(given.topics) - set(TOPICS))
+    options = parser.parse_args()
+    unknown = sorted(set(options.topics) - set(TOPICS))
     if unknown:
         parser.error(f"there is no topic {unknown[0]}: they are {', '.join(TOPICS)}")
     # Threads of the linear algebra would only wait for each other.
     os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
-    return int(sum(soak(x, given) for x in given.topics or TOPICS) > 0)
+    return int(sum(soak(x, options) for x in options.topics or TOPICS) > 0)
 
 
 if __name__ == "__main__":

@@ -44,10 +44,10 @@ def plan_of(folder: FilePath, jobs: int) -> FilePath:
     return folder / "plan.yaml"
 
 
-def rows(found: Batch) -> list[dict[str, Any]]:
+def rows(batch: Batch) -> list[dict[str, Any]]:
     """The rows without columns that differ between runs."""
     hidden = "(not reproducible)"
-    return [{key: x for key, x in row.items() if hidden not in key} for row in found.rows]
+    return [{key: x for key, x in row.items() if hidden not in key} for row in batch.rows]
 
 
 def engines(plan: FilePath, options: argparse.Namespace) -> bool:
@@ -55,15 +55,15 @@ def engines(plan: FilePath, options: argparse.Namespace) -> bool:
     distributed: Any = import_module("distributed")
 
     want = rows(ac.batch(plan, plan.parent / "here", workers=0))
-    found = {"pool": rows(ac.batch(plan, plan.parent / "pool"))}
+    results = {"pool": rows(ac.batch(plan, plan.parent / "pool"))}
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=":0"
     ) as cluster:
         address = cluster.scheduler_address
-        found["Dask"] = rows(ac.batch(plan, plan.parent / "dask", cluster=address))
-    for name, x in found.items():
+        results["Dask"] = rows(ac.batch(plan, plan.parent / "dask", cluster=address))
+    for name, x in results.items():
         print(f"{name}: {len(x)} rows, {'the same' if x == want else 'DIFFERENT'}", flush=True)
-    return all(x == want for x in found.values())
+    return all(x == want for x in results.values())
 
 
 def kills(plan: FilePath, options: argparse.Namespace) -> bool:
@@ -73,12 +73,12 @@ def kills(plan: FilePath, options: argparse.Namespace) -> bool:
     killed, good, number = 0, True, 0
     while killed < options.times:
         out = plan.parent / f"killed-{number}"
-        number, at = number + 1, []
+        number, written_counts = number + 1, []
         while killed < options.times:
             call = [sys.executable, "-m", "armcontour", "batch", str(plan), "--out", str(out)]
             process = subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-            most = _written(out) + draw.choice([0, 1, options.jobs // 10, options.jobs // 3])
-            while process.poll() is None and _written(out) < most:
+            kill_count = _written(out) + draw.choice([0, 1, options.jobs // 10, options.jobs // 3])
+            while process.poll() is None and _written(out) < kill_count:
                 time.sleep(0.02)
             time.sleep(draw.uniform(0.0, 0.5))
             if process.poll() is not None:
@@ -86,10 +86,13 @@ def kills(plan: FilePath, options: argparse.Namespace) -> bool:
             process.kill()
             process.wait()
             killed += 1
-            at.append(_written(out))
+            written_counts.append(_written(out))
         same = rows(ac.batch(plan, out)) == want
         good &= same
-        print(f"killed after {at} rows: {'the same' if same else 'DIFFERENT'} table", flush=True)
+        print(
+            f"killed after {written_counts} rows: {'the same' if same else 'DIFFERENT'} table",
+            flush=True,
+        )
     return good
 
 

@@ -30,12 +30,14 @@ from armcontour.files.exports import (
     RosYamlFormat,
     TemplateFormat,
     URScriptFormat,
+    interpolate_set_points,
 )
 from armcontour.planning.constraints import SecondOrder
 from armcontour.program import Analog, Lead, Pierce, Switch, Tabs, Weave, smooth_curvature
 from armcontour.robot import scene
 from armcontour.simulation import robustness
 from armcontour.studies.placement import Placement
+from armcontour.verification import check_commands
 from armcontour.verification.clearance import Cell
 from soak import Outcome
 
@@ -113,7 +115,7 @@ def right() -> dict[str, Any]:
     set_points = ac.compensate(trajectory, servo, ac.NoCompensation(), cycle=0.01)
     plant = ac.ServoPlant(arm, servo, limits)
     executed = ac.simulate(set_points, plant)
-    known = arm.with_dynamics(armature=0.1, payload=ac.Payload(mass=0.5))
+    arm_with_dynamics = arm.with_dynamics(armature=0.1, payload=ac.Payload(mass=0.5))
     t = np.arange(400) * 4e-3
     wave = 0.01 * np.sin(np.outer(t, [5.0, 7.0])) * np.clip(t, 0, 1)[:, None]
     log = ac.Log(t=t, command=wave, measured=np.roll(wave, 5, axis=0))
@@ -135,6 +137,10 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.certify, {"job": x["job"]}),
         (ac.check, {"samples": x["trajectory"], **on}),
         (ac.check, {"samples": x["trajectory"].sample(0.01), **on}),
+        (check_commands,
+         {"points": x["trajectory"].sample(0.01), "controller": "jtc", "rate": 100.0, **on}),
+        (interpolate_set_points,
+         {"set_points": x["set_points"], "controller": "jtc", "rate": 100.0}),
         (ac.check_clearance, {"motion": x["trajectory"], "arm": x["arm"]}),
         *((ac.compensate, {"trajectory": x["slow"], "servo": x["servo"], "options": m, **on})
           for m in (ac.NoCompensation(), ac.Inverse(), ac.PolePlacement())),
@@ -237,8 +243,9 @@ def instances() -> Iterator[Any]:
     yield ac.check_clearance(x["trajectory"], x["arm"])
     judged = ac.check(x["trajectory"], x["arm"])
     yield from (judged, judged.uses[0])
+    yield check_commands(x["trajectory"].sample(0.01), x["arm"], "jtc", 100.0)
     yield ac.evaluate(x["executed"], x["path"])
-    yield ac.RigidBodyPlant(x["known"], x["servo"])
+    yield ac.RigidBodyPlant(x["arm_with_dynamics"], x["servo"])
     yield ac.shape(x["objective"], x["arm"], x["limits"], ac.Shaped(tolerance=1e-3, iterations=1))
     lesson = ac.learn(x["set_points"], x["executed"], arm=x["arm"], servo=x["servo"])
     yield from (lesson, lesson.runs[0])
@@ -249,21 +256,21 @@ def instances() -> Iterator[Any]:
 @cache
 def calls() -> tuple[Call, ...]:
     """All calls: functions, then the constructor and the own methods of each class."""
-    found = [Call(f.__name__, f, given) for f, given in functions()]
-    seen = set[object]()
+    cases = [Call(f.__name__, f, arguments) for f, arguments in functions()]
+    kinds = set[object]()
     for x in instances():
         kind = type(x)
-        if kind in seen or not kind.__module__.startswith("armcontour."):
+        if kind in kinds or not kind.__module__.startswith("armcontour."):
             continue
-        seen.add(kind)
-        found.append(Call(kind.__name__, kind, made_of(x)))
+        kinds.add(kind)
+        cases.append(Call(kind.__name__, kind, made_of(x)))
         for name, method in inspect.getmembers(x, inspect.ismethod):
             inner = {name, f"{kind.__name__}.{name}"} & INNER
-            if (name != "__call__" and name.startswith("_")) or inner or method.__func__ in seen:
+            if (name != "__call__" and name.startswith("_")) or inner or method.__func__ in kinds:
                 continue
-            seen.add(method.__func__)
-            found.append(Call(f"{kind.__name__}.{name}", method, arguments_of(method, x)))
-    return tuple(found)
+            kinds.add(method.__func__)
+            cases.append(Call(f"{kind.__name__}.{name}", method, arguments_of(method, x)))
+    return tuple(cases)
 
 
 def parameters_of(function: Callable[..., Any]) -> list[inspect.Parameter]:
@@ -284,7 +291,7 @@ def made_of(x: Any) -> dict[str, Any]:
 def arguments_of(method: Callable[..., Any], x: Any) -> dict[str, Any]:
     """Arguments of a method of an object that have no default."""
     q = np.full(getattr(x, "dof", 2), 0.3)
-    given = right() | {
+    arguments = right() | {
         **dict.fromkeys(("q", "dq", "ddq", "dddq"), q),
         **dict.fromkeys(("s", "t", "by", "cycle", "resolution"), 0.01),
         **dict.fromkeys(("velocity", "acceleration"), [0.01, 0.01]),
@@ -306,17 +313,22 @@ def arguments_of(method: Callable[..., Any], x: Any) -> dict[str, Any]:
         **{"others": ac.Limits(joint_velocity=2.0), "unit": "m"},
     }
     if method.__name__ in ("circle", "through"):
-        given |= {"start": [1.0, 0.0], "via": [0.0, 1.0], "end": [-1.0, 0.0], "center": [0.0, 0.0]}
+        arguments |= {
+            "start": [1.0, 0.0],
+            "via": [0.0, 1.0],
+            "end": [-1.0, 0.0],
+            "center": [0.0, 0.0],
+        }
     if method.__name__ in ("spline", "polyline"):
-        given["points"] = [[0.3, 0.2], [0.31, 0.2]]
+        arguments["points"] = [[0.3, 0.2], [0.31, 0.2]]
     if isinstance(x, ac.Limits):
-        given["name"] = "joint_velocity"
+        arguments["name"] = "joint_velocity"
     if isinstance(x, ac.SerialArm):
-        given["pose"] = x.forward(q)
+        arguments["pose"] = x.forward(q)
     if isinstance(x, Placement):
-        given |= {"name": "duration", "place": x.best}
+        arguments |= {"name": "duration", "place": x.best}
     needed = [y.name for y in parameters_of(method) if y.default is y.empty or y.name == "ddq"]
-    return {name: given[name] for name in needed if name in given}
+    return {name: arguments[name] for name in needed if name in arguments}
 
 
 def bad_values() -> list[Any]:
@@ -339,8 +351,8 @@ def bad_values() -> list[Any]:
 @cache
 def slots() -> tuple[tuple[Call, str], ...]:
     """All arguments that are replaced, with their calls."""
-    found = [(x, y.name) for x in calls() for y in parameters_of(x.function)]
-    return tuple((x, name) for x, name in found if name not in NOT_VARIED)
+    pairs = [(x, y.name) for x in calls() for y in parameters_of(x.function)]
+    return tuple((x, name) for x, name in pairs if name not in NOT_VARIED)
 
 
 def judge(call: Call, bad: Mapping[str, Any]) -> tuple[str, str]:
@@ -350,9 +362,9 @@ def judge(call: Call, bad: Mapping[str, Any]) -> tuple[str, str]:
             warnings.simplefilter("ignore")
             call.function(**{**call.arguments, **bad})
     except ac.ArmContourError as error:
-        said = str(error)
-        sound = said.endswith(".") and "\n" not in said
-        return type(error).__name__, "" if sound else f"no sentence: {said!r}"
+        message = str(error)
+        sound = message.endswith(".") and "\n" not in message
+        return type(error).__name__, "" if sound else f"no sentence: {message!r}"
     except Exception as error:  # noqa: BLE001 - every other error is a finding
         return "crash", f"{type(error).__name__}: {error}"
     return "result", ""

@@ -58,25 +58,25 @@ KEPT = 1e-9
 def outside(drawing: str, cell: str) -> list[str]:
     """Sentences on what a certificate does not hold; none if it holds."""
     job = read_cell(cell, DRAWINGS / drawing)
-    found = ac.certify(job, goal=ac.CertificateGoal(servo_error=SERVO))
-    arm, limits = job.arm, found.run.limits
+    certificate = ac.certify(job, goal=ac.CertificateGoal(servo_error=SERVO))
+    arm, limits = job.arm, certificate.run.limits
     executed = ac.simulate(
-        found.set_points, ac.ServoPlant(arm, job.plant_servo, limits), resolution=1e-4
+        certificate.set_points, ac.ServoPlant(arm, job.plant_servo, limits), resolution=1e-4
     )
-    result = ac.evaluate(executed, found.path, objective=found.objective, limits=limits)
-    said = [
+    result = ac.evaluate(executed, certificate.path, objective=certificate.objective, limits=limits)
+    messages = [
         f"{x.name}: contour error {error.max:.3g} m"
-        for x, error in zip(found.contours, result.contours, strict=True)
+        for x, error in zip(certificate.contours, result.contours, strict=True)
         if error.max > SERVO or abs(error.max - x.error.max) > 1e-6 * x.error.max
     ]
     if not (result.demand_ratio <= 1 + 1e-6).all() or result.saturated.any():
-        said.append(f"demands of {result.demand_ratio.max():.9g} of the limits")
-    checked = ac.check(found.trajectory, arm, limits, points=20, seed=1)
-    said += [f"the plan uses {x.ratio:.9g} of {x.name}" for x in checked.violations]
-    share, t = largest_acceleration(found.trajectory, *limits.acceleration_bounds(arm.dof))
+        messages.append(f"demands of {result.demand_ratio.max():.9g} of the limits")
+    checked = ac.check(certificate.trajectory, arm, limits, points=20, seed=1)
+    messages += [f"the plan uses {x.ratio:.9g} of {x.name}" for x in checked.violations]
+    share, t = largest_acceleration(certificate.trajectory, *limits.acceleration_bounds(arm.dof))
     if share > 1 + KEPT:
-        said.append(f"the plan uses {share:.9g} of a joint's acceleration limit at {t:.9g} s")
-    return said
+        messages.append(f"the plan uses {share:.9g} of a joint's acceleration limit at {t:.9g} s")
+    return messages
 
 
 def random_job(seed: int) -> ac.Job:
@@ -117,17 +117,17 @@ def until_rest(seed: int) -> list[str] | None:
     """Sentences on a random certificate that its execution exceeds; None if none is found."""
     job = random_job(seed)
     try:
-        found = ac.certify(job)
+        certificate = ac.certify(job)
     except ac.NotRealizable:
         return None
     # The plant executes until all joints are at rest.
-    plant = ac.ServoPlant(job.arm, job.plant_servo, found.run.limits)
-    executed = ac.simulate(found.set_points, plant, resolution=5e-5)
-    error = float(found.path.path.project(executed.tool).distance.max())
+    plant = ac.ServoPlant(job.arm, job.plant_servo, certificate.run.limits)
+    executed = ac.simulate(certificate.set_points, plant, resolution=5e-5)
+    error = float(certificate.path.path.project(executed.tool).distance.max())
     stated = {
-        "the budget": found.budget.executed,
-        "the evaluation": found.evaluation.contour_error.max,
-        "the contour": found.contours[0].error.max,
+        "the budget": certificate.budget.executed,
+        "the evaluation": certificate.evaluation.contour_error.max,
+        "the contour": certificate.contours[0].error.max,
     }
     return [
         f"job {seed}: contour error {error:.6g} m, {name} states {x:.6g} m"
@@ -150,25 +150,25 @@ def largest_acceleration(
 
     t = np.random.default_rng(2).uniform(0.0, plan.duration, TIMES)
     t = np.concatenate([t, plan.breaks])
-    found = np.maximum(shares(t), shares(t, "left"))
-    return float(found.max()), float(t[np.argmax(found)])
+    peaks = np.maximum(shares(t), shares(t, "left"))
+    return float(peaks.max()), float(t[np.argmax(peaks)])
 
 
 def simulate_rigid_bodies(count: int) -> list[str]:
     """Sentences on robots that are outside of a certificate on rigid bodies; none if it holds."""
     job = parse_job(SQUARE)
-    found = ac.certify(replace(job, arm=job.arm.with_dynamics(armature=0.1)))
-    box, budget = found.goal.box, found.goal.servo_error
+    certificate = ac.certify(replace(job, arm=job.arm.with_dynamics(armature=0.1)))
+    box, budget = certificate.goal.box, certificate.goal.servo_error
     assert box is not None and budget is not None
-    unknowns = Unknowns.from_uncertainty(box, found.job.arm, found.job.plant_servo)
+    unknowns = Unknowns.from_uncertainty(box, certificate.job.arm, certificate.job.plant_servo)
     runs = BodyRuns(
-        set_points=found.set_points,
-        path=found.path.contours[0].path,
+        set_points=certificate.set_points,
+        path=certificate.path.contours[0].path,
         unknowns=unknowns,
-        limits=found.run.limits.for_joints(found.job.arm.dof),
+        limits=certificate.run.limits.for_joints(certificate.job.arm.dof),
         options={},
     )
-    said = []
+    messages = []
     # Corners at random, which the search did not choose.
     signs = np.random.default_rng(99).integers(0, 2, size=(count, len(unknowns)))
     for name, errors in (
@@ -178,8 +178,8 @@ def simulate_rigid_bodies(count: int) -> list[str]:
         executed = spread_on_bodies(runs, errors)
         if executed.within(budget) < 1.0 or executed.saturated.any():
             largest = f"{executed.max.max() * 1e3:.4f} mm"
-            said.append(f"{1 - executed.within(budget):.2%} of {name} are outside, {largest}")
-    return said
+            messages.append(f"{1 - executed.within(budget):.2%} of {name} are outside, {largest}")
+    return messages
 
 
 def run(seed: int) -> Outcome:

@@ -50,8 +50,10 @@ class Interval:
         """Divided by what is above zero; where that may be zero, nothing is known."""
         good = other.low > 0
         safe = np.where(good, other.low, 1.0), np.where(good, other.high, 1.0)
-        found = self * Interval(1 / safe[1], 1 / safe[0])
-        return Interval(np.where(good, found.low, -np.inf), np.where(good, found.high, np.inf))
+        quotient = self * Interval(1 / safe[1], 1 / safe[0])
+        return Interval(
+            np.where(good, quotient.low, -np.inf), np.where(good, quotient.high, np.inf)
+        )
 
     def __getitem__(self, rows):
         return Interval(self.low[rows], self.high[rows])
@@ -92,20 +94,20 @@ def proven_acceleration(log):
         best = log.ddq.least.max(axis=0)
     for k in range(1, len(log)):
         span = log.t[slice(k, None)] - log.t[slice(None, -k)]
-        found = []
+        bounds = []
         if log.dq is not None:
-            found.append(_chords(log, log.dq, k))
+            bounds.append(_chords(log, log.dq, k))
             step = log.q[slice(k, None)] - log.q[slice(None, -k)]
             half = Interval(span.low**2 / 2, span.high**2 / 2)
             half = Interval(np.where(span.low > 0, half.low, 0.0), half.high)
             for v in (log.dq[slice(None, -k)], log.dq[slice(k, None)]):
-                found.append((step - v * span) / half)
+                bounds.append((step - v * span) / half)
         if 2 * k < len(log):
             chords = _chords(log, log.q, k)
             span = log.t[slice(2 * k, None)] - log.t[slice(None, -2 * k)]
             change = chords[slice(k, None)] - chords[slice(None, -k)]
-            found.append(change / Interval(span.low / 2, span.high / 2))
-        for x in found:
+            bounds.append(change / Interval(span.low / 2, span.high / 2))
+        for x in bounds:
             best = np.maximum(best, np.nan_to_num(x.least, nan=0.0).max(axis=0))
     return best
 
@@ -123,18 +125,18 @@ def proven_speed(log, forward, reach):
     the angle times the reach. The second is what exact numbers would prove.
     """
     middle = (log.q.low + log.q.high) / 2
-    off = ((log.q.high - log.q.low) / 2 * reach).sum(axis=1)
+    errors = ((log.q.high - log.q.low) / 2 * reach).sum(axis=1)
     points = forward(middle)
     low = high = 0.0
     for k in range(1, len(log)):
         span = log.t[slice(k, None)] - log.t[slice(None, -k)]
         length = np.linalg.norm(points[k:] - points[:-k], axis=1)
-        least = np.maximum(length - off[k:] - off[:-k], 0.0)
-        low = max(low, float((least / span.high[:, 0]).max()))
+        lower_bounds = np.maximum(length - errors[k:] - errors[:-k], 0.0)
+        low = max(low, float((lower_bounds / span.high[:, 0]).max()))
         high = max(high, float((length / np.maximum(span.low[:, 0], 1e-300)).max()))
     if log.dq is not None:
-        speed, off = _sample_speeds(log, middle, forward, reach)
-        low, high = max(low, float((speed - off).max())), max(high, float(speed.max()))
+        speed, errors = _sample_speeds(log, middle, forward, reach)
+        low, high = max(low, float((speed - errors).max())), max(high, float(speed.max()))
     return low, high
 
 
@@ -146,11 +148,11 @@ def _sample_speeds(log, q, forward, reach):
     speed = np.linalg.norm(forward(q + dq * step) - forward(q - dq * step), axis=1)
     angle = ((log.q.high - log.q.low) / 2).sum(axis=1)
     # A joint that is off turns the tool's velocity with it, and moves the axes of those after it.
-    off = ((log.dq.high - log.dq.low) / 2 * reach).sum(axis=1)
-    off += (
+    uncertainty = ((log.dq.high - log.dq.low) / 2 * reach).sum(axis=1)
+    uncertainty += (
         2 * angle * (np.maximum(np.abs(log.dq.low), np.abs(log.dq.high)) * reach.max()).sum(axis=1)
     )
-    return speed / (2 * step[:, 0]), off
+    return speed / (2 * step[:, 0]), uncertainty
 
 
 def _chords(log, y, k):
@@ -324,12 +326,12 @@ def judge(case):
         try:
             arm = load(case.arm)
             samples = parse_trajectory(case.text, arm.joint_names)
-            said = ac.check(samples, arm, _limits(case)).verdict
+            verdict = ac.check(samples, arm, _limits(case)).verdict
         except InvalidInput as error:
-            said, note = "refused", str(error)
+            verdict, note = "refused", str(error)
         except Exception as error:  # noqa: BLE001 - every crash is a finding
-            said, note = "crash", f"{type(error).__name__}: {error}"
-    return Answer(case, said, "open" if case.log is None else prove(case), note)
+            verdict, note = "crash", f"{type(error).__name__}: {error}"
+    return Answer(case, verdict, "open" if case.log is None else prove(case), note)
 
 
 def prove(case):
@@ -411,7 +413,7 @@ def _printed(values, form):
     return [[f"{x:.{digits}{kind}}" for x in row] for row in values.tolist()]
 
 
-def _intervals(values, names, form, late):
+def _intervals(values, names, form, shift):
     """What printed numbers stand for; None if no clock or no joint goes there."""
     t, dof = values[:, :1], (values.shape[1] - 1) // len(names)
     if not (np.diff(t[:, 0]) > 1e-9).all() or not (np.abs(t) < 1e10).all():
@@ -427,13 +429,13 @@ def _intervals(values, names, form, late):
             first = np.floor(np.log10(np.where(part == 0, 1.0, np.abs(part))))
             error = np.where(part == 0, 0.0, 10.0 ** (first - digits + 1) / 2)
         columns[name] = Interval.around(part, error)
-    return Log(t=Interval.around(t, late), **columns)
+    return Log(t=Interval.around(t, shift), **columns)
 
 
 def run(seed: int) -> Outcome:
     """Check and judge the trajectory of a seed; odd ones break a limit."""
-    found = judge(draw(seed, bool(seed % 2)))
-    case = found.case
-    kind = f"{'breaks a limit' if seed % 2 else 'keeps all'}, {found.proof}"
-    what = f"{case.kind}, {case.arm}, {case.limit} {found.note}"
-    return Outcome(kind=kind, result=found.said, notes=[what] if found.wrong else [])
+    answer = judge(draw(seed, bool(seed % 2)))
+    case = answer.case
+    kind = f"{'breaks a limit' if seed % 2 else 'keeps all'}, {answer.proof}"
+    description = f"{case.kind}, {case.arm}, {case.limit} {answer.note}"
+    return Outcome(kind=kind, result=answer.said, notes=[description] if answer.wrong else [])

@@ -134,22 +134,22 @@ class Judge:
                 pose = placed[k, body]
                 shapes.append(self._bodies[body][1])
                 places.append(coal.Transform3s(pose[:3, :3], pose[:3, 3]))
-            found = coal.CollisionResult()
-            coal.collide(shapes[0], places[0], shapes[1], places[1], request, found)
-            count += found.isCollision()
+            collision = coal.CollisionResult()
+            coal.collide(shapes[0], places[0], shapes[1], places[1], request, collision)
+            count += collision.isCollision()
         return count
 
     def poses(self, q: FloatArray) -> list[FloatArray]:
         """Places of all links at joint positions, (n, dof): (n, 4, 4) each."""
         chain = self._chain
-        found = [np.broadcast_to(_matrix(chain.base.rotation, chain.base.position), (len(q), 4, 4))]
+        poses = [np.broadcast_to(_matrix(chain.base.rotation, chain.base.position), (len(q), 4, 4))]
         for k, axis in enumerate(chain.axes):
             turned = np.zeros((len(q), 4, 4))
             turn = Rotation.from_rotvec(q[:, k, None] * axis).as_matrix()
             turned[:, :3, :3] = chain.rotations[k] @ turn
             turned[:, :3, 3], turned[:, 3, 3] = chain.positions[k], 1.0
-            found.append(found[-1] @ turned)
-        return found
+            poses.append(poses[-1] @ turned)
+        return poses
 
 
 def _ball(shape: Any) -> tuple[FloatArray, float]:
@@ -199,9 +199,9 @@ def _body(x: Body) -> tuple[object, FloatArray]:
 
 def _matrix(rotation: FloatArray, position: FloatArray) -> FloatArray:
     """A frame as a matrix, (4, 4)."""
-    found = np.eye(4)
-    found[:3, :3], found[:3, 3] = rotation, position
-    return found
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, position
+    return matrix
 
 
 def judge_motion(
@@ -212,15 +212,15 @@ def judge_motion(
 ) -> None:
     """Check a random motion in a random scene; if it is clear, look at it at random times."""
     motion, scene = random_motion(arm, rng), random_scene(rng)
-    found = ac.check_clearance(motion, arm, scene)
+    clearance = ac.check_clearance(motion, arm, scene)
     tally.motions += 1
-    if not found.satisfied:
+    if not clearance.satisfied:
         return
     tally.clear += 1
     pairs, _ = pairs_of(arm, scene)
     assert arm.chain is not None
     judge = Judge(arm.chain, pairs)
-    times = rng.uniform(0, motion.duration, finer * found.evaluations // len(pairs))
+    times = rng.uniform(0, motion.duration, finer * clearance.evaluations // len(pairs))
     tally.looks += len(times) * len(pairs)
     tally.touches += judge.touches(motion(times))
 

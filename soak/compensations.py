@@ -44,8 +44,8 @@ def run(seed: int) -> Outcome:
     errors = []
     for method in ("none", None):
         set_points = ac.compensate(plan, servo, METHODS[method](), arm=arm, cycle=CYCLE)
-        done = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo))
-        errors.append(ac.evaluate(done, path).contour_error)
+        execution = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo))
+        errors.append(ac.evaluate(execution, path).contour_error)
     none, default = errors
     ratio = max(default.rms / none.rms, default.max / none.max)
     notes = [f"{ratio:.3f} of the error without compensation"] if ratio > 1 else []
@@ -76,20 +76,20 @@ def rows(reserve: float) -> Iterator[str]:
         "1 ms more delay": [delayed(nominal, 1e-3)],
         "2 ms more delay": [delayed(nominal, 2e-3)],
     }
-    found: list[tuple[str, str, Plant, list[ac.ServoModel]]] = []
+    rows_found: list[tuple[str, str, Plant, list[ac.ServoModel]]] = []
     for name, servos in robots.items():
-        found.append(("servo model", name, lambda x: ac.ServoPlant(arm, x), servos))
+        rows_found.append(("servo model", name, lambda x: ac.ServoPlant(arm, x), servos))
     for name, servos in robots.items():
-        found.append(("bodies", name, lambda x: ac.RigidBodyPlant(arm, x), servos))
+        rows_found.append(("bodies", name, lambda x: ac.RigidBodyPlant(arm, x), servos))
     for name, true in (("0.2 kg more", loaded), ("friction of 1 N m, 1 N m s/rad", rough)):
         plant = lambda x, true=true: ac.RigidBodyPlant(true, x, controller=arm)  # noqa: E731
-        found.append(("bodies", name, plant, [nominal]))
-    for judge, name, plant, servos in found:
+        rows_found.append(("bodies", name, plant, [nominal]))
+    for judge, name, plant, servos in rows_found:
         cells = []
         for x in set_points:
             errors = [ac.evaluate(ac.simulate(x, plant(s)), path).contour_error for s in servos]
-            rms, most = np.median([e.rms for e in errors]), max(e.max for e in errors)
-            cells.append(f"{rms * 1e3:.4f} / {most * 1e3:.3f}")
+            rms, maximum = np.median([e.rms for e in errors]), max(e.max for e in errors)
+            cells.append(f"{rms * 1e3:.4f} / {maximum * 1e3:.3f}")
         yield f"| {judge} | {reserve:.0%} | {name} | " + " | ".join(cells) + " |"
 
 
@@ -101,8 +101,8 @@ def near(seed: int, dof: int) -> dict[str, np.ndarray]:
 
 def delayed(servo: ac.ServoModel, delay: float) -> ac.ServoModel:
     """A servo whose velocity loop takes its command later [s], to first order."""
-    left = 1 - servo.kp * delay
-    return servo.replace(kp=servo.kp / left, kv=servo.kv * left)
+    gain = 1 - servo.kp * delay
+    return servo.replace(kp=servo.kp / gain, kv=servo.kv * gain)
 
 
 def main() -> None:

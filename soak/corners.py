@@ -50,8 +50,8 @@ class Piece:
         """Distances of points to the piece: to its line or circle, or to its nearer end."""
         v = points - self.start
         x, y = v @ self.tangent, v @ self.normal
-        off = v - np.multiply.outer(x, self.tangent) - np.multiply.outer(y, self.normal)
-        out = np.linalg.norm(off, axis=-1)
+        vectors = v - np.multiply.outer(x, self.tangent) - np.multiply.outer(y, self.normal)
+        out = np.linalg.norm(vectors, axis=-1)
         ends = np.minimum(
             *(np.linalg.norm(points - self.at(u), axis=-1) for u in (0.0, self.length))
         )
@@ -102,8 +102,8 @@ def _segment(piece):
     if len(piece.start) == 3:
         axis = np.cross(piece.tangent, piece.normal)
         return ac.Arc(start=piece.start.tolist(), center=center, angle=angle, normal=axis.tolist())
-    left = piece.tangent[0] * piece.normal[1] - piece.tangent[1] * piece.normal[0]
-    return ac.Arc(start=piece.start.tolist(), center=center, angle=float(np.sign(left)) * angle)
+    side = piece.tangent[0] * piece.normal[1] - piece.tangent[1] * piece.normal[0]
+    return ac.Arc(start=piece.start.tolist(), center=center, angle=float(np.sign(side)) * angle)
 
 
 def draw(seed):
@@ -168,13 +168,13 @@ def judge(case):
         if np.linalg.norm(a.at(a.length) - b.start) > SAME_POINT:
             return "a gap", False
     corner = case.away[0].start[None]
-    most = case.tolerance + ROUNDING
+    allowed = case.tolerance + ROUNDING
     # A long arc comes back to its corner: only what replaces the corner counts.
     (begin,), (end,) = rounded.corners.start, rounded.corners.end
     middles = (rounded.breaks[1:] + rounded.breaks[:-1]) / 2
     blend = [x for x, s in zip(drawn, middles, strict=True) if begin < s < end]
     error = min(float(x.distance(corner)[0]) for x in blend)
-    if error > most or abs(error - rounded.corners.error[0]) > ROUNDING + 1e-9 * error:
+    if error > allowed or abs(error - rounded.corners.error[0]) > ROUNDING + 1e-9 * error:
         return f"corner error {error:.12g}, reported {rounded.corners.error[0]:.12g}", False
     replaced = [(x, min(float(rounded.corners.tangent[0]), x.length)) for x in case.away]
     for name, one, other in (
@@ -182,9 +182,9 @@ def judge(case):
         ("coverage_error", [*replaced, *((x, x.length) for x in case.away)], drawn),
     ):
         points = np.concatenate([x.at(length * SAMPLES) for x, length in one])
-        off = np.min([x.distance(points) for x in other], axis=0).max()
-        if off > most:
-            return f"{name} {off:.12g} off, {case.tolerance:.12g} allowed", False
+        distance = np.min([x.distance(points) for x in other], axis=0).max()
+        if distance > allowed:
+            return f"{name} {distance:.12g} off, {case.tolerance:.12g} allowed", False
     return "", False
 
 

@@ -65,24 +65,24 @@ def main() -> int:
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--count", type=int, default=20_000)
     parser.add_argument("--cycles", action="store_true", help="series of canned cycles")
-    given = parser.parse_args()
+    options = parser.parse_args()
     judges, author = load("test_gcode"), load("gcode_author")
     counts: Counter[str] = Counter()
-    if given.files:
-        found = ((str(x), judge_file(x, judges)) for x in given.files)
+    if options.files:
+        verdicts = ((str(x), judge_file(x, judges)) for x in options.files)
         good = {"equal", "refused"}
     else:
-        seeds = range(given.first_seed, given.first_seed + given.count)
-        write = author.series if given.cycles else author.program
-        found = ((f"seed {x}", judge(write(x), judges)) for x in seeds)
+        seeds = range(options.first_seed, options.first_seed + options.count)
+        write = author.series if options.cycles else author.program
+        verdicts = ((f"seed {x}", judge(write(x), judges)) for x in seeds)
         good = {"equal"}
     wrong = 0
-    for name, said in found:
-        counts[said.split(":")[0]] += 1
-        if said not in good:
+    for name, verdict in verdicts:
+        counts[verdict.split(":")[0]] += 1
+        if verdict not in good:
             wrong += 1
-            print(f"{name}: {said}")
-    print(", ".join(f"{n} {what}" for what, n in sorted(counts.items())))
+            print(f"{name}: {verdict}")
+    print(", ".join(f"{n} {verdict}" for verdict, n in sorted(counts.items())))
     return 1 if wrong else 0
 
 

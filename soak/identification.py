@@ -36,16 +36,16 @@ VISCOUS = np.array([8.0, 8.0, 5.0, 2.0, 2.0, 2.0])
 
 
 @njit(cache=True)
-def _command(t, u, linear, before, lead, at):
-    if at < t[0]:
+def _command(t, u, linear, before, lead, start):
+    if start < t[0]:
         return before
-    if at >= t[-1]:
+    if start >= t[-1]:
         last = 0.0 if linear else lead * (u[-1] - u[-2]) / (t[-1] - t[-2])
         return u[-1] + last
-    k = np.searchsorted(t, at, side="right") - 1
+    k = np.searchsorted(t, start, side="right") - 1
     if not linear:
         return u[k] + (lead * (u[k] - u[k - 1]) / (t[k] - t[k - 1]) if k > 0 else 0.0)
-    return u[k] + (u[k + 1] - u[k]) * (lead + at - t[k]) / (t[k + 1] - t[k])
+    return u[k] + (u[k + 1] - u[k]) * (lead + start - t[k]) / (t[k + 1] - t[k])
 
 
 @njit(cache=True)
@@ -162,12 +162,12 @@ def examine(seed: int, every: int) -> dict[str, bool]:
     kp, delay = 25.0 * rng.uniform(0.9, 1.1, 6), rng.uniform(0, 10e-3)
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     log = record(true, servo.replace(kp=kp, dead_time=delay), nominal, seed, every)
-    found = ac.identify_bodies(log, nominal, servo, ac.BodyFit(gravity="nominal"))
-    return _inside(found, kp, viscous, coulomb, mass, center, scale, delay)
+    identification = ac.identify_bodies(log, nominal, servo, ac.BodyFit(gravity="nominal"))
+    return _inside(identification, kp, viscous, coulomb, mass, center, scale, delay)
 
 
 def _inside(
-    found: BodyIdentification,
+    identification: BodyIdentification,
     kp: np.ndarray,
     viscous: np.ndarray,
     coulomb: np.ndarray,
@@ -179,15 +179,15 @@ def _inside(
     """Whether true values lie in the intervals of the parameters that are determined."""
     true = {"payload_mass": mass, "armature": scale, "dead_time": delay}
     true |= {f"payload_center_{x}": c for x, c in zip("xyz", center, strict=True)}
-    pairs = [(x.name, x, true[x.name]) for x in found.estimates]
-    for j, joint in enumerate(found.joints):
-        own = {"kp": kp[j], "viscous": viscous[j], "coulomb": coulomb[j]}
-        pairs += [(f"{n} {j + 1}", getattr(joint, n), value) for n, value in own.items()]
+    pairs = [(x.name, x, true[x.name]) for x in identification.estimates]
+    for j, joint in enumerate(identification.joints):
+        joint_values = {"kp": kp[j], "viscous": viscous[j], "coulomb": coulomb[j]}
+        pairs += [(f"{n} {j + 1}", getattr(joint, n), value) for n, value in joint_values.items()]
     return {name: bool(x.low <= value <= x.high) for name, x, value in pairs if x.determined}
 
 
 def record(
-    true: ac.SerialArm, servo: ac.ServoModel, known: ac.SerialArm, seed: int, every: int
+    true: ac.SerialArm, servo: ac.ServoModel, model: ac.SerialArm, seed: int, every: int
 ) -> Log:
     """A log of a smooth motion; the controller holds the nominal arm against gravity."""
     rng = np.random.default_rng(1000 + seed)
@@ -199,16 +199,18 @@ def record(
     size = rng.normal(size=(len(lines), len(HOME))) / np.sqrt(len(lines))
     waves = np.sin(2 * np.pi * lines * t[:, None, None] + phase)
     q = HOME + 0.4 * window * np.einsum("kj,tkj->tj", size, waves)
-    plan = ac.plan(ac.JointPath.spline(np.stack([HOME, HOME + 0.1])), known)
+    plan = ac.plan(ac.JointPath.spline(np.stack([HOME, HOME + 0.1])), model)
     set_points = SetPoints(cycle=CYCLE, q=q, trajectory=plan, method="none")
     limits = ac.Limits.only(joint_torque=np.full(len(HOME), 1e4))
-    plant = ac.RigidBodyPlant(true, servo, limits, noise=OF_ROBOTS, seed=seed, controller=known)
-    done = ac.simulate(set_points, plant)
+    plant = ac.RigidBodyPlant(true, servo, limits, noise=OF_ROBOTS, seed=seed, controller=model)
+    execution = ac.simulate(set_points, plant)
     n = int((len(q) - 1) * CYCLE / 1e-3) + 1
-    at = done.t[:n:every]
-    command = np.stack([np.interp(at, set_points.t, x) for x in q.T], axis=1)
+    times = execution.t[:n:every]
+    command = np.stack([np.interp(times, set_points.t, x) for x in q.T], axis=1)
     return Log(
-        t=at, command=command, measured=done.q[:n:every] + rng.normal(0, OF_ROBOTS, command.shape)
+        t=times,
+        command=command,
+        measured=execution.q[:n:every] + rng.normal(0, OF_ROBOTS, command.shape),
     )
 
 
@@ -221,11 +223,11 @@ def run(seed: int) -> Outcome:
         names = {f"robot, every {every} ms, {x.split()[0]}": y for x, y in covered.items()}
         return Outcome(kind="robot", result="identified", covered=names)
     (one, other), truth = draw(number)
-    found = ac.identify(one)
-    joint, notes = found.joints[0], []
+    identification = ac.identify(one)
+    joint, notes = identification.joints[0], []
     if not joint.written:
         return Outcome(kind="joint", result="no model", notes=[joint.note], covered={})
-    predicted = found.predict(other)
+    predicted = identification.predict(other)
     if predicted.rms[0] > 0.3 * predicted.tracking_rms[0]:
         notes.append(f"errs by {predicted.rms[0]:.3g} rad on another program")
     if not math.isnan(joint.acceleration_limit.value) and truth["limit"] == math.inf:

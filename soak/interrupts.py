@@ -79,8 +79,8 @@ def call(
             except subprocess.TimeoutExpired:
                 process.send_signal(number)
         sent = time.monotonic()
-        _, said = process.communicate(timeout=600)
-        return Ended(process.returncode, said, time.monotonic() - sent)
+        _, errors = process.communicate(timeout=600)
+        return Ended(process.returncode, errors, time.monotonic() - sent)
 
 
 def state(folder: FilePath) -> dict[str, str]:
@@ -138,14 +138,14 @@ class Bench:
         job = read_job(self.folder / "job.yaml")
         plan = run(job, simulate=False).runs["only"]
         plant = ServoPlant(job.arm, job.servo)
-        done = simulate(plan.set_points, plant)
+        execution = simulate(plan.set_points, plant)
         commands = np.column_stack(
             [
-                np.interp(done.t, plan.set_points.t, plan.set_points.q[:, k])
+                np.interp(execution.t, plan.set_points.t, plan.set_points.q[:, k])
                 for k in range(job.arm.dof)
             ]
         )
-        table = np.column_stack([done.t, commands, done.q])
+        table = np.column_stack([execution.t, commands, execution.q])
         np.savetxt(self.folder / "log.csv", table, "%.9f", ",", header="t,u1,u2,q1,q2", comments="")
 
     def prepare(self, name: str, earlier: bool) -> list[str]:
@@ -158,11 +158,11 @@ class Bench:
 
     def wrong(self, name: str, earlier: bool) -> str:
         """What is wrong with what is there; empty if it is the old result, the new one or none."""
-        found = state(self.folder)
-        others = {x: y for x, y in found.items() if x not in result(found)}
+        contents = state(self.folder)
+        others = {x: y for x, y in contents.items() if x not in result(contents)}
         if others != self.inputs:
             return f"left: {sorted(set(others) ^ set(self.inputs))}"
-        present = set(result(found))
+        present = set(result(contents))
         allowed = [set(self.whole[name])] + ([] if earlier else [set()])
         if present not in allowed:
             return f"neither whole nor none: {sorted(present ^ set(self.whole[name]))}"
@@ -218,12 +218,12 @@ def try_race(bench: Bench, draw: random.Random) -> list[str]:
     first = begin(bench.folder, arguments)
     time.sleep(draw.uniform(0.0, 0.2))
     second = begin(bench.folder, arguments)
-    said = [x.communicate(timeout=600)[1] for x in (first, second)]
+    errors = [x.communicate(timeout=600)[1] for x in (first, second)]
     codes = sorted((first.returncode, second.returncode))
     notes = [bench.wrong(name, earlier=True)]
     # Where a folder may be replaced, the second run may come after the first.
     if codes != [0, 2] and not (earlier and codes == [0, 0]):
-        notes.append(f"exit codes {codes}: {said}")
+        notes.append(f"exit codes {codes}: {errors}")
     return [f"{name}: {x}" for x in notes if x]
 
 

@@ -80,9 +80,9 @@ def _points(rng: Random) -> np.ndarray:
 def _near(rng: Random) -> np.ndarray:
     """Some waypoints nearly the same as those before them."""
     points = _points(rng)
-    at = rng.choice(len(points) - 1, int(rng.integers(1, 3)), replace=False) + 1
-    step = rng.normal(size=(len(at), points.shape[1])) * 10 ** rng.uniform(-6, -2)
-    return np.insert(points, at, points[at - 1] + step, axis=0)
+    indices = rng.choice(len(points) - 1, int(rng.integers(1, 3)), replace=False) + 1
+    step = rng.normal(size=(len(indices), points.shape[1])) * 10 ** rng.uniform(-6, -2)
+    return np.insert(points, indices, points[indices - 1] + step, axis=0)
 
 
 def _frozen(rng: Random) -> np.ndarray:
@@ -97,27 +97,27 @@ def _limits(rng: Random, path: ac.JointPath) -> ac.Limits:
     """Random limits: those of jerk are 2 to 300 times those of acceleration."""
     dof = path.dof
     acceleration = 10 ** (rng.uniform(0, 1) + rng.uniform(-0.4, 0.4, dof))
-    wanted: dict[str, Any] = {"joint_acceleration": acceleration}
+    options: dict[str, Any] = {"joint_acceleration": acceleration}
     if rng.random() < 0.15:
         lower = -acceleration * 10 ** rng.uniform(-0.5, 0.5, dof)
-        wanted["joint_acceleration"] = np.stack([lower, acceleration], axis=1)
+        options["joint_acceleration"] = np.stack([lower, acceleration], axis=1)
     if rng.random() < 0.7:
         velocity = 10 ** (rng.uniform(-0.5, 0.7) + rng.uniform(-0.3, 0.3, (dof, 2)))
-        wanted["joint_velocity"] = velocity * (-1, 1) if rng.random() < 0.2 else velocity[:, 0]
+        options["joint_velocity"] = velocity * (-1, 1) if rng.random() < 0.2 else velocity[:, 0]
     factor = 10 ** rng.uniform(np.log10(2), np.log10(300))
     jerk = factor * acceleration * 10 ** rng.uniform(-0.2, 0.2, dof)
     slope = np.abs(path(np.linspace(path.breaks[0], path.breaks[-1], 200), 1)).max(axis=0)
-    least = float((jerk[slope > 0] / slope[slope > 0]).min())
+    smallest_ratio = float((jerk[slope > 0] / slope[slope > 0]).min())
     some = rng.random()
     if some < 0.15:
-        wanted["path_jerk"] = least * 10 ** rng.uniform(-0.5, 1.0)
+        options["path_jerk"] = smallest_ratio * 10 ** rng.uniform(-0.5, 1.0)
     if some < 0.04:
-        return ac.Limits.only(**wanted)
+        return ac.Limits.only(**options)
     if rng.random() < 0.15:
         jerk[rng.random(dof) < 0.5] = np.inf
         if not np.isfinite(jerk).any():
             jerk[0] = factor * acceleration[0]
-    return ac.Limits.only(**wanted, joint_jerk=jerk)
+    return ac.Limits.only(**options, joint_jerk=jerk)
 
 
 def _speed(rng: Random, path: ac.JointPath, limits: ac.Limits) -> float:
@@ -223,14 +223,14 @@ class Sampled:
         wide = np.diff(self.path.breaks)[self.piece][:, None]
         share = (start[:, None] + self.x) / wide
         c = self.path.coefficients[self.piece][:, :, None]
-        found = []
+        columns = []
         for order in range(4):
             factors = [np.prod(np.arange(k - order + 1.0, k + 1.0)) for k in range(6)]
             powers = sum(
                 factors[k] * share[..., None] ** (k - order) * c[:, k] for k in range(order, 6)
             )
-            found.append(powers / wide[..., None] ** order)
-        return found
+            columns.append(powers / wide[..., None] ** order)
+        return columns
 
     def joints(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Velocity, acceleration and jerk of the joints, (n, k, dof) each."""
@@ -257,15 +257,15 @@ class Sampled:
                 share = jump.max() / np.abs(x).max()
                 notes.append(f"{name} jumps by {share:.1e} of its largest at break {k}")
         joints = self.joints()
-        for name, at, asked in (("start", (0, 0), ends[0]), ("end", (-1, -1), ends[1])):
-            if asked:
-                if abs(ds[at] - asked) > STEP * ds.max():
-                    notes.append(f"the {name} speed is {ds[at]:.6g}, not {asked:.6g}")
+        for name, index, boundary in (("start", (0, 0), ends[0]), ("end", (-1, -1), ends[1])):
+            if boundary:
+                if abs(ds[index] - boundary) > STEP * ds.max():
+                    notes.append(f"the {name} speed is {ds[index]:.6g}, not {boundary:.6g}")
                 continue
-            for what, values in zip(ORDERS[:2], joints, strict=False):
-                share = np.abs(values[at]).max() / np.abs(values).max()
+            for quantity, values in zip(ORDERS[:2], joints, strict=False):
+                share = np.abs(values[index]).max() / np.abs(values).max()
                 if share > STEP:
-                    notes.append(f"{what} at the {name} is {share:.1e} of its largest, not 0")
+                    notes.append(f"{quantity} at the {name} is {share:.1e} of its largest, not 0")
         notes += self._durations()
         return notes + self._bends(limits, joints[1])
 
@@ -278,13 +278,13 @@ class Sampled:
         with np.errstate(invalid="ignore", divide="ignore"):
             taken = self.width * (WEIGHTS / 2 / np.sqrt(square)).sum(axis=1)
         notes = []
-        off = np.abs(taken - self.times) / law.breaks[-1]
-        off[jerk != 0] = np.abs(self.x[:, -1] - self.width)[jerk != 0] / self.path.length
+        deviation = np.abs(taken - self.times) / law.breaks[-1]
+        deviation[jerk != 0] = np.abs(self.x[:, -1] - self.width)[jerk != 0] / self.path.length
         # A quadrature is exact enough where ds does not change much.
         smooth = (self.motion[0].max(axis=1) < 2 * self.motion[0].min(axis=1)) | (jerk != 0)
-        k = int(np.argmax(np.where(smooth, off, 0.0)))
-        if not off[k] <= 1e-11:
-            notes.append(f"interval {k} takes a wrong time or way: {off[k]:.1e} of the whole")
+        k = int(np.argmax(np.where(smooth, deviation, 0.0)))
+        if not deviation[k] <= 1e-11:
+            notes.append(f"interval {k} takes a wrong time or way: {deviation[k]:.1e} of the whole")
         return notes
 
     def _bends(self, limits: ac.Limits, acceleration: np.ndarray) -> list[str]:
@@ -304,20 +304,20 @@ class Sampled:
 
 def ratios(sampled: Sampled, limits: ac.Limits) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Ratios to limits of the joints and of the path's jerk, (n, k), and the joints they are of."""
-    found = {}
+    peaks = {}
     for name, values in zip(ORDERS, sampled.joints(), strict=True):
-        most = getattr(limits, f"joint_{name}")
-        if most is None:
+        limit = getattr(limits, f"joint_{name}")
+        if limit is None:
             continue
-        low, high = -most, most
+        low, high = -limit, limit
         if name != "jerk":
             low, high = getattr(limits, f"{name}_bounds")(values.shape[-1])
         ratio = np.maximum(values / low, values / high)
-        found[name] = ratio.max(axis=-1), ratio.argmax(axis=-1) + 1
+        peaks[name] = ratio.max(axis=-1), ratio.argmax(axis=-1) + 1
     if limits.path_jerk is not None:
         ratio = np.abs(sampled.motion[2]) / limits.path_jerk
-        found["path jerk"] = ratio, np.zeros(ratio.shape, dtype=int)
-    return found
+        peaks["path jerk"] = ratio, np.zeros(ratio.shape, dtype=int)
+    return peaks
 
 
 def differences(planned: ac.Trajectory, limits: ac.Limits) -> list[str]:
@@ -406,25 +406,25 @@ def _tool_limits(rng: Random, arm: Any, path: ac.JointPath) -> ac.Limits:
     dof = arm.dof
     acceleration = 10 ** (rng.uniform(0, 1) + rng.uniform(-0.3, 0.3, dof))
     factor = 10 ** rng.uniform(np.log10(3), np.log10(100))
-    wanted: dict[str, Any] = {
+    options: dict[str, Any] = {
         "joint_velocity": 10 ** (rng.uniform(-0.3, 0.5) + rng.uniform(-0.2, 0.2, dof)),
         "joint_acceleration": acceleration,
         "joint_jerk": factor * acceleration,
     }
-    plain = ac.plan(path, arm, ac.Limits.only(**wanted), ac.Optimal(intervals=200))
+    plain = ac.plan(path, arm, ac.Limits.only(**options), ac.Optimal(intervals=200))
     tool = Tool(arm, Sampled(plain.laws[0], 3))
     names = TOOL + (ANGULAR if arm.dimension == 3 else ())
     for name in names:
-        most = float(tool.used(name).max())
-        if rng.random() < CHANCE and most > LEAST:
-            wanted[name] = most * float(rng.uniform(0.2, 1.1))
+        peak = float(tool.used(name).max())
+        if rng.random() < CHANCE and peak > LEAST:
+            options[name] = peak * float(rng.uniform(0.2, 1.1))
     if arm.has_bodies and rng.random() < CHANCE:
         torque = np.abs(tool.torque()).max(axis=(0, 1))
         still = np.abs(tool.torque(still=True)).max(axis=(0, 1))
         # The arm can hold itself, against its friction too.
-        least = 1.2 * still + 1.1 * np.broadcast_to(arm.chain.coulomb, (dof,))
-        wanted["joint_torque"] = 0.1 + least + rng.uniform(0.1, 1.0, dof) * torque
-    return ac.Limits.only(**wanted)
+        static_torque = 1.2 * still + 1.1 * np.broadcast_to(arm.chain.coulomb, (dof,))
+        options["joint_torque"] = 0.1 + static_torque + rng.uniform(0.1, 1.0, dof) * torque
+    return ac.Limits.only(**options)
 
 
 def series(arm: Any, *q: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -468,12 +468,12 @@ def _turn(axis: np.ndarray, angle: list[np.ndarray]) -> list[np.ndarray]:
         other = -sum(c * a * sine[m] for c, a, m in parts)
         sine.append(one)
         cosine.append(other)
-    found = [
+    rotations = [
         s[:, None, None] * cross - c[:, None, None] * (cross @ cross)
         for s, c in zip(sine, cosine, strict=True)
     ]
-    found[0] = found[0] + np.eye(3) + cross @ cross
-    return found
+    rotations[0] = rotations[0] + np.eye(3) + cross @ cross
+    return rotations
 
 
 class Tool:
@@ -492,22 +492,22 @@ class Tool:
         ds, dds, ddds = self.ds, self.dds, self.ddds
         _, x1, x2, x3 = self.point
         if name == "path_jerk":
-            found = ddds
+            derivative = ddds
         elif name == "speed":
-            found = x1 * ds
+            derivative = x1 * ds
         elif name == "tool_acceleration":
-            found = x2 * ds**2 + x1 * dds
+            derivative = x2 * ds**2 + x1 * dds
         elif name == "tool_jerk":
-            found = x3 * ds**3 + 3 * x2 * ds * dds + x1 * ddds
+            derivative = x3 * ds**3 + 3 * x2 * ds * dds + x1 * ddds
         elif name == "centripetal_acceleration":
             length = np.sum(x1 * x1, axis=1, keepdims=True)
-            found = (x2 - np.sum(x1 * x2, axis=1, keepdims=True) / length * x1) * ds**2
+            derivative = (x2 - np.sum(x1 * x2, axis=1, keepdims=True) / length * x1) * ds**2
         else:
             turning, change = self._turning()
-            found = turning * ds
+            derivative = turning * ds
             if name == "angular_acceleration":
-                found = change * ds**2 + turning * dds
-        return np.linalg.norm(found, axis=1).reshape(self.shape)
+                derivative = change * ds**2 + turning * dds
+        return np.linalg.norm(derivative, axis=1).reshape(self.shape)
 
     def _turning(self) -> tuple[np.ndarray, np.ndarray]:
         """The angular velocity at ds = 1, and its derivative by s, (m, 3) each."""
@@ -531,17 +531,17 @@ def judge_tool(planned: ac.Trajectory, arm: Any, limits: ac.Limits) -> tuple[lis
     (law,) = planned.laws
     sampled = Sampled(law)
     tool = Tool(arm, sampled)
-    found = {
+    ratios = {
         name: tool.used(name) / getattr(limits, name)
         for name in (*TOOL, *ANGULAR)
         if getattr(limits, name) is not None
     }
-    own = planned.path.speeds[planned.path.locate((law.s[1:] + law.s[:-1]) / 2)]
-    if np.isfinite(own).any():
-        found["speed of a segment"] = np.nan_to_num(tool.used("speed") / own[:, None])
+    segment_speeds = planned.path.speeds[planned.path.locate((law.s[1:] + law.s[:-1]) / 2)]
+    if np.isfinite(segment_speeds).any():
+        ratios["speed of a segment"] = np.nan_to_num(tool.used("speed") / segment_speeds[:, None])
     if limits.joint_torque is not None:
-        found["torque"] = (np.abs(tool.torque()) / limits.joint_torque).max(axis=-1)
-    for name, ratio in found.items():
+        ratios["torque"] = (np.abs(tool.torque()) / limits.joint_torque).max(axis=-1)
+    for name, ratio in ratios.items():
         k = np.unravel_index(int(np.argmax(np.nan_to_num(ratio, nan=np.inf))), ratio.shape)
         worst = max(worst, float(ratio[k]))
         if not ratio[k] <= 1 + LEAK:
@@ -579,15 +579,15 @@ def ruckig_duration(ends: np.ndarray, limits: ac.Limits) -> float:
     from ruckig import InputParameter, Result, Ruckig, Trajectory
 
     step = np.abs(ends[1] - ends[0])
-    given = InputParameter(1)
-    given.current_position, given.target_position = [0.0], [1.0]
-    given.max_velocity = [float((limits.joint_velocity / step).min())]
-    given.max_acceleration = [float((limits.joint_acceleration / step).min())]
-    given.max_jerk = [float((limits.joint_jerk / step).min())]
-    found = Trajectory(1)
-    result = Ruckig(1).calculate(given, found)
+    parameters = InputParameter(1)
+    parameters.current_position, parameters.target_position = [0.0], [1.0]
+    parameters.max_velocity = [float((limits.joint_velocity / step).min())]
+    parameters.max_acceleration = [float((limits.joint_acceleration / step).min())]
+    parameters.max_jerk = [float((limits.joint_jerk / step).min())]
+    trajectory = Trajectory(1)
+    result = Ruckig(1).calculate(parameters, trajectory)
     assert result in (Result.Working, Result.Finished), result
-    return float(found.duration)
+    return float(trajectory.duration)
 
 
 def gap(seed: int) -> float:

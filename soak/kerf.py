@@ -113,14 +113,14 @@ def judge_offset(rng: np.random.Generator, source: ac.Path, side: str, kerf: flo
     program = ac.Program(moves=(ac.Contour(path=source, name="c", keep_start=True),))
     process = ac.Process(begin="drawn", kerf=kerf, kerf_side=side)
     try:
-        found = [x.path for x in ac.prepare(program, process).contours]
+        contours = [x.path for x in ac.prepare(program, process).contours]
     except InvalidInput as error:
         if "crosses" in str(error):
             assert comes_back(source), "does not cross itself"
             return "crossing"
         assert "removes the whole contour" in str(error), str(error)
         assert error.allowed is not None and error.allowed < kerf
-        found = []
+        contours = []
     sign = 1 if side == "left" else -1
     places = rng.uniform(-1.1 * scale - 1.1 * d, 1.1 * scale + 1.1 * d, (POINTS, 2))
     away = distances(places, source)
@@ -132,39 +132,39 @@ def judge_offset(rng: np.random.Generator, source: ac.Path, side: str, kerf: flo
     # Nearer than that, the chords of the windings decide.
     sure = (np.abs(away - d) > 1e-4 * scale) & (away > 1e-3 * scale)
     expected = held & (away > d)
-    around = sum((windings(places, x) for x in found), np.zeros(POINTS, dtype=int))
+    around = sum((windings(places, x) for x in contours), np.zeros(POINTS, dtype=int))
     inside = around != 0 if about * sign > 0 else around == 0
-    if found or about * sign > 0:
+    if contours or about * sign > 0:
         assert (inside == expected)[sure].all(), "another area"
-    for x in found:
+    for x in contours:
         on = x(np.linspace(0, x.length, STEPS))
         worst = np.abs(distances(on, source) - d).max()
         assert worst <= OFFSET, f"{worst:.3g} m off"
         assert np.linalg.norm(x(0.0) - x(x.length)) <= 1e-9, "open"
     points, normals = samples(source)
-    asked = points + sign * d * normals
-    asked = asked[distances(asked, source) >= d - 1e-12]
-    if len(asked) and found:
-        missed = np.min([distances(asked, x) for x in found], axis=0).max()
+    targets = points + sign * d * normals
+    targets = targets[distances(targets, source) >= d - 1e-12]
+    if len(targets) and contours:
+        missed = np.min([distances(targets, x) for x in contours], axis=0).max()
         assert missed <= OFFSET, f"{missed:.3g} m missed"
-    elif len(asked):
+    elif len(targets):
         # Where the offset shrinks to a point, rounding may leave one.
-        apart = np.linalg.norm(asked - asked[0], axis=1).max()
+        apart = np.linalg.norm(targets - targets[0], axis=1).max()
         assert apart <= OFFSET, "vanished, but should not"
-    return ("vanished", "offset")[len(found)] if len(found) < 2 else "parts"
+    return ("vanished", "offset")[len(contours)] if len(contours) < 2 else "parts"
 
 
 def run_offset(seed: int) -> str:
     """Judge the problem of a seed."""
     rng = np.random.default_rng(seed)
-    found = "crossing"
+    outcome = "crossing"
     # Shapes that cross are drawn anew.
-    while found == "crossing":
+    while outcome == "crossing":
         scale = 10 ** rng.uniform(-2.5, -0.5)
         side = "left" if rng.random() < 0.5 else "right"
         share = rng.uniform(0.1, 0.6) if seed % 5 == 3 else 10 ** rng.uniform(-3, 0.2)
-        found = judge_offset(rng, shape(rng, scale), side, scale * share)
-    return found
+        outcome = judge_offset(rng, shape(rng, scale), side, scale * share)
+    return outcome
 
 
 # Largest deviation of the part from the drawing, beside the tolerance of corners [m].
@@ -209,12 +209,12 @@ class Verdict:
 def inside(points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
     """Whether points are inside of a closed polyline, by crossings of a ray."""
     (ax, ay), (bx, by) = polygon[:-1].T, polygon[1:].T
-    found = np.zeros(len(points), dtype=bool)
+    parity = np.zeros(len(points), dtype=bool)
     for i, (x, y) in enumerate(points):
         cross = (ay > y) != (by > y)
-        at = ax[cross] + (y - ay[cross]) / (by[cross] - ay[cross]) * (bx[cross] - ax[cross])
-        found[i] = np.count_nonzero(at > x) % 2 == 1
-    return found
+        crossing_x = ax[cross] + (y - ay[cross]) / (by[cross] - ay[cross]) * (bx[cross] - ax[cross])
+        parity[i] = np.count_nonzero(crossing_x > x) % 2 == 1
+    return parity
 
 
 class Distances:
@@ -228,14 +228,14 @@ class Distances:
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Distance of each point from the nearest polyline."""
         n = len(self.a)
-        found = np.full(len(points), np.inf)
+        nearest = np.full(len(points), np.inf)
         for near in self.tree.query(points, k=min(6, 2 * n))[1].T:
             a, b = self.a[near % n], self.b[near % n]
             along = np.einsum("ij,ij->i", points - a, b - a)
             share = np.clip(along / np.einsum("ij,ij->i", b - a, b - a), 0, 1)
             away = np.linalg.norm(points - a - share[:, None] * (b - a), axis=1)
-            found = np.minimum(found, away)
-        return found
+            nearest = np.minimum(nearest, away)
+        return nearest
 
 
 def judge(part: Part, tools: list[np.ndarray], leads: list[np.ndarray], kerf: float) -> Verdict:
@@ -266,9 +266,9 @@ def judge(part: Part, tools: list[np.ndarray], leads: list[np.ndarray], kerf: fl
             left_over = max(left_over, float((cut(middle[reached]) - half).max()))
     open_error = 0.0
     if part.opened or lines:
-        given, found = Distances(part.opened), Distances(lines)
-        open_error = max(float(given(np.concatenate(lines)).max()), 0.0)
-        open_error = max(open_error, float(found(np.concatenate(part.opened)).max()))
+        part_distance, contour_distance = Distances(part.opened), Distances(lines)
+        open_error = max(float(part_distance(np.concatenate(lines)).max()), 0.0)
+        open_error = max(open_error, float(contour_distance(np.concatenate(part.opened)).max()))
     return Verdict(cut_into, left_over, reachable / edges, open_error)
 
 
@@ -291,8 +291,8 @@ def sampled(vertices: Vertices, closed: bool) -> np.ndarray:
         turn = 4 * np.arctan(bulge)
         radius = size / 2 / np.sin(abs(turn) / 2)
         # The centre lies to the left of the chord for an arc to the left of up to half a circle.
-        left = np.array([ay - by, bx - ax]) / size
-        center = (a + b) / 2 + left * np.sign(turn) * radius * np.cos(turn / 2)
+        normal = np.array([ay - by, bx - ax]) / size
+        center = (a + b) / 2 + normal * np.sign(turn) * radius * np.cos(turn / 2)
         step = min(np.sqrt(8 * sagitta / radius), spacing / radius)
         angles = np.linspace(0, turn, int(abs(turn) / step) + 2)[:-1, None]
         x, y = (a - center)[0], (a - center)[1]
@@ -336,20 +336,20 @@ def plate(rng: np.random.Generator, kerf: float) -> tuple[bytes, Part]:
     document.header["$INSUNITS"] = 4
     space, part = document.modelspace(), Part()
 
-    def add(vertices: Vertices, at: np.ndarray, closed: bool = True) -> None:
+    def add(vertices: Vertices, position: np.ndarray, closed: bool = True) -> None:
         layer = str(rng.choice(LAYERS))
         vertices = _turned(vertices) if closed and rng.random() < 0.5 else vertices
         angle = rng.uniform(0, 2 * np.pi) if closed and rng.random() < 0.7 else 0.0
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        line = sampled(vertices, closed) @ turn.T + at
+        line = sampled(vertices, closed) @ turn.T + position
         (part.closed if closed else part.opened).append(1e-3 * line + PLACE)
         # A block that is inserted, or a polyline in its place.
         if rng.random() < 0.4:
             block = document.blocks.new(f"B{len(document.blocks)}")
             block.add_lwpolyline(vertices, format="xyb", close=closed, dxfattribs={"layer": layer})
-            space.add_blockref(block.name, at, dxfattribs={"rotation": np.degrees(angle)})
+            space.add_blockref(block.name, position, dxfattribs={"rotation": np.degrees(angle)})
             return
-        moved = [(*(turn @ x[:2] + at), x[2]) for x in vertices]
+        moved = [(*(turn @ x[:2] + position), x[2]) for x in vertices]
         space.add_lwpolyline(moved, format="xyb", close=closed, dxfattribs={"layer": layer})
 
     columns, rows, cell = int(rng.integers(1, 4)), int(rng.integers(1, 3)), 24.0
@@ -367,20 +367,20 @@ def plate(rng: np.random.Generator, kerf: float) -> tuple[bytes, Part]:
     space.add_lwpolyline(outline, format="xyb", close=True, dxfattribs=layer)
     for column in range(columns):
         for row in range(rows):
-            at = np.array([2 + cell * (column + 0.5), 2 + cell * (row + 0.5)])
+            center = np.array([2 + cell * (column + 0.5), 2 + cell * (row + 0.5)])
             kind = rng.integers(5)
             if kind < 2:
-                add(_blob(rng, rng.uniform(max(3.0, 2.2 * kerf), 10), kerf), at)
+                add(_blob(rng, rng.uniform(max(3.0, 2.2 * kerf), 10), kerf), center)
             elif kind < 4:
-                add([(10, 0, 1), (-10, 0, 1)], at)
+                add([(10, 0, 1), (-10, 0, 1)], center)
                 inner = 9.5 - 1.05 * kerf
-                add(_blob(rng, inner, kerf), at)
+                add(_blob(rng, inner, kerf), center)
                 deepest = 0.3 * inner - 0.3
                 if deepest > 0.6 * kerf and rng.random() < 0.5:
-                    add([(deepest / 2, 0, 1), (-deepest / 2, 0, 1)], at)
+                    add([(deepest / 2, 0, 1), (-deepest / 2, 0, 1)], center)
             else:
                 points = rng.uniform(-8, 8, (3, 2))
-                add([(*p, 0.0) for p in points], at, closed=False)
+                add([(*p, 0.0) for p in points], center, closed=False)
     with tempfile.NamedTemporaryFile("w+", suffix=".dxf") as file:
         document.write(file)
         file.flush()
@@ -438,9 +438,9 @@ def run_file(file: Path, kerf: float) -> tuple[str, Verdict | None]:
         [x.path.vertices for x in ac.read_path(file, ac.ReadOptions(ignore_z=True)).contours]
     )
     scale = min(1.0, LARGEST / float(np.ptp(corners, axis=0).max()))
-    at = np.array(PLACE) - scale * corners.min(axis=0)
+    position = np.array(PLACE) - scale * corners.min(axis=0)
     drawing = ac.read_path(
-        file, ac.ReadOptions(ignore_z=True, scale=scale), frame=ac.Frame(position=(*at, 0))
+        file, ac.ReadOptions(ignore_z=True, scale=scale), frame=ac.Frame(position=(*position, 0))
     )
     part = Part()
     for x in drawing.contours:

@@ -82,10 +82,10 @@ def draw(task, rng, seed):
     """A robot: a function from the number of a run to its plant, and the noise of its encoders."""
     chain, dof = task.arm.chain, task.arm.dof
     inertia = nominal_inertia(task.arm)
-    own = nominal_inertia(ur5e_arm())
+    inertias = nominal_inertia(ur5e_arm())
     torque = inertia * task.acceleration / ACCELERATION
-    coulomb = float(np.median(np.array(COULOMB) / own)) * torque
-    viscous = float(np.median(np.array(VISCOUS) / own)) * torque
+    coulomb = float(np.median(np.array(COULOMB) / inertias)) * torque
+    viscous = float(np.median(np.array(VISCOUS) / inertias)) * torque
     if dof == len(COULOMB):
         coulomb, viscous = np.array(COULOMB), np.array(VISCOUS)
     factor = rng.uniform(0, 2)
@@ -137,15 +137,15 @@ def repeat(task, plant, noise, clock, rng, runs):
     """Set-points of the last run, its execution, true errors of all runs [m], and lessons."""
     set_points, errors, lessons = task.set_points, [], []
     for run in range(runs + 1):
-        done = ac.simulate(set_points, plant(run))
-        errors.append(ac.evaluate(done, task.path).contour_error.rms)
+        execution = ac.simulate(set_points, plant(run))
+        errors.append(ac.evaluate(execution, task.path).contour_error.rms)
         if run == runs or (lessons and lessons[-1].finished):
             break
         set_points = ac.learn(
-            set_points, record(done, noise, clock, rng), arm=task.arm, servo=SERVO
+            set_points, record(execution, noise, clock, rng), arm=task.arm, servo=SERVO
         )
         lessons.append(set_points)
-    return set_points, done, np.array(errors), lessons
+    return set_points, execution, np.array(errors), lessons
 
 
 def teach(task, rng, seed, runs):
@@ -193,18 +193,18 @@ def wrong_model(task, seed, runs=RUNS):
 def run(seed: int) -> Outcome:
     """Teach a random robot, and judge all of its runs."""
     name = ARMS[seed % len(ARMS)]
-    own, rng = cached_task(name), np.random.default_rng([seed, ARMS.index(name)])
-    errors, lessons, floor = teach(own, rng, seed, RUNS)
+    task, rng = cached_task(name), np.random.default_rng([seed, ARMS.index(name)])
+    errors, lessons, floor = teach(task, rng, seed, RUNS)
     noise = np.array([x.noise for x in lessons])
-    sure = SURE * noise / np.sqrt(own.set_points.trajectory.duration * 25.0)
+    sure = SURE * noise / np.sqrt(task.set_points.trajectory.duration * 25.0)
     notes = []
     if (errors[1:] > np.minimum.accumulate(errors)[:-1] + sure).any():
         notes.append("a run is worse than the best before it")
     if errors.max() > 1.1 * errors[0]:
         notes.append("diverges")
-    kept = errors[-1] <= OVER_NOISE * max(floor, noise[-1])
+    near_noise = errors[-1] <= OVER_NOISE * max(floor, noise[-1])
     shown = [f"{x}: " + " ".join(f"{1e3 * y:.4f}" for y in errors) + " mm" for x in notes]
-    return Outcome(kind=name, result="near noise" if kept else "above noise", notes=shown)
+    return Outcome(kind=name, result="near noise" if near_noise else "above noise", notes=shown)
 
 
 def run_wrong_model(seed: int) -> Outcome:

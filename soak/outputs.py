@@ -99,28 +99,28 @@ def draw(rng: np.random.Generator, number: int, name: str, style: str) -> Shape:
     if rng.random() < 0.5:
         angle = rng.uniform(0, 2 * np.pi)
         half = 0.5 * rng.uniform(0.014, 0.022) * np.array([np.cos(angle), np.sin(angle)])
-        found = Shape(middle - half, middle + half, None)
+        outline = Shape(middle - half, middle + half, None)
     else:
         angle, radius = rng.uniform(0, 2 * np.pi), rng.uniform(0.005, 0.01)
         start = middle + radius * np.array([np.cos(angle), np.sin(angle)])
-        found = Shape(start, None, middle, rng.choice([-1.0, 1.0]))
-    length = found.length
+        outline = Shape(start, None, middle, rng.choice([-1.0, 1.0]))
+    length = outline.length
     gaps = np.sort(rng.uniform(0.3, 0.9, 2 * rng.integers(0, 3))) * length
     gaps = gaps.reshape(-1, 2)
-    found.off = [(a, b) for a, b in gaps.tolist() if b - a > 1e-3]
+    outline.off = [(a, b) for a, b in gaps.tolist() if b - a > 1e-3]
     # Leads of switches are shorter than the time between two gaps.
-    if len(found.off) == 2 and found.off[1][0] - found.off[0][1] < 3e-3:
-        found.off = found.off[:1]
+    if len(outline.off) == 2 and outline.off[1][0] - outline.off[0][1] < 3e-3:
+        outline.off = outline.off[:1]
     if style == "none":
-        found.off = []
-    events = [ac.Event(name=name, value=bool(k), s=x[k]) for x in found.off for k in (0, 1)]
+        outline.off = []
+    events = [ac.Event(name=name, value=bool(k), s=x[k]) for x in outline.off for k in (0, 1)]
     if style == "late":
-        found.begin = 0.2 * length
+        outline.begin = 0.2 * length
         events = [ac.Event(name=name, s=0.2 * length), *events]
     if style == "file":
         events = [ac.Event(name=name), *events, ac.Event(name=name, value=False, s=length)]
-    found.events = tuple(events)
-    return found
+    outline.events = tuple(events)
+    return outline
 
 
 def lead(rng: np.random.Generator, active: bool) -> Lead | None:
@@ -214,20 +214,20 @@ def judge_program(seed: int) -> int:
     spans = [x for x in plan.spans if x.kind == "contour"]
     assert len(spans) == len(visits) - first
     for k, (span, (x, end)) in enumerate(zip(spans, visits[first:], strict=True)):
-        here = (t >= span.t[0]) & (t <= span.t[1])
-        s, distance = x.places(tool[here], end)
+        inside = (t >= span.t[0]) & (t <= span.t[1])
+        s, distance = x.places(tool[inside], end)
         work = (distance < ON) & (s >= max(x.begin, begun if k == 0 else 0.0)) & (s <= end)
         for a, b in x.off:
             place = s if x.centre is None else s % x.length
             work &= (place < a) | (place > b)
         if active:
-            at_work = np.flatnonzero(here)[work]
-            leads |= here & ((t < t[at_work[0]]) | (t > t[at_work[-1]]))
-        works["glue" if x.layer else "laser"][here] |= work & (speed[here] > 1e-6)
+            at_work = np.flatnonzero(inside)[work]
+            leads |= inside & ((t < t[at_work[0]]) | (t > t[at_work[-1]]))
+        works["glue" if x.layer else "laser"][inside] |= work & (speed[inside] > 1e-6)
     for name, work in works.items():
-        own = [y for y in plan.events if y.name == name]
+        events = [y for y in plan.events if y.name == name]
         on = np.zeros(len(t), dtype=bool)
-        for y in own:
+        for y in events:
             on[t >= y.t] = y.value is not False
         _judge_output(f"seed {seed}, {name}", t, on, work, leads, on_lead, off_lead)
         if name == "laser":
@@ -242,7 +242,7 @@ def judge_program(seed: int) -> int:
 
 
 def _judge_output(
-    what: str,
+    title: str,
     t: np.ndarray,
     on: np.ndarray,
     work: np.ndarray,
@@ -252,17 +252,17 @@ def _judge_output(
 ) -> None:
     """Raise AssertionError where an output is on without work, or off at work."""
 
-    def count(here: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        done = np.concatenate([[0], np.cumsum(here)])
+    def count(mask: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        done = np.concatenate([[0], np.cumsum(mask)])
         i, j = np.searchsorted(t, low), np.searchsorted(t, high, side="right")
         return done[j] - done[i], j - i
 
     some, _ = count(work | leads, t - SLACK, t + on_lead + SLACK)
     wrong = on & (some == 0)
-    assert not wrong.any(), f"{what}: on without work at {t[wrong][:5]} s, {wrong.sum()} samples"
+    assert not wrong.any(), f"{title}: on without work at {t[wrong][:5]} s, {wrong.sum()} samples"
     some, all_of_them = count(work, t - SLACK, t + off_lead + SLACK)
     wrong = ~on & (some == all_of_them)
-    assert not wrong.any(), f"{what}: off at work at {t[wrong][:5]} s, {wrong.sum()} samples"
+    assert not wrong.any(), f"{title}: off at work at {t[wrong][:5]} s, {wrong.sum()} samples"
 
 
 UNITS = {
@@ -383,7 +383,7 @@ def judge_job(seed: int) -> list[str]:
     share = np.linspace(0, 1, 200)[:, None, None]
     places = (drawn.points[:-1] + share * np.diff(drawn.points, axis=0)).reshape(-1, 2)
     far = np.array([np.linalg.norm(point[work] - x, axis=1).min() for x in places])
-    found = {
+    figures = {
         "duration in other units": (abs(other / motion.duration - 1), SAME),
         "distance from the contour": (
             distances(point[work], drawn.points).max(),
@@ -398,12 +398,16 @@ def judge_job(seed: int) -> list[str]:
         ("lead-in", begin.t[0], begin.work[0], drawn.lead_in),
         ("lead-out", end.work[1], end.t[1], drawn.lead_out),
     ):
-        here = (t >= low) & (t <= high)
-        run_length = float(trapezoid(speed[here], t[here]))
-        found[f"length of the {name}"] = (abs(run_length - length), 1e-4 * length + 1e-7)
+        mask = (t >= low) & (t <= high)
+        run_length = float(trapezoid(speed[mask], t[mask]))
+        figures[f"length of the {name}"] = (abs(run_length - length), 1e-4 * length + 1e-7)
     resting = (t > begin.t[0] - drawn.dwell) & (t < begin.t[0])
-    found["speed in the dwell"] = (speed[resting].max(initial=0.0), NEAR)
-    return [f"{k}: {x:.3g}, allowed {most:.3g}" for k, (x, most) in found.items() if not x <= most]
+    figures["speed in the dwell"] = (speed[resting].max(initial=0.0), NEAR)
+    return [
+        f"{k}: {x:.3g}, allowed {allowed:.3g}"
+        for k, (x, allowed) in figures.items()
+        if not x <= allowed
+    ]
 
 
 def run(seed: int) -> Outcome:

@@ -59,46 +59,50 @@ def random_problem(seed: int) -> tuple[Job, dict[str, tuple[float, float, int]]]
     return job, over
 
 
-def durations(found: Placement, job: Job) -> np.ndarray:
+def durations(placement: Placement, job: Job) -> np.ndarray:
     """Durations of all places by brute force [s]; infinite where there is no plan."""
     (run,) = job.runs
     vertices = job.program.path.vertices
     moves = Moves(anchor=(vertices.min(axis=0) + vertices.max(axis=0)) / 2)
-    known = []
-    for k in range(len(found.verdicts)):
-        program = ac.Program.from_path(job.path).placed(moves.frame(found.place(k)))
+    expected = []
+    for k in range(len(placement.verdicts)):
+        program = ac.Program.from_path(job.path).placed(moves.frame(placement.place(k)))
         path = ac.round_corners(program.single_path, tolerance=run.rounding.tolerance)
         try:
-            known.append(ac.plan(path, job.arm, run.limits).duration)
+            expected.append(ac.plan(path, job.arm, run.limits).duration)
         except ArmContourError:
-            known.append(np.inf)
-    return np.array(known)
+            expected.append(np.inf)
+    return np.array(expected)
 
 
 def run(seed: int) -> Outcome:
     """Find the best place of a random grid, and plan all of its places."""
     job, over = random_problem(seed)
     try:
-        found = ac.place(job, ac.PlaceSearch(over=over), processes=1)
+        placement = ac.place(job, ac.PlaceSearch(over=over), processes=1)
     except Unreachable as error:
         notes = [] if "is feasible" in str(error) else [str(error)]
         return Outcome(result="none", notes=notes)
-    known = durations(found, job)
-    best = found.best.verdict.duration
-    bounds = found.values("bound").ravel()
-    refused = np.array([bool(x.refusal) for x in found.verdicts])
-    looked = ~refused & np.isinf(known)
+    expected = durations(placement, job)
+    best = placement.best.verdict.duration
+    bounds = placement.values("bound").ravel()
+    refused = np.array([bool(x.refusal) for x in placement.verdicts])
+    looked = ~refused & np.isinf(expected)
     wrong = []
-    if not best <= known.min() * (1 + SAME):
-        wrong.append(f"best {best}, but {known.min()} at {found.place(int(np.argmin(known)))}")
-    if (bounds > known).any():
-        k = int(np.argmax(bounds - known))
-        wrong.append(f"a bound of {bounds[k]} above the plan of {known[k]} at {found.place(k)}")
-    if (refused & np.isfinite(known)).any():
-        wrong.append(f"refused {found.place(int(np.argmax(refused & np.isfinite(known))))}")
+    if not best <= expected.min() * (1 + SAME):
+        wrong.append(
+            f"best {best}, but {expected.min()} at {placement.place(int(np.argmin(expected)))}"
+        )
+    if (bounds > expected).any():
+        k = int(np.argmax(bounds - expected))
+        wrong.append(
+            f"a bound of {bounds[k]} above the plan of {expected[k]} at {placement.place(k)}"
+        )
+    if (refused & np.isfinite(expected)).any():
+        wrong.append(f"refused {placement.place(int(np.argmax(refused & np.isfinite(expected))))}")
     # A place that tracing refuses between knots may have a bound only.
-    if any(found.verdicts[k].planned for k in np.flatnonzero(looked)):
+    if any(placement.verdicts[k].planned for k in np.flatnonzero(looked)):
         wrong.append("a plan where there is none")
-    if found.refined.verdict.duration > best:
+    if placement.refined.verdict.duration > best:
         wrong.append("refined is worse")
     return Outcome(result="placed", notes=wrong)

@@ -108,14 +108,14 @@ def run(seed: int) -> Outcome:
     """Read a broken file, within limits of time and memory."""
     kind = list(KINDS)[seed % len(KINDS)]
 
-    def late(*_: object) -> None:
+    def interrupt_reading(*_: object) -> None:
         raise TooSlow
 
-    signal.signal(signal.SIGALRM, late)
+    signal.signal(signal.SIGALRM, interrupt_reading)
     signal.setitimer(signal.ITIMER_REAL, LONGEST)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     try:
-        found = read(kind, seed // len(KINDS))
+        outcome = read(kind, seed // len(KINDS))
     except TooSlow:
         return Outcome(kind=kind, result="slow", notes=[f"more than {LONGEST:g} s"])
     finally:
@@ -123,14 +123,14 @@ def run(seed: int) -> Outcome:
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024
     if grown > LARGEST:
         return Outcome(kind=kind, result="large", notes=[f"{grown / 1e6:.0f} MB more"])
-    return found
+    return outcome
 
 
 def read(kind: str, seed: int) -> Outcome:
     """Read one broken file."""
     rng = np.random.default_rng([seed, len(kind), ord(kind[0])])
-    of = samples(kind)
-    data = mutated(of[int(rng.integers(len(of)))], rng)
+    sample_files = samples(kind)
+    data = mutated(sample_files[int(rng.integers(len(sample_files)))], rng)
     name, notes = f"part{KINDS[kind]}", []
     how = ReadOptions(
         units=None if rng.random() < 0.5 else 1e-3,
@@ -184,10 +184,10 @@ def _read_bodies(kind: str, name: str, data: bytes) -> tuple[float, list[str]]:
         file = Path(folder) / name
         file.write_bytes(data)
         if kind == "Srdf":
-            left = read_left_out(file, ["base", "beam", "camera"])
-            return 0.0, [text for x in left for text in (x.first, x.second)]
+            ignored = read_left_out(file, ["base", "beam", "camera"])
+            return 0.0, [text for x in ignored for text in (x.first, x.second)]
         if kind in ("stl", "obj"):
             return read_mesh(file).size, []
-        found = read_scene_file(file)
-    sizes = [np.abs(x.place.position).max() for x in found]
-    return float(max(sizes, default=0.0)), [x.name for x in found]
+        bodies = read_scene_file(file)
+    sizes = [np.abs(x.place.position).max() for x in bodies]
+    return float(max(sizes, default=0.0)), [x.name for x in bodies]

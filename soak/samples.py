@@ -173,7 +173,7 @@ def _dxf() -> tuple[bytes, ...]:
 
     # It warns of units that old versions do not have.
     logging.getLogger("ezdxf").setLevel(logging.ERROR)
-    found = []
+    drawings = []
     for version in ("R12", "R2010"):
         document = ezdxf.new(version)
         space = document.modelspace()
@@ -191,5 +191,5 @@ def _dxf() -> tuple[bytes, ...]:
             space.add_spline([(0, 0), (3, 4), (6, 0), (9, 2)])
         text = io.StringIO()
         document.write(text)
-        found.append(text.getvalue().encode())
-    return tuple(found)
+        drawings.append(text.getvalue().encode())
+    return tuple(drawings)

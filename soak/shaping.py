@@ -78,26 +78,28 @@ def hold_tool(path: ac.Path, hold: str) -> ac.Path:
 def pieces_of(problem: Problem) -> Pieces:
     """The objective in pieces, each with its tolerance."""
     path, options = problem.objective, problem.options
-    most = options["tolerance"]
+    tolerance = options["tolerance"]
     corners = path.breaks[1:-1][path.turns > 1e-9]
     zone = options.get("zone")
     edges = np.empty(0) if zone is None else np.concatenate([corners - zone, corners + zone])
 
-    def own(s: np.ndarray, side: str) -> np.ndarray:
-        given = path.tolerances[path.locate(s, side=side)]
-        return np.fmin(np.where(np.isnan(given), np.inf, given), most)
+    def own_tolerance(s: np.ndarray, side: str) -> np.ndarray:
+        segment_tolerance = path.tolerances[path.locate(s, side=side)]
+        return np.fmin(np.where(np.isnan(segment_tolerance), np.inf, segment_tolerance), tolerance)
 
     def bands(s: np.ndarray) -> np.ndarray:
-        found = own(s, "left")
+        band = own_tolerance(s, "left")
         if zone is not None:
             away = np.abs(s[:, None] - corners).min(axis=1, initial=np.inf) > zone
-            found = np.where(away, np.minimum(found, options["line_tolerance"]), found)
-        return found
+            band = np.where(away, np.minimum(band, options["line_tolerance"]), band)
+        return band
 
     def joints(s: np.ndarray) -> np.ndarray:
         at_vertex = np.isin(s, path.breaks)
-        least = np.minimum(own(s, "left"), own(s, "right"))
-        return np.where(at_vertex, least, np.maximum(own(s, "left"), own(s, "right")))
+        smaller = np.minimum(own_tolerance(s, "left"), own_tolerance(s, "right"))
+        return np.where(
+            at_vertex, smaller, np.maximum(own_tolerance(s, "left"), own_tolerance(s, "right"))
+        )
 
     return cut(path, edges, bands, joints)
 
@@ -146,22 +148,22 @@ def _limits(rng: Random) -> ac.Limits:
     def some(scale: float, count: int | tuple[int, int] | None = None) -> Any:
         return scale * 10 ** rng.uniform(-spread, spread, count)
 
-    wanted: dict[str, Any] = {"joint_acceleration": some(0.72, 2)}
+    options: dict[str, Any] = {"joint_acceleration": some(0.72, 2)}
     if rng.random() < 0.1:
-        wanted["joint_acceleration"] = some(0.72, (2, 2)) * (-1, 1)
+        options["joint_acceleration"] = some(0.72, (2, 2)) * (-1, 1)
     if rng.random() < 0.85:
-        wanted["speed"] = float(some(0.15))
+        options["speed"] = float(some(0.15))
     if rng.random() < 0.5:
-        wanted["centripetal_acceleration"] = float(some(0.09))
+        options["centripetal_acceleration"] = float(some(0.09))
     if rng.random() < 0.25:
-        wanted["joint_velocity"] = (
+        options["joint_velocity"] = (
             some(0.5, (2, 2)) * (-1, 1) if rng.random() < 0.3 else some(0.5, 2)
         )
     if rng.random() < 0.15:
-        wanted["tool_acceleration"] = float(some(0.2))
+        options["tool_acceleration"] = float(some(0.2))
     if rng.random() < 0.05:
-        wanted["joint_torque"] = some(0.05, 2)
-    return ac.Limits.only(**wanted)
+        options["joint_torque"] = some(0.05, 2)
+    return ac.Limits.only(**options)
 
 
 def _space_limits(rng: Random) -> ac.Limits:
@@ -228,8 +230,8 @@ def _polyline(rng: Random) -> ac.Path:
     if sort < 0.3:
         turns = _signs(rng, count) * np.radians(rng.uniform(140, 179.5, count))
     elif sort < 0.4:
-        off = 0.0 if rng.random() < 0.4 else 10 ** rng.uniform(-9, -1.5)
-        turns[rng.integers(count)] = np.pi - off
+        deviation = 0.0 if rng.random() < 0.4 else 10 ** rng.uniform(-9, -1.5)
+        turns[rng.integers(count)] = np.pi - deviation
     elif sort < 0.55:
         turns = _signs(rng, count) * 10 ** rng.uniform(-4, 0.4, count)
         small = rng.random(count + 1) < 0.4
@@ -313,16 +315,16 @@ def time_rivals(planned: ac.Trajectory, problem: Problem) -> dict[str, float]:
         "stops": objective,
     }
     options = {} if objective.dimension == 2 else {"seed": planned(0.0)}
-    found = {}
+    plans = {}
     for name, path in shapes.items():
         # Arcs do not know of zones.
         if name != "stops" and "zone" in problem.options:
             continue
         try:
-            found[name] = ac.plan(path, problem.arm, problem.limits, ac.Optimal(**options)).duration
+            plans[name] = ac.plan(path, problem.arm, problem.limits, ac.Optimal(**options)).duration
         except ac.ArmContourError:
             continue
-    return found
+    return plans
 
 
 def _plan(problem: Problem) -> ac.Trajectory:
@@ -334,8 +336,8 @@ def judge(planned: ac.Trajectory, problem: Problem) -> list[str]:
     t = _times(planned, problem)
     states = [planned(t, order) for order in (0, 1, 2)]
     # Also what holds just before every break.
-    left = [planned(planned.breaks[1:], order, side="left") for order in (0, 1, 2)]
-    both = [np.concatenate(x) for x in zip(states, left, strict=True)]
+    left_limits = [planned(planned.breaks[1:], order, side="left") for order in (0, 1, 2)]
+    both = [np.concatenate(x) for x in zip(states, left_limits, strict=True)]
     notes = _exceeded(problem, np.append(t, planned.breaks[1:]), both)
     notes += _differences(planned, problem)
     notes += _keeping(planned, problem, t, problem.arm.tool_position(states[0]))
@@ -376,26 +378,26 @@ def _differences(planned: ac.Trajectory, problem: Problem) -> list[str]:
     speed = np.linalg.norm(velocity, axis=1)
     low, high = limits.acceleration_bounds(q.shape[1])
     # How far each is above its limit, and what rounding and the differences themselves may add.
-    found = {"acceleration": (np.maximum(second - high, low - second).max(), rounding / h**2)}
+    excesses = {"acceleration": (np.maximum(second - high, low - second).max(), rounding / h**2)}
     if limits.joint_velocity is not None:
         low, high = limits.velocity_bounds(q.shape[1])
-        found["velocity"] = (np.maximum(first - high, low - first).max(), rounding / h)
+        excesses["velocity"] = (np.maximum(first - high, low - first).max(), rounding / h)
     if limits.speed is not None:
-        found["speed"] = (speed.max() - limits.speed, rounding / h)
+        excesses["speed"] = (speed.max() - limits.speed, rounding / h)
     if limits.tool_acceleration is not None:
-        most = np.linalg.norm(change, axis=1).max()
-        found["tool acceleration"] = (most - limits.tool_acceleration, rounding / h**2)
+        bound = np.linalg.norm(change, axis=1).max()
+        excesses["tool acceleration"] = (bound - limits.tool_acceleration, rounding / h**2)
     if limits.centripetal_acceleration is not None:
         middle = (velocity[1:] + velocity[:-1]) / 2
         going = np.linalg.norm(middle, axis=1)
         along = np.einsum("ij,ij->i", middle, change) / np.maximum(going, SLOW) ** 2
         normal = np.linalg.norm(change - along[:, None] * middle, axis=1)[going > SLOW]
-        most = limits.centripetal_acceleration
-        above = normal.max(initial=0.0) - most
-        found["centripetal acceleration"] = (above, rounding / h**2 + CURVED * most)
+        bound = limits.centripetal_acceleration
+        above = normal.max(initial=0.0) - bound
+        excesses["centripetal acceleration"] = (above, rounding / h**2 + CURVED * bound)
     return [
         f"{name} above its limit by {above:.3g} by differences of positions"
-        for name, (above, allowed) in found.items()
+        for name, (above, allowed) in excesses.items()
         if not above <= allowed + LEAK
     ]
 
@@ -413,10 +415,10 @@ def _keeping(planned: Any, problem: Problem, t: np.ndarray, points: np.ndarray) 
         notes.append(f"outside the tolerance by {far[k]:.3g} m at t = {t[k]:.9g} s")
     vertices, ends = problem.objective.vertices[1:-1], np.cumsum(pieces.lengths)
     for i, (vertex, place) in enumerate(zip(vertices, problem.objective.breaks[1:-1], strict=True)):
-        at = int(np.argmin(np.abs(ends - place)))
-        own = (matching.first <= at + 1) & (matching.last >= at)
-        distance = np.where(own, np.linalg.norm(points - vertex, axis=1), np.inf)
-        j, allowed = int(np.argmin(distance)), pieces.joints[at] * (1 + LEAK) + TRACED
+        index = int(np.argmin(np.abs(ends - place)))
+        matched = (matching.first <= index + 1) & (matching.last >= index)
+        distance = np.where(matched, np.linalg.norm(points - vertex, axis=1), np.inf)
+        j, allowed = int(np.argmin(distance)), pieces.joints[index] * (1 + LEAK) + TRACED
         if distance[j] <= allowed:
             continue
         bounds = t[max(j - 1, 0)], t[min(j + 1, len(t) - 1)]
@@ -427,7 +429,7 @@ def _keeping(planned: Any, problem: Problem, t: np.ndarray, points: np.ndarray) 
             options={"xatol": 1e-15},
         ).fun
         if gap > allowed:
-            notes.append(f"vertex {i + 1} is {gap - pieces.joints[at]:.3g} m outside")
+            notes.append(f"vertex {i + 1} is {gap - pieces.joints[index]:.3g} m outside")
     return notes
 
 
@@ -436,11 +438,11 @@ def _promised(planned: Any, problem: Problem, pieces: Any, t: Any, points: Any) 
     path, objective = planned.path, problem.objective
     on_path = np.clip(planned.s(t), 0, path.length)
     place = np.clip(np.interp(on_path, path.places[:, 1], path.places[:, 0]), 0, objective.length)
-    off = np.linalg.norm(points - objective(place), axis=1)
+    distance = np.linalg.norm(points - objective(place), axis=1)
     edges = np.cumsum(pieces.lengths)[:-1]
     # At an edge the larger tolerance holds.
     either = [pieces.bands[np.searchsorted(edges, place + x)] for x in (-SAME_PLACE, SAME_PLACE)]
-    far = off - np.maximum(*either) * (1 + LEAK) - TRACED
+    far = distance - np.maximum(*either) * (1 + LEAK) - TRACED
     k = int(np.argmax(far))
     return [f"{far[k]:.3g} m too far from its place at t = {t[k]:.9g} s"] if far[k] > 0 else []
 
@@ -463,11 +465,11 @@ def _orientation(problem: Problem, q: np.ndarray) -> list[str]:
         return []
     _, rotations = problem.arm.pose(q)
     if problem.hold == "held":
-        off = np.abs(rotations - DOWN).max()
+        deviation = np.abs(rotations - DOWN).max()
     else:
         axis = DOWN[:, 2] if problem.hold == "axis" else AXIS / np.linalg.norm(AXIS)
-        off = np.linalg.norm(rotations[:, :, 2] - axis, axis=1).max()
-    return [f"the tool is turned by {off:.3g} rad"] if off > TURNED else []
+        deviation = np.linalg.norm(rotations[:, :, 2] - axis, axis=1).max()
+    return [f"the tool is turned by {deviation:.3g} rad"] if deviation > TURNED else []
 
 
 @dataclass(frozen=True)
@@ -501,24 +503,26 @@ def cut(path, cuts, bands, joints):
     for i in np.flatnonzero(path.curvatures * path.lengths > QUARTER):
         count = math.ceil(path.curvatures[i] * path.lengths[i] / QUARTER)
         bounds.append(np.linspace(path.breaks[i], path.breaks[i + 1], count + 1))
-    at = np.unique(np.concatenate(bounds))
+    bounds_of_pieces = np.unique(np.concatenate(bounds))
     # What a rounding error cuts off is no piece, unless it is a segment of the path.
-    stays = np.isin(at, path.breaks)
-    at = at[stays | (np.append(np.diff(at), np.inf) > 1e-12)]
-    i = path.locate((at[:-1] + at[1:]) / 2)
-    u = at[:-1] - path.breaks[i]
+    stays = np.isin(bounds_of_pieces, path.breaks)
+    bounds_of_pieces = bounds_of_pieces[
+        stays | (np.append(np.diff(bounds_of_pieces), np.inf) > 1e-12)
+    ]
+    i = path.locate((bounds_of_pieces[:-1] + bounds_of_pieces[1:]) / 2)
+    u = bounds_of_pieces[:-1] - path.breaks[i]
     angle = (path.curvatures[i] * u)[:, None]
     tangents = np.cos(angle) * path.tangents[i] + np.sin(angle) * path.normals[i]
     normals = np.cos(angle) * path.normals[i] - np.sin(angle) * path.tangents[i]
-    points = path(at)
+    points = path(bounds_of_pieces)
     return Pieces(
         starts=points[:-1],
         tangents=tangents,
         normals=normals,
         bends=np.array(path.curvatures[i]),
-        lengths=np.diff(at),
-        bands=bands((at[:-1] + at[1:]) / 2),
-        joints=joints(at[1:]),
+        lengths=np.diff(bounds_of_pieces),
+        bands=bands((bounds_of_pieces[:-1] + bounds_of_pieces[1:]) / 2),
+        joints=joints(bounds_of_pieces[1:]),
         ends=points[1:],
     )
 
@@ -572,13 +576,13 @@ def _reverse(pieces):
 
 def excess(points, pieces, matching):
     """By how much the points are farther from their own pieces than these allow [m], (m,)."""
-    found = np.full(len(points), np.inf)
+    smallest = np.full(len(points), np.inf)
     rows = zip(*pieces.columns, strict=True)
     for k, (start, tangent, normal, bend, length, band) in enumerate(rows):
-        own = (matching.first <= k) & (k <= matching.last)
-        off = Piece(start, tangent, normal, bend, length).distance(points[own]) - band
-        found[own] = np.minimum(found[own], off)
-    return found
+        matched = (matching.first <= k) & (k <= matching.last)
+        excesses = Piece(start, tangent, normal, bend, length).distance(points[matched]) - band
+        smallest[matched] = np.minimum(smallest[matched], excesses)
+    return smallest
 
 
 @njit(cache=True)
@@ -588,8 +592,8 @@ def _free(x, start, tangent, normal, bend, length, band):
     along = np.dot(w, tangent)
     if bend == 0.0:
         # As a difference of squares, a small distance is lost in a large one.
-        off = w - along * tangent
-        room = band * band - np.dot(off, off)
+        normal_part = w - along * tangent
+        room = band * band - np.dot(normal_part, normal_part)
         if room < 0:
             return 1.0, 0.0
         half = math.sqrt(room)

@@ -80,12 +80,12 @@ class Monkey:
     def _one(self, selector: str) -> tuple[float, float] | None:
         """The middle of one of the elements that are seen [px]."""
         # All at once: a handle may be gone in the next moment.
-        found = [
+        centers = [
             (x + wide / 2, y + high / 2)
             for x, y, wide, high in self.studio.page.locator(selector).evaluate_all(BOXES)
             if wide and 0 < y < 900
         ]
-        return self.random.choice(found) if found else None
+        return self.random.choice(centers) if centers else None
 
     def _drag(self) -> Iterator[None]:
         """Drag a handle, or the ground; sometimes it is let go by Escape."""
@@ -104,13 +104,13 @@ class Monkey:
         yield
 
     def _slide(self) -> Iterator[None]:
-        mouse, at = self.studio.page.mouse, self._one("#panel input[type=range], .scrub")
-        if at is None:
+        mouse, slider = self.studio.page.mouse, self._one("#panel input[type=range], .scrub")
+        if slider is None:
             return
-        mouse.move(*at)
+        mouse.move(*slider)
         mouse.down()
         for _ in range(self.random.randrange(3, 25)):
-            mouse.move(at[0] + self.random.uniform(-140, 140), at[1])
+            mouse.move(slider[0] + self.random.uniform(-140, 140), slider[1])
             yield
         mouse.up()
 
@@ -127,15 +127,15 @@ class Monkey:
         self.studio.page.keyboard.press("f")
 
     def _click(self) -> Iterator[None]:
-        at = self._one(BUTTONS)
-        if at is not None:
-            self.studio.page.mouse.click(*at)
+        button = self._one(BUTTONS)
+        if button is not None:
+            self.studio.page.mouse.click(*button)
         yield
 
     def _type(self) -> Iterator[None]:
-        at = self._one("#panel input[type=text], #tab-waypoints input, #tab-corners input")
-        if at is not None:
-            self.studio.page.mouse.click(*at, click_count=3)
+        entry = self._one("#panel input[type=text], #tab-waypoints input, #tab-corners input")
+        if entry is not None:
+            self.studio.page.mouse.click(*entry, click_count=3)
             yield
             self.studio.page.keyboard.insert_text(self.random.choice(TEXTS))
             self.studio.page.keyboard.press("Enter")

@@ -78,22 +78,22 @@ def _limits(rng: Random, dof: int, size: float, *, tool: bool) -> ac.Limits:
     def some(scale: float, count: int | None = None) -> Any:
         return scale * 10 ** (rng.uniform(-spread, spread) + rng.uniform(-0.4, 0.4, count))
 
-    wanted: dict[str, Any] = {}
+    options: dict[str, Any] = {}
     if not tool or rng.random() < 0.9:
-        wanted["joint_acceleration"] = some(size, dof)
+        options["joint_acceleration"] = some(size, dof)
     if rng.random() < 0.5:
-        wanted["joint_velocity"] = some(size, dof)
-    for name, most in wanted.items():
+        options["joint_velocity"] = some(size, dof)
+    for name, upper in options.items():
         if rng.random() < 0.3:
-            wanted[name] = np.stack([-some(size, dof), most], axis=1)
+            options[name] = np.stack([-some(size, dof), upper], axis=1)
     if tool:
         if rng.random() < 0.7:
-            wanted["speed"] = float(some(0.15))
-        if rng.random() < 0.3 or "joint_acceleration" not in wanted:
-            wanted["tool_acceleration"] = float(some(0.5))
+            options["speed"] = float(some(0.15))
+        if rng.random() < 0.3 or "joint_acceleration" not in options:
+            options["tool_acceleration"] = float(some(0.5))
         if rng.random() < 0.4:
-            wanted["centripetal_acceleration"] = float(some(0.1))
-    return ac.Limits.only(**wanted)
+            options["centripetal_acceleration"] = float(some(0.1))
+    return ac.Limits.only(**options)
 
 
 # Joint paths
@@ -135,11 +135,11 @@ def _stopping_spline(rng: Random) -> ac.JointPath:
     breaks = [0.0]
     for part, start in zip(parts, ends[:-1], strict=True):
         breaks += (start + part.breaks[1:]).tolist()
-    at = np.cumsum([len(x.breaks) - 1 for x in parts])[:-1]
+    stop_indices = np.cumsum([len(x.breaks) - 1 for x in parts])[:-1]
     return ac.JointPath(
         breaks=np.array(breaks),
         coefficients=np.concatenate([x.coefficients for x in parts]),
-        stops=np.array(breaks)[at],
+        stops=np.array(breaks)[stop_indices],
     )
 
 
@@ -349,13 +349,15 @@ def judge(
     t, i = t.ravel(), np.repeat(np.arange(n), PLACES + 2)
     q, dq, ddq = (law.on_interval(i, t, order) for order in (0, 1, 2))
     notes = _steps(law, q.reshape(n, -1, q.shape[1]), options)
-    found = _ratios(planned, problem, i, q, dq, ddq)
+    ratios = _ratios(planned, problem, i, q, dq, ddq)
     worst = 0.0
-    for name, ratio in found.items():
-        at = int(np.argmax(np.where(np.isnan(ratio), np.inf, ratio)))
-        worst = max(worst, float(ratio[at]))
-        if not ratio[at] <= 1 + LEAK:
-            notes.append(f"{name} 1 {ratio[at] - 1:+.2e} in interval {i[at]} at t = {t[at]:.9g} s")
+    for name, ratio in ratios.items():
+        index = int(np.argmax(np.where(np.isnan(ratio), np.inf, ratio)))
+        worst = max(worst, float(ratio[index]))
+        if not ratio[index] <= 1 + LEAK:
+            notes.append(
+                f"{name} 1 {ratio[index] - 1:+.2e} in interval {i[index]} at t = {t[index]:.9g} s"
+            )
     return notes, worst
 
 
@@ -380,8 +382,8 @@ def _steps(law: Any, q: np.ndarray, options: dict[str, Any]) -> list[str]:
     if (law.rates.ds[1:] < 0).any() or speeds.min() < -1e-6 * fastest:
         notes.append("runs back")
     if len(path.stops):
-        at = np.searchsorted(law.s, path.stops)
-        if (law.rates.ds[at[at < len(law.rates.ds)]] != 0).any():
+        stop_nodes = np.searchsorted(law.s, path.stops)
+        if (law.rates.ds[stop_nodes[stop_nodes < len(law.rates.ds)]] != 0).any():
             notes.append("does not stop where it must")
     return notes
 
@@ -398,38 +400,42 @@ def _ratios(
     limits, arm = problem.limits, problem.arm
     if planned.path is None:
         return limit_ratios(limits, None, q, dq, ddq)
-    found = limit_ratios(limits, arm, q, dq, ddq)
+    ratios = limit_ratios(limits, arm, q, dq, ddq)
     s = planned.s(planned.breaks)
-    own = planned.path.speeds[planned.path.locate((s[:-1] + s[1:]) / 2)][i]
+    segment_speeds = planned.path.speeds[planned.path.locate((s[:-1] + s[1:]) / 2)][i]
     speed = np.linalg.norm(arm.tool_velocity(q, dq), axis=1)
-    found["speed of a segment"] = speed / np.where(np.isnan(own), np.inf, own)
-    return found
+    ratios["speed of a segment"] = speed / np.where(
+        np.isnan(segment_speeds), np.inf, segment_speeds
+    )
+    return ratios
 
 
 def limit_ratios(
     limits: ac.Limits, arm: Any, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Ratios to limits of joints, and of the tool of an arm, by their names, (n,) each."""
-    found: dict[str, np.ndarray] = {}
+    ratios: dict[str, np.ndarray] = {}
     if limits.joint_velocity is not None:
         low, high = limits.velocity_bounds(q.shape[1])
-        found["joint velocity"] = np.maximum(dq / low, dq / high).max(axis=1)
+        ratios["joint velocity"] = np.maximum(dq / low, dq / high).max(axis=1)
     if limits.joint_acceleration is not None:
         low, high = limits.acceleration_bounds(q.shape[1])
-        found["joint acceleration"] = np.maximum(ddq / low, ddq / high).max(axis=1)
+        ratios["joint acceleration"] = np.maximum(ddq / low, ddq / high).max(axis=1)
     if arm is None:
-        return found
+        return ratios
     if limits.joint_torque is not None:
-        found["joint torque"] = (np.abs(arm.torque(q, dq, ddq)) / limits.joint_torque).max(axis=1)
+        ratios["joint torque"] = (np.abs(arm.torque(q, dq, ddq)) / limits.joint_torque).max(axis=1)
     velocity, acceleration = arm.tool_velocity(q, dq), arm.tool_acceleration(q, dq, ddq)
     speed = np.linalg.norm(velocity, axis=1)
     if limits.speed is not None:
-        found["speed"] = speed / limits.speed
+        ratios["speed"] = speed / limits.speed
     if limits.tool_acceleration is not None:
-        found["tool acceleration"] = np.linalg.norm(acceleration, axis=1) / limits.tool_acceleration
+        ratios["tool acceleration"] = (
+            np.linalg.norm(acceleration, axis=1) / limits.tool_acceleration
+        )
     if limits.centripetal_acceleration is not None:
         along = np.einsum("ij,ij->i", velocity, acceleration) / np.maximum(speed, SLOWEST) ** 2
         normal = np.linalg.norm(acceleration - along[:, None] * velocity, axis=1)
         normal[speed < SLOWEST] = 0.0
-        found["centripetal acceleration"] = normal / limits.centripetal_acceleration
-    return found
+        ratios["centripetal acceleration"] = normal / limits.centripetal_acceleration
+    return ratios

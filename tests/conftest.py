@@ -95,8 +95,8 @@ def nothing_left_open() -> Iterator[None]:
     if _resources() - before:
         # A file or socket that nobody closed warns when it is collected, and fails here.
         gc.collect()
-    left = sorted(_resources() - before)
-    assert not left, "Left open by the tests of this module:\n" + "\n".join(left)
+    leaks = sorted(_resources() - before)
+    assert not leaks, "Left open by the tests of this module:\n" + "\n".join(leaks)
 
 
 # Paper, Sec. IV-A.
@@ -167,12 +167,12 @@ def refuses() -> Callable[..., None]:
         assert not missing, f"{missing} not in {message!r}"
         assert message.endswith(".") and "\n" not in message  # one sentence for a person
         for name, expected in data.items():
-            found = getattr(error, name)
+            value = getattr(error, name)
             if isinstance(expected, (str, type(None))):
-                assert found == expected, name
+                assert value == expected, name
             else:
-                assert np.shape(found) == np.shape(expected), name
-                np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-12, err_msg=name)
+                assert np.shape(value) == np.shape(expected), name
+                np.testing.assert_allclose(value, expected, rtol=1e-6, atol=1e-12, err_msg=name)
 
     return check
 
@@ -193,7 +193,7 @@ def worst_ratios() -> Callable[..., dict[str, float]]:
         places: int = 50,
         seed: int = 0,
     ) -> dict[str, float]:
-        found: dict[str, float] = {}
+        peaks: dict[str, float] = {}
         rng = np.random.default_rng(seed)
         for law in planned.laws:
             n = len(law.breaks) - 1
@@ -217,8 +217,8 @@ def worst_ratios() -> Callable[..., dict[str, float]]:
                 )
                 speed = np.linalg.norm(velocity, axis=1)
                 middle = (law.s[:-1] + law.s[1:]) / 2
-                own = planned.path.speeds[planned.path.locate(middle)][i]
-                assigned = np.fmin(own, np.inf if limits.speed is None else limits.speed)
+                segment_speeds = planned.path.speeds[planned.path.locate(middle)][i]
+                assigned = np.fmin(segment_speeds, np.inf if limits.speed is None else limits.speed)
                 used["speed"] = speed / assigned
                 if limits.tool_acceleration is not None:
                     used["tool_acceleration"] = (
@@ -231,7 +231,7 @@ def worst_ratios() -> Callable[..., dict[str, float]]:
                     across = np.linalg.norm(acceleration[moving] - along * direction, axis=1)
                     used["centripetal_acceleration"] = across / limits.centripetal_acceleration
             for name, ratio in used.items():
-                found[name] = max(found.get(name, 0.0), float(ratio.max()))
-        return found
+                peaks[name] = max(peaks.get(name, 0.0), float(ratio.max()))
+        return peaks
 
     return judge

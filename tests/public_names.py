@@ -10,7 +10,9 @@ OWNED = {
     "control.compensation": "CompensationOptions fastest_poles",
     "control.identification": "BodyIdentification Identification",
     "control.learning": "LearningResult LearningRun Recording",
-    "files.exports": "CsvFormat McapFormat NpzFormat RosYamlFormat TemplateFormat URScriptFormat",
+    "controllers": "LinuxCNC Motion Played PlayedMotion Stop",
+    "files.exports": "CsvFormat McapFormat NpzFormat RosYamlFormat TemplateFormat URScriptFormat "
+    "interpolate_set_points",
     "geometry": "Orientation RoundedPath ShapedPath",
     "jobs": "JobResult",
     "planning": "Explanation PlanOptions",
@@ -18,7 +20,7 @@ OWNED = {
     "simulation": "Plant",
     "studies.certification": "Certificate",
     "studies.placement": "Placement",
-    "verification": "Check Evaluation LimitUse",
+    "verification": "Check CommandCheck Evaluation LimitUse check_commands",
     "verification.clearance": "Cell Clearance",
 }
 # By name, without the version.

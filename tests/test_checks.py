@@ -57,20 +57,27 @@ def test_what_is_no_number_is_refused(refuses):
     for wrong in (masked, None, "5 mm", [0.1, np.nan]):
         refuses(lambda x=wrong: checks.check_numbers("x", x, "m"), InvalidInput)
     refuses(lambda: checks.check_number("speed", [0.1], "m/s"), InvalidInput, "not an array of 1.")
-    given = np.ma.masked_array([0.1, 0.2], mask=False)
-    assert checks.check_numbers("x", given, "m").tolist() == [0.1, 0.2]
+    values = np.ma.masked_array([0.1, 0.2], mask=False)
+    assert checks.check_numbers("x", values, "m").tolist() == [0.1, 0.2]
 
 
 def test_arrays_for_kernels_are_copied_where_needed_only():
-    own = np.arange(6.0).reshape(2, 3)
-    assert kernel_array(own) is own
-    locked = own.copy()
+    array = np.arange(6.0).reshape(2, 3)
+    assert kernel_array(array) is array
+    locked = array.copy()
     locked.setflags(write=False)
-    for other in (locked, own.T, own[:, ::2], own.astype(int), own.tolist(), own.astype(">f8")):
-        found = kernel_array(other)
-        assert found is not other and np.array_equal(found, np.asarray(other))
-        assert found.dtype == np.float64 and found.dtype.isnative
-        assert found.flags.c_contiguous and found.flags.writeable
+    for other in (
+        locked,
+        array.T,
+        array[:, ::2],
+        array.astype(int),
+        array.tolist(),
+        array.astype(">f8"),
+    ):
+        copy = kernel_array(other)
+        assert copy is not other and np.array_equal(copy, np.asarray(other))
+        assert copy.dtype == np.float64 and copy.dtype.isnative
+        assert copy.flags.c_contiguous and copy.flags.writeable
 
 
 def test_a_name_has_printable_characters_only():
@@ -79,25 +86,25 @@ def test_a_name_has_printable_characters_only():
         check_name("name", "a\x07b")
 
 
-def arrays_of(x, name, seen):
+def arrays_of(x, name, visited):
     """All arrays of an object of the package and of its parts, with their names."""
-    if id(x) in seen:
+    if id(x) in visited:
         return
-    seen[id(x)] = x
+    visited[id(x)] = x
     if isinstance(x, np.ndarray):
         yield name, x
     elif isinstance(x, tuple | list):
         for y in x:
-            yield from arrays_of(y, name, seen)
+            yield from arrays_of(y, name, visited)
     elif isinstance(x, dict | MappingProxyType):
         for key, y in x.items():
-            yield from arrays_of(y, f"{name}.{key}", seen)
+            yield from arrays_of(y, f"{name}.{key}", visited)
     elif type(x).__module__.startswith("armcontour"):
         slots = getattr(type(x), "__dataclass_fields__", {})
         for key in {**slots, **getattr(x, "__dict__", {})}:
             # Dynamics are computed anew by copies of arms.
             if hasattr(x, key) and key != "dynamics":
-                yield from arrays_of(getattr(x, key), f"{type(x).__name__}.{key}", seen)
+                yield from arrays_of(getattr(x, key), f"{type(x).__name__}.{key}", visited)
 
 
 def pickled(x):
@@ -121,11 +128,11 @@ def test_copies_are_locked_as_what_was_copied(copied, objective, arm, limits, se
         smooth_curvature(rounded, tolerance=1e-4),
     )
     for x in everything:
-        given, found = (dict(arrays_of(y, "", {})) for y in (x, copied(x)))
-        assert given and found.keys() == given.keys(), type(x)
-        for name, array in found.items():
-            assert array.flags.writeable == given[name].flags.writeable, name
-            assert np.array_equal(array, given[name], equal_nan=array.dtype.kind == "f"), name
+        original, copy_arrays = (dict(arrays_of(y, "", {})) for y in (x, copied(x)))
+        assert original and copy_arrays.keys() == original.keys(), type(x)
+        for name, array in copy_arrays.items():
+            assert array.flags.writeable == original[name].flags.writeable, name
+            assert np.array_equal(array, original[name], equal_nan=array.dtype.kind == "f"), name
     for x in (plant, space):
         with pytest.raises(FrozenInstanceError):
             copied(x).limits = limits
@@ -151,8 +158,8 @@ def test_the_tree():
     assert [kind.exit_code for kind in (ac.ArmContourError, *KINDS)] == [1, 2, 3, 4, 5, 6]
     assert [issubclass(kind, ValueError) for kind in KINDS] == [True] + [False] * 4
     assert all(issubclass(kind, ac.ArmContourError) for kind in KINDS)
-    own = [x for x in vars(errors).values() if isinstance(x, type)]
-    assert {x.__name__ for x in own if issubclass(x, ac.ArmContourError)} <= set(ac.__all__)
+    classes = [x for x in vars(errors).values() if isinstance(x, type)]
+    assert {x.__name__ for x in classes if issubclass(x, ac.ArmContourError)} <= set(ac.__all__)
 
 
 def test_errors_carry_data():
@@ -182,9 +189,9 @@ def test_parts_of_long_motions_have_the_values_of_the_whole():
         t = np.sort(rng.uniform(0, 1, rng.integers(1, 30)))
         values = rng.normal(size=(len(t), 2))
         pool = np.concatenate([t, rng.uniform(-0.5, 1.5, 5)])
-        at = rng.choice(pool, rng.integers(1, 6))
-        expected = np.stack([np.interp(at, t, x) for x in values.T], axis=1)
-        assert (interpolate(at, t, values) == expected).all()
+        indices = rng.choice(pool, rng.integers(1, 6))
+        expected = np.stack([np.interp(indices, t, x) for x in values.T], axis=1)
+        assert (interpolate(indices, t, values) == expected).all()
     assert interpolate(np.empty(0), t, values).shape == (0, 2)
 
 
@@ -196,13 +203,13 @@ def test_solutions_are_those_of_scipy(m, width, sides, seed):
     bands[:, 0] = 2.0 * width + drawn.uniform(0.0, 1.0, m)
     right = drawn.normal(size=(m, sides))
     lower = bands.T.copy()
-    found = right.copy()
+    solution = right.copy()
     # Entries beyond the last column are never read.
     for i in range(m):
         bands[i, m - i :] = np.nan
-    solve_banded(bands, found)
+    solve_banded(bands, solution)
     if m:
-        np.testing.assert_allclose(found, solveh_banded(lower, right, lower=True), atol=1e-13)
+        np.testing.assert_allclose(solution, solveh_banded(lower, right, lower=True), atol=1e-13)
 
 
 SMALL = [0.0, 1e-300, 1e-160, 1e-12, 1e-8, 1e-4]
@@ -220,13 +227,15 @@ def test_exp_and_log_at_every_angle():
     for angle in (*SMALL, *LARGE):
         vectors = angle * np.array([unit(a) for a in AXES])
         matrices = exp(vectors)
-        wanted = Rotation.from_rotvec(vectors).as_matrix()
-        np.testing.assert_allclose(matrices, wanted, atol=1e-15, err_msg=angle)
-        found = log(matrices)
+        expected = Rotation.from_rotvec(vectors).as_matrix()
+        np.testing.assert_allclose(matrices, expected, atol=1e-15, err_msg=angle)
+        vectors_back = log(matrices)
         if angle > np.pi - 1e-7:  # either sign of the axis is the same turn, to rounding
-            found *= np.where(np.sum(found * vectors, axis=1, keepdims=True) < 0, -1, 1)
-        np.testing.assert_allclose(found, vectors, atol=4e-15, err_msg=angle)
-        assert (np.linalg.norm(found, axis=1) <= np.pi * (1 + 1e-15)).all(), angle
+            vectors_back *= np.where(
+                np.sum(vectors_back * vectors, axis=1, keepdims=True) < 0, -1, 1
+            )
+        np.testing.assert_allclose(vectors_back, vectors, atol=4e-15, err_msg=angle)
+        assert (np.linalg.norm(vectors_back, axis=1) <= np.pi * (1 + 1e-15)).all(), angle
     # A small turn keeps its digits.
     vector = 1e-9 * unit([1.0, 2.0, 3.0])
     np.testing.assert_allclose(log(exp(vector)), vector, rtol=1e-12)
@@ -234,8 +243,8 @@ def test_exp_and_log_at_every_angle():
 
 def test_exp_log_and_quaternions_agree_with_scipy():
     turns = Rotation.random(5000, np.random.default_rng(1))
-    found = quaternions(turns.as_matrix())
-    np.testing.assert_allclose(found, turns.as_quat(canonical=True), atol=1e-14)
+    converted = quaternions(turns.as_matrix())
+    np.testing.assert_allclose(converted, turns.as_quat(canonical=True), atol=1e-14)
     np.testing.assert_allclose(log(turns.as_matrix()), turns.as_rotvec(), atol=1e-14)
     vectors = np.array([[0.0, 0.0, 7.0], [10.0, -5.0, 3.0]])
     np.testing.assert_allclose(exp(vectors), Rotation.from_rotvec(vectors).as_matrix(), atol=1e-14)
@@ -248,9 +257,9 @@ def test_exp_log_and_quaternions_agree_with_scipy():
         np.einsum("nij,nj->ni", cross_matrix(v), w), np.cross(v, w), atol=1e-15
     )
     v = np.array([unit(x) for x in [*AXES, (1, 1, 1)]])
-    found = perpendicular(v)
-    np.testing.assert_allclose(np.sum(found * v, axis=1), 0.0, atol=1e-15)
-    assert np.linalg.norm(found, axis=1).min() == pytest.approx(np.sqrt(2 / 3))
+    converted = perpendicular(v)
+    np.testing.assert_allclose(np.sum(converted * v, axis=1), 0.0, atol=1e-15)
+    assert np.linalg.norm(converted, axis=1).min() == pytest.approx(np.sqrt(2 / 3))
 
 
 def test_the_shortest_rotation_turns_one_direction_into_the_other():
@@ -261,12 +270,12 @@ def test_the_shortest_rotation_turns_one_direction_into_the_other():
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     for turn in (0.0, 1e-14, 1e-9, 1e-3, 1.0, 3.0, np.pi - 1e-9, np.pi):
         second = np.cos(turn) * first + np.sin(turn) * across
-        found = shortest(first, second)
-        np.testing.assert_allclose(np.linalg.norm(found, axis=1), turn, atol=1e-14, err_msg=turn)
-        turned = np.einsum("nij,nj->ni", exp(found), first)
+        rotation = shortest(first, second)
+        np.testing.assert_allclose(np.linalg.norm(rotation, axis=1), turn, atol=1e-14, err_msg=turn)
+        turned = np.einsum("nij,nj->ni", exp(rotation), first)
         np.testing.assert_allclose(turned, second, atol=1e-12, err_msg=turn)
         # Nothing about the direction.
-        assert (np.abs(np.sum(found * first, axis=1)) < 1e-12).all(), turn
+        assert (np.abs(np.sum(rotation * first, axis=1)) < 1e-12).all(), turn
 
 
 def test_rotations_in_every_form():
@@ -275,10 +284,10 @@ def test_rotations_in_every_form():
         *(TURNED, matrix, matrix.tolist(), quaternion, -quaternion),
         *(quaternion * (1 + 5e-7), matrix + 1e-8),
     ):
-        found = rotations("it", form)
-        assert found.shape == (3, 3)
-        np.testing.assert_allclose(found, matrix, atol=1e-7)
-        np.testing.assert_allclose(found.T @ found, np.eye(3), atol=1e-15)
+        matrices = rotations("it", form)
+        assert matrices.shape == (3, 3)
+        np.testing.assert_allclose(matrices, matrix, atol=1e-7)
+        np.testing.assert_allclose(matrices.T @ matrices, np.eye(3), atol=1e-15)
     # Of three or four, the arrays look like one of another form.
     for count in (1, 3, 4, 7):
         turns = Rotation.random(count, np.random.default_rng(5))
@@ -287,8 +296,8 @@ def test_rotations_in_every_form():
     last = Rotation.concatenate([turns[:3], Rotation.identity()])
     np.testing.assert_allclose(rotations("x", last.as_quat()), last.as_matrix(), atol=1e-15)
     # A quaternion of four digits is scaled.
-    found = rotations("tool", [0.2588, 0.0, 0.0, 0.9659])
-    np.testing.assert_allclose(found, from_rpy([np.pi / 6, 0.0, 0.0]), atol=1e-4)
+    matrices = rotations("tool", [0.2588, 0.0, 0.0, 0.9659])
+    np.testing.assert_allclose(matrices, from_rpy([np.pi / 6, 0.0, 0.0]), atol=1e-4)
 
 
 def test_other_arrays_are_refused(refuses):
@@ -347,11 +356,13 @@ def test_frames_are_chained_like_matrices_and_stay_rotations():
     np.testing.assert_allclose(homogeneous(a @ a.inverse), np.eye(4), atol=1e-14)
     np.testing.assert_allclose(homogeneous(Frame() @ a), homogeneous(a), atol=1e-15)
     step = Frame(position=[1e-3, 0, 0], rotation=TURNED)
-    found = Frame()
+    product_of_frames = Frame()
     for _ in range(1000):
-        found = found @ step
-    np.testing.assert_allclose(found.rotation.T @ found.rotation, np.eye(3), atol=1e-14)
-    np.testing.assert_allclose(found.rotation, (TURNED**1000).as_matrix(), atol=1e-11)
+        product_of_frames = product_of_frames @ step
+    np.testing.assert_allclose(
+        product_of_frames.rotation.T @ product_of_frames.rotation, np.eye(3), atol=1e-14
+    )
+    np.testing.assert_allclose(product_of_frames.rotation, (TURNED**1000).as_matrix(), atol=1e-11)
     position = np.zeros(3)
     frame = Frame(position=position)
     position[0] = 1.0
@@ -375,10 +386,12 @@ def test_a_transform_is_no_four_quaternions(refuses):
 
 
 def test_degrees_given_for_radians_are_warned_of_with_what_was_meant():
-    with pytest.warns(UserWarning, match=r"180 rad is more than a whole turn: for degrees") as told:
+    with pytest.warns(
+        UserWarning, match=r"180 rad is more than a whole turn: for degrees"
+    ) as caught:
         Frame.rpy((0, 0, 0), (180, 0, 90))
-    assert str(told[0].message).endswith("give np.radians([180.0, 0.0, 90.0]).")
-    assert len(told) == 1 and told[0].filename == __file__
+    assert str(caught[0].message).endswith("give np.radians([180.0, 0.0, 90.0]).")
+    assert len(caught) == 1 and caught[0].filename == __file__
     # A whole turn is no mistake.
     for angle in (2 * np.pi, -6.2832, 6.28):
         assert np.allclose(Frame.rpy((0, 0, 0), (0, 0, angle)).rotation, np.eye(3), atol=4e-3)
@@ -409,16 +422,17 @@ VALUES = (
 def test_every_field_of_a_wrong_kind_is_refused_in_one_sentence_that_names_it():
     counted = 0
     for value in VALUES:
-        given = {x.name: getattr(value, x.name) for x in fields(value) if x.init}
-        for name, wrong in product(given, WRONG):
+        fields_of_value = {x.name: getattr(value, x.name) for x in fields(value) if x.init}
+        for name, wrong in product(fields_of_value, WRONG):
             # Start points may be lists, and mappings of layers have names that are checked later.
             if name in ("begin", "by_layer", "layers"):
                 continue
-            what = f"{type(value).__name__}.{name} = {wrong}"
+            description = f"{type(value).__name__}.{name} = {wrong}"
             with pytest.raises(InvalidInput) as caught:
-                pytest.fail(f"{what} is {getattr(type(value)(**{**given, name: wrong}), name)}")
-            said = str(caught.value)
-            assert name in said and said.endswith(".") and "\n" not in said, said
+                changed = type(value)(**{**fields_of_value, name: wrong})
+                pytest.fail(f"{description} is {getattr(changed, name)}")
+            message = str(caught.value)
+            assert name in message and message.endswith(".") and "\n" not in message, message
             counted += 1
     assert counted > 500
 
@@ -470,14 +484,14 @@ def test_annotations_declare_type_range_shape_and_choices():
 
 
 def test_checked_fields_are_converted_locked_and_shared():
-    own = np.zeros((2, 3))
-    found = Gear(
-        teeth=4.0, width=np.float64(0.1), places=own, parts=["a"], rates=np.inf, speed=np.inf
+    array = np.zeros((2, 3))
+    gear = Gear(
+        teeth=4.0, width=np.float64(0.1), places=array, parts=["a"], rates=np.inf, speed=np.inf
     )
-    assert type(found.teeth) is int and type(found.width) is float and found.parts == ("a",)
-    assert found.places is not own and not found.places.flags.writeable and own.flags.writeable
-    assert replace(found, teeth=5).places is found.places
-    assert found.rates == np.inf and found.speed == np.inf and found.times is None
+    assert type(gear.teeth) is int and type(gear.width) is float and gear.parts == ("a",)
+    assert gear.places is not array and not gear.places.flags.writeable and array.flags.writeable
+    assert replace(gear, teeth=5).places is gear.places
+    assert gear.rates == np.inf and gear.speed == np.inf and gear.times is None
 
 
 def test_arguments_are_read_by_their_annotations():

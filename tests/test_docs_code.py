@@ -60,24 +60,24 @@ def folder(tmp_path, monkeypatch):
     """Makes the folder that a page speaks of: sample drawings, a robot, and its own files."""
 
     def make(page):
-        here = tmp_path / page.replace("/", " ")
-        here.mkdir(exist_ok=True)
+        folder_of_page = tmp_path / page.replace("/", " ")
+        folder_of_page.mkdir(exist_ok=True)
         for x in (ROOT / "examples/drawings").iterdir():
-            shutil.copy(x, here)
+            shutil.copy(x, folder_of_page)
         data = ROOT / "tests/files/robots/data"
-        shutil.copy(data / "joint_limits.yaml", here)
+        shutil.copy(data / "joint_limits.yaml", folder_of_page)
         robot = (data / "robot.urdf").read_text(encoding="utf-8").replace('"tcp"', '"tool0"')
         robot = robot.replace('name="lift" type="prismatic"', 'name="lift" type="fixed"')
         for name in ("robot.urdf", "robot.urdf.xacro"):
-            (here / name).write_text(robot, encoding="utf-8")
+            (folder_of_page / name).write_text(robot, encoding="utf-8")
         job = yaml.safe_load(next(x for x in BLOCKS if x.marks.get("file") == "square.yaml").text)
         job |= {"arm": {"file": "robot.urdf.xacro", "tip": "tool0"}}
-        (here / "job.yaml").write_text(yaml.safe_dump(job), encoding="utf-8")
+        (folder_of_page / "job.yaml").write_text(yaml.safe_dump(job), encoding="utf-8")
         for block in blocks(PAGES[page]):
             if "file" in block.marks:
-                (here / block.marks["file"]).write_text(block.text, encoding="utf-8")
-        monkeypatch.chdir(here)
-        return here
+                (folder_of_page / block.marks["file"]).write_text(block.text, encoding="utf-8")
+        monkeypatch.chdir(folder_of_page)
+        return folder_of_page
 
     return make
 
@@ -125,10 +125,10 @@ def test_python_runs(page, folder):
     printed = run_page(page, names)
     if page == "README.md":
         result = names["result"]
-        said = [result.duration, result.contour_error.rms, result.contour_error.max]
-        assert [float(x) for x in printed.split()] == said
+        expected = [result.duration, result.contour_error.rms, result.contour_error.max]
+        assert [float(x) for x in printed.split()] == expected
     if page == "docs/guides/identify.md":
-        assert names["found"]["joint 1"].kp.value == pytest.approx(25.0, rel=0.01)
+        assert names["identification"]["joint 1"].kp.value == pytest.approx(25.0, rel=0.01)
 
 
 def command_lines():
@@ -153,14 +153,14 @@ def test_the_first_command_of_a_page_works(folder):
     # The page's own file is what it runs.
     for page in (f"docs/guides/{x}.md" for x in ("gcode", "waypoints", "job", "checking")):
         folder(page)
-        line = next(words for of, words in command_lines() if of == page)
+        line = next(words for page_of_line, words in command_lines() if page_of_line == page)
         _, *arguments = shlex.split(line)
         code, _, errors = run_command([*arguments, "--no-simulation"])
         assert code == 0, errors
 
 
 def options_of(command):
-    return {x for of in command.params for x in [*of.opts, *of.secondary_opts]}
+    return {x for parameter in command.params for x in [*parameter.opts, *parameter.secondary_opts]}
 
 
 def test_commands_and_options_that_are_mentioned_exist():
@@ -172,28 +172,30 @@ def test_commands_and_options_that_are_mentioned_exist():
         for words in (x.content for x in spans if x.content.startswith(("armcontour ", "--"))):
             first, *arguments = shlex.split(words)
             is_command = first == "armcontour"
-            known = options_of(GROUP.commands[arguments[0]]) if is_command else all_options
-            given = {x for x in (arguments if is_command else [first]) if x.startswith("--")}
-            wrong += [f"{page}: {x}" for x in given - known]
+            options_available = (
+                options_of(GROUP.commands[arguments[0]]) if is_command else all_options
+            )
+            options = {x for x in (arguments if is_command else [first]) if x.startswith("--")}
+            wrong += [f"{page}: {x}" for x in options - options_available]
     assert not wrong
 
 
-def read_yaml(block, here):
+def read_yaml(block, folder_of_page):
     """Read a block by the reader that it is for."""
     data = yaml.safe_load(block.text)
     if set(SCHEMA["required"]) <= set(data):
         if {"points", "segments", "spline", "file"} & set(data["path"]):
-            parse_job(block.text, source=str(block), folder=here)
+            parse_job(block.text, source=str(block), folder=folder_of_page)
         else:
-            (here / "cell.yaml").write_text(block.text, encoding="utf-8")
-            read_cell("cell.yaml", here / "gasket.dxf")
+            (folder_of_page / "cell.yaml").write_text(block.text, encoding="utf-8")
+            read_cell("cell.yaml", folder_of_page / "gasket.dxf")
     elif "kind" in data:
-        (here / "arm.yaml").write_text(block.text, encoding="utf-8")
+        (folder_of_page / "arm.yaml").write_text(block.text, encoding="utf-8")
         ac.load_arm("arm.yaml")
     elif set(data) <= set(SCHEMA["properties"]):
         PART.validate(data)
     else:
-        (here / "limits.yaml").write_text(block.text, encoding="utf-8")
+        (folder_of_page / "limits.yaml").write_text(block.text, encoding="utf-8")
         read_limits("limits.yaml", ac.load_arm("pmk3s"))
 
 
@@ -207,10 +209,10 @@ def test_yaml_and_drawings_are_what_their_readers_take(folder):
             assert ac.read_path(drawing).contours, str(block)
 
 
-def test_every_block_is_run_or_read_or_says_why_not():
+def test_every_block_is_run_or_read_or_has_a_reason_not_to():
     """Languages that nothing here runs or reads would be code that nobody has tried."""
     ways = {"python", "yaml", "text", "", "{toctree}"}
     for block in BLOCKS:
         done = block.language == "sh" and block.page in DONE
-        said = {"file", "not run"} & set(block.marks)
-        assert block.language in ways or done or said, f"{block}: {block.language} is not run"
+        explained = {"file", "not run"} & set(block.marks)
+        assert block.language in ways or done or explained, f"{block}: {block.language} is not run"

@@ -5,9 +5,12 @@ from pathlib import Path
 
 import pytest
 import yaml
+from soak import hal_drives, paper_table
 
 import armcontour as ac
 from armcontour.control.compensation.poles import pole_behaviour
+from armcontour.files.exports import make_table
+from armcontour.verification import check_commands
 
 ROOT = Path(__file__).parent.parent
 CYCLE = 4e-3
@@ -57,19 +60,19 @@ def page(name):
 
 def test_the_table_of_the_readme_is_what_is_computed(plans):
     slow = ac.plan(OBJECTIVE, ARM, LIMITS.replace(speed=0.04), ac.Conventional())
-    kept, full = plans[0.02], plans[0.0]
+    with_reserve, full = plans[0.02], plans[0.0]
     rows = [
         (slow, errors(slow, OBJECTIVE, options=ac.NoCompensation())),
-        (kept, errors(kept, options=ac.NoCompensation())),
-        (kept, errors(kept)),
-        (kept, errors(kept, servo=OTHER)),
+        (with_reserve, errors(with_reserve, options=ac.NoCompensation())),
+        (with_reserve, errors(with_reserve)),
+        (with_reserve, errors(with_reserve, servo=OTHER)),
         (full, errors(full, servo=OTHER)),
-        (kept, errors(kept, bodies=True)),
-        (kept, errors(kept, bodies=True, arm=ARM, options=ac.InverseDynamics())),
+        (with_reserve, errors(with_reserve, bodies=True)),
+        (with_reserve, errors(with_reserve, bodies=True, arm=ARM, options=ac.InverseDynamics())),
     ]
     lines = [x for x in page("README.md").splitlines() if " s | " in x]
-    for (plan, found), line in zip(rows, lines, strict=True):
-        is_printed([plan.duration, *found], numbers(line.split("|", 2)[2]))
+    for (plan, figures), line in zip(rows, lines, strict=True):
+        is_printed([plan.duration, *figures], numbers(line.split("|", 2)[2]))
     servo = next(x for x in lines if "K_v" in x).split("|")[1]
     is_printed([OTHER.kp, OTHER.kv], numbers(servo))
 
@@ -90,14 +93,14 @@ def test_figures_without_a_reserve(plans):
     is_printed([errors(plans[0.005])[0]], reserved.groups())
     words = " ".join(page("docs/guides/compensations.md").split())
     text = words[words.index("**Without a reserve**") : words.index("- **On rigid bodies**")]
-    found = [
+    figures = [
         *errors(plans[0.0]),
         *errors(plans[0.0], servo=OTHER),
         *(OTHER.kp, OTHER.kv),
         *errors(plans[0.0], options=ac.PolePlacement()),
         *errors(plans[0.0], servo=OTHER, options=ac.PolePlacement()),
     ]
-    is_printed(found, numbers(text))
+    is_printed(figures, numbers(text))
 
 
 def test_the_table_of_poles(plans):
@@ -106,7 +109,48 @@ def test_the_table_of_poles(plans):
         pole, norm, *printed = numbers(line.replace(")^3", ""))
         poles = [float(pole)] * 3
         is_printed([float(pole_behaviour(SERVO, poles).demand[0])], [norm])
-        done = executed(plans[0.0], options=ac.PolePlacement(poles=poles))
-        error = ac.evaluate(done, ROUNDED).contour_error
-        demand = abs(done.demand).max(axis=0)
+        execution = executed(plans[0.0], options=ac.PolePlacement(poles=poles))
+        error = ac.evaluate(execution, ROUNDED).contour_error
+        demand = abs(execution.demand).max(axis=0)
         is_printed([*demand, error.rms * 1e3, error.max * 1e3], printed)
+
+
+@pytest.mark.filterwarnings("ignore:Limits are above")
+def test_the_interpolation_of_ros():
+    text = page("docs/guides/controllers/ros2.md")
+    arm = ac.load_arm("ur5e")
+    corners = [(0.45, 0.08), (0.55, 0.08), (0.55, 0.18), (0.45, 0.18), (0.45, 0.08)]
+    square = ac.Path.polyline([(*x, 0.2) for x in corners]).pointing((0, 0, -1))
+    steps = re.search(
+        r"are (\d+) times the\s+limit with lines and (\d+) .* (\d+) and (\d+) times", text
+    )
+    for k, (continuity, jerk) in enumerate((("tangent", {}), ("curvature", {"joint_jerk": 400.0}))):
+        path = ac.round_corners(square, tolerance=2.5e-4, continuity=continuity)
+        limits = arm.limits.replace(speed=0.25, joint_acceleration=6.4, **jerk)
+        plan = ac.plan(path, arm, limits)
+        inverse = ac.compensate(plan, SERVO, INVERSE, cycle=CYCLE)
+        for derivatives, printed in zip((0, 2), steps.groups()[2 * k : 2 * k + 2], strict=True):
+            table = make_table(inverse, name="square", derivatives=derivatives)
+            commands = check_commands(table, arm, "jtc", 500.0, limits)
+            assert commands["joint_acceleration"].ratio == pytest.approx(float(printed), abs=0.51)
+        rows = [x.split("|")[1:-1] for x in text.splitlines() if x.startswith("| ") and "ms |" in x]
+        assert len(rows) == 4
+        for period, *cells in rows:
+            forms = ((0, "jtc"), (0, "jtc_spline"), (1, "jtc"), (2, "jtc"))
+            for (derivatives, law), cell in zip(forms, cells, strict=True):
+                table = make_table(
+                    plan,
+                    name="square",
+                    cycle=float(period.split()[0]) * 1e-3,
+                    derivatives=derivatives,
+                )
+                commands = check_commands(table, arm, law, 500.0, limits, reference=plan)
+                printed = numbers(cell)[k]
+                half = 0.51 * 10.0 ** -len(printed.partition(".")[2])
+                assert commands.deviation * 1e6 == pytest.approx(float(printed), rel=0.02, abs=half)
+
+
+def test_the_table_of_linuxcnc_is_that_of_the_law_of_its_drives():
+    """That LinuxCNC follows this law is tested where it is installed."""
+    assert set(paper_table.printed()) == set(paper_table.NAMES)
+    assert not paper_table.differences(paper_table.figures(hal_drives.follow))

@@ -33,23 +33,23 @@ def parsed(page):
 def links(page):
     """Targets of all links and pictures of a page."""
     inline = [x for token in parsed(page) for x in token.children or ()]
-    found = [x.attrGet("href") for x in inline if x.type == "link_open"]
-    found += [x.attrGet("src") for x in inline if x.type == "image"]
-    return [str(x) for x in found]
+    links_of_page = [x.attrGet("href") for x in inline if x.type == "link_open"]
+    links_of_page += [x.attrGet("src") for x in inline if x.type == "image"]
+    return [str(x) for x in links_of_page]
 
 
 @functools.cache
 def anchors(page):
     """Anchors of the headings, as code hosts and site builders make them."""
     tokens = parsed(page)
-    found: set[str] = set()
+    slugs: set[str] = set()
     for head, text in zip(tokens[:-1], tokens[1:], strict=True):
         if head.type == "heading_open":
             words = "".join(x.content for x in text.children or ())
             slug = re.sub(r"[^\w\- ]", "", words.lower()).replace(" ", "-")
-            again = sum(x == slug or re.fullmatch(rf"{slug}-\d+", x) is not None for x in found)
-            found.add(f"{slug}-{again}" if again else slug)
-    return found
+            again = sum(x == slug or re.fullmatch(rf"{slug}-\d+", x) is not None for x in slugs)
+            slugs.add(f"{slug}-{again}" if again else slug)
+    return slugs
 
 
 def faults(page):
@@ -75,8 +75,8 @@ def test_links_lead_somewhere_and_tables_are_tables():
 
 def test_pages_that_are_generated_are_up_to_date():
     pages = {gallery.FOLDER / f"{x}.md": gallery.page_of(x) for x in gallery.PRINTED}
-    wanted = {**job_keys.published(), **pages, gallery.FOLDER / "index.md": gallery.index()}
-    old = [x for x, text in wanted.items() if x.read_text(encoding="utf-8") != text]
+    expected = {**job_keys.published(), **pages, gallery.FOLDER / "index.md": gallery.index()}
+    old = [x for x, text in expected.items() if x.read_text(encoding="utf-8") != text]
     assert not old, "make docs writes them again"
 
 
@@ -88,17 +88,17 @@ def test_every_picture_is_described_in_words():
 
 
 def test_every_file_of_the_docs_is_found_from_the_first_page():
-    seen: set[Path] = set()
+    visited: set[Path] = set()
     todo = [DOCS / "index.md"]
     while todo:
         page = todo.pop()
-        if page in seen:
+        if page in visited:
             continue
-        seen.add(page)
+        visited.add(page)
         if page.suffix == ".md":
             files = (x.partition("#")[0] for x in links(page) if not ELSEWHERE.match(x))
             todo += [(page.parent / x).resolve() for x in files if x]
     files = {x for x in FILES if x.suffix not in CODE and "__pycache__" not in x.parts}
-    assert sorted(x.relative_to(ROOT).as_posix() for x in files - seen) == []
+    assert sorted(x.relative_to(ROOT).as_posix() for x in files - visited) == []
     # From the README all of it is found too.
     assert "docs/index.md" in {x.partition("#")[0] for x in links(ROOT / "README.md")}

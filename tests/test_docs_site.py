@@ -40,21 +40,23 @@ def rows(text):
 
 
 def test_every_public_name_and_every_name_of_a_room_has_one_entry():
-    found = entries()
-    assert len(set(found)) == len(found)
+    names = entries()
+    assert len(set(names)) == len(names)
     public = {f"armcontour.{name}" for name in ac.__all__ if name != "__version__"}
-    assert len(public) > 60 and sorted(public - set(found)) == []
+    assert len(public) > 60 and sorted(public - set(names)) == []
     assert "`armcontour.__version__`" in PAGES["api/index.md"]
-    parts = (x.rpartition(".") for x in found)
-    known = {id(getattr(importlib.import_module(module), name)) for module, _, name in parts}
+    parts = (x.rpartition(".") for x in names)
+    documented = {id(getattr(importlib.import_module(module), name)) for module, _, name in parts}
     missing = []
     packages = {x.name for x in pkgutil.iter_modules(ac.__path__) if x.ispkg}
     assert packages - set(rooms()) == set(NO_LIBRARY)
     for name in rooms():
         room = importlib.import_module(f"armcontour.{name}")
-        own = {name: getattr(room, name) for name in getattr(room, "__all__", ())}
-        called = {key: x for key, x in own.items() if inspect.isclass(x) or inspect.isfunction(x)}
-        missing += [f"{name}.{key}" for key, x in called.items() if id(x) not in known]
+        members = {name: getattr(room, name) for name in getattr(room, "__all__", ())}
+        called = {
+            key: x for key, x in members.items() if inspect.isclass(x) or inspect.isfunction(x)
+        }
+        missing += [f"{name}.{key}" for key, x in called.items() if id(x) not in documented]
     assert missing == []
 
 
@@ -70,7 +72,7 @@ def test_every_command_is_listed_and_quantities_of_options_have_their_units():
     assert [x.opts for x in GROUP.params if f"`{x.opts[0]}`" not in listed] == []
 
 
-def test_every_error_has_its_exit_code_its_attributes_and_what_mends_it():
+def test_every_error_has_its_exit_code_its_attributes_and_a_fix():
     page = read("reference/errors.md")
     table = rows(page)
     for error in vars(errors).values():

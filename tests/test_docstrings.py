@@ -35,58 +35,60 @@ def is_ours(member):
     return (getattr(member, "__module__", None) or "").startswith("armcontour")
 
 
-def methods(of):
+def methods(owner_class):
     """Public methods and properties that the package itself defines, inherited ones once."""
-    for owner in of.__mro__:
+    for owner in owner_class.__mro__:
         if not is_ours(owner):
             continue
         for name, member in vars(owner).items():
             if name.startswith("_"):
                 continue
-            found = inspect.unwrap(getattr(member, "__func__", member))
-            found = getattr(found, "fget", None) or getattr(found, "func", None) or found
-            if inspect.isfunction(found):
-                yield f"{owner.__name__}.{name}", found
+            function = inspect.unwrap(getattr(member, "__func__", member))
+            function = (
+                getattr(function, "fget", None) or getattr(function, "func", None) or function
+            )
+            if inspect.isfunction(function):
+                yield f"{owner.__name__}.{name}", function
 
 
 def documented():
     """All public functions, classes and methods by their name."""
-    found: dict[str, Any] = {}
+    members: dict[str, Any] = {}
     for name, value in PUBLIC.items():
         if inspect.isclass(value):
-            found[name] = value
-            found |= methods(value)
+            members[name] = value
+            members |= methods(value)
         else:
-            found[name] = value
-    return found
+            members[name] = value
+    return members
 
 
-def parameters(of):
+def parameters(function):
     """Parameters of a function, or those of a class's constructor."""
-    names = list(inspect.signature(of).parameters)
+    names = list(inspect.signature(function).parameters)
     return {x for x in names if x not in ("self", "cls")}
 
 
 def inherited(name):
     """Parameters that a base class documents: of the method of that name, or of its constructor."""
-    of, _, method = name.partition(".")
-    found: set[str] = set()
-    for base in BY_NAME[of].__mro__[1:] if of in BY_NAME else ():
+    class_name, _, method = name.partition(".")
+    argument_names: set[str] = set()
+    for base in BY_NAME[class_name].__mro__[1:] if class_name in BY_NAME else ():
         member = vars(base).get(method) if method else base
         if is_ours(base) and member is not None:
-            found |= set(sections(member.__doc__ or "").get("Args", {}))
-    return found
+            argument_names |= set(sections(member.__doc__ or "").get("Args", {}))
+    return argument_names
 
 
 def sections(doc):
     """Names and descriptions in the sections of a docstring."""
-    found: dict[str, dict[str, str]] = {}
+    by_section: dict[str, dict[str, str]] = {}
     now: dict[str, str] | None = None
     name = ""
     for line in inspect.cleandoc(doc).splitlines():
         head = re.fullmatch(rf"({'|'.join(SECTIONS)}):", line)
         if head:
-            now = found.setdefault(head[1], {})
+            now = by_section.setdefault(head[1], {})
         elif line and not line.startswith(" "):
             now = None
         elif now is not None and (entry := ENTRY.fullmatch(line[4:])) and line[4] != " ":
@@ -95,7 +97,7 @@ def sections(doc):
                 now[name] = entry[2]
         elif now is not None and line.strip() and name:
             now[name] = f"{now[name]} {line.strip()}"
-    return found
+    return by_section
 
 
 DOCUMENTED = documented()
@@ -106,23 +108,23 @@ BY_NAME = {base.__name__: base for x in CLASSES for base in x.__mro__}
 
 def faults(name):
     """What is wrong with a docstring."""
-    of = DOCUMENTED[name]
-    if not of.__doc__:
+    function = DOCUMENTED[name]
+    if not function.__doc__:
         yield "no docstring"
         return
-    lines = inspect.cleandoc(of.__doc__).splitlines()
+    lines = inspect.cleandoc(function.__doc__).splitlines()
     if not lines[0].endswith(".") or len(lines[0].split()) < 2 or "ikewise" in lines[0]:
         yield f"the summary is no sentence: {lines[0]}"
     if len(lines) > 1 and lines[1]:
         yield "no empty line after the summary"
-    found, taken = sections(of.__doc__), parameters(of)
-    listed = set(found.get("Args", {}))
-    if dataclasses.is_dataclass(of):
+    by_section, taken = sections(function.__doc__), parameters(function)
+    listed = set(by_section.get("Args", {}))
+    if dataclasses.is_dataclass(function):
         # A result's fields may be listed as attributes.
-        listed |= set(found.get("Attributes", {})) & taken
+        listed |= set(by_section.get("Attributes", {})) & taken
     yield from (f"{x} has no description" for x in taken - listed - inherited(name))
     yield from (f"{x} is no parameter" for x in listed - taken)
-    for section, entries in found.items():
+    for section, entries in by_section.items():
         for key, text in entries.items():
             if not text.strip().endswith(".") or len(text.split()) < 2 or "ikewise" in text:
                 yield f"{section}: {key}: {text}"
@@ -140,8 +142,8 @@ def default_of(call, name):
     return inspect.signature(call).parameters[name].default
 
 
-def field(of, name):
-    return next(x.default for x in dataclasses.fields(of) if x.name == name)
+def field(cls, name):
+    return next(x.default for x in dataclasses.fields(cls) if x.name == name)
 
 
 # A file, a pattern with the value and maybe its unit, and the value in use.
@@ -187,9 +189,9 @@ STATED = [
 
 @pytest.mark.parametrize(("file", "pattern", "used"), STATED, ids=[x[1] for x in STATED])
 def test_a_stated_default_is_the_one_in_use(file, pattern, used):
-    found = re.search(pattern, (ROOT / file).read_text(encoding="utf-8"))
-    assert found is not None
-    value, unit = (*found.groups(), "")[:2]
+    match = re.search(pattern, (ROOT / file).read_text(encoding="utf-8"))
+    assert match is not None
+    value, unit = (*match.groups(), "")[:2]
     if isinstance(used, str):
         assert value == used
     else:
@@ -201,8 +203,8 @@ def test_defaults_of_compensation_are_those_of_its_page():
     (default,) = re.findall(r"\| `(\w+)`, \*\*the default", page)
     arm, servo = ac.load_arm("pmk3s"), ac.ServoModel(kp=25.0, kv=150.0)
     plan = ac.plan(ac.JointPath.spline([(0.1, 1.0), (0.2, 1.1), (0.5, 1.0)]), arm)
-    for given in (arm, None):
-        assert ac.compensate(plan, servo, arm=given).method == default
+    for arm_argument in (arm, None):
+        assert ac.compensate(plan, servo, arm=arm_argument).method == default
 
 
 # Facts that are printed, by the class of the result.
@@ -257,13 +259,13 @@ def results():
 
 
 def test_results_print_few_lines_and_their_repr_is_one():
-    for found in results():
-        name, text = type(found).__name__, " ".join(str(found).split())
-        lines = str(found).splitlines()
+    for result in results():
+        name, text = type(result).__name__, " ".join(str(result).split())
+        lines = str(result).splitlines()
         assert len(lines) <= MAX_LINES + 2 and max(map(len, lines)) < 100, name
         assert all(x in text for x in FACTS.get(name, ())), text
-        said = repr(found)
-        assert "\n" not in said and len(said) < 1000 and name in said
+        text_of_repr = repr(result)
+        assert "\n" not in text_of_repr and len(text_of_repr) < 1000 and name in text_of_repr
 
 
 def test_texts_of_other_people_do_not_control_the_terminal():

@@ -35,10 +35,10 @@ def check_example(name):
     with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(errors):
         runpy.run_path(str(pages.EXAMPLES / f"{name}.py"), run_name="__main__")
     assert errors.getvalue() == ""
-    expected, found = pages.PRINTED[name].splitlines(), printed.getvalue().splitlines()
-    words, known = ([NUMBER.sub("#", x).split() for x in y] for y in (found, expected))
-    assert words == known
-    for want, got in zip(expected, found, strict=True):
+    expected, actual = pages.PRINTED[name].splitlines(), printed.getvalue().splitlines()
+    words, expected_words = ([NUMBER.sub("#", x).split() for x in y] for y in (actual, expected))
+    assert words == expected_words
+    for want, got in zip(expected, actual, strict=True):
         for a, b in zip(NUMBER.findall(want), NUMBER.findall(got), strict=True):
             assert float(b) == pytest.approx(float(a), abs=tolerance(a, want)), got
 

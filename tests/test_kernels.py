@@ -30,10 +30,10 @@ def add(a: float, b: float) -> float:
 
 @compiled()
 def total(values: np.ndarray) -> float:
-    found = 0.0
+    result = 0.0
     for x in values:
-        found = add(found, x)
-    return found
+        result = add(result, x)
+    return result
 
 
 def test_a_call_from_python_is_an_error_before_and_after_it_is_compiled():
@@ -81,12 +81,12 @@ def test_inner_functions_that_make_or_return_arrays_count_references():
         (text,) = ast.parse(textwrap.dedent(inspect.getsource(function))).body
         body = "\n".join(ast.unparse(x) for x in text.body)
         callees = [function.__globals__.get(x) for x in function.__code__.co_names]
-        given = [x.py_func for x in callees if hasattr(x, "py_func")]
+        python_functions = [x.py_func for x in callees if hasattr(x, "py_func")]
         assert not MAKES_ARRAYS.search(body), f"{module}.{name} makes arrays"
         # What a function calls is compiled as the function itself is, unless it was before.
         makers = [x.py_func.__name__ for x in callees if _says_that_it_makes_arrays(x)]
         assert not makers, f"{module}.{name} calls {', '.join(makers)}"
-        for x in (function, *given):
+        for x in (function, *python_functions):
             assert "Array" not in x.__annotations__["return"], f"{module}.{name}: {x.__name__}"
     assert judged > 100
 
@@ -200,20 +200,20 @@ def test_what_is_kept_of_a_function_ends_with_the_files_of_those_that_it_calls(k
 
     def callees(kernel):
         function = kernel.py_func
-        found = (function.__globals__.get(x) for x in function.__code__.co_names)
-        return [x for x in found if getattr(x, "py_func", None) is not None]
+        candidates = (function.__globals__.get(x) for x in function.__code__.co_names)
+        return [x for x in candidates if getattr(x, "py_func", None) is not None]
 
     apart = 0
     for kernel in kernels.values():
-        kept = {x[0] for x in kernel._cache._cache_file._source_stamp}
-        new, known = [kernel], set()
+        stamped = {x[0] for x in kernel._cache._cache_file._source_stamp}
+        new, visited = [kernel], set()
         while new:
             for x in callees(new.pop()):
-                if x not in known:
-                    known.add(x)
+                if x not in visited:
+                    visited.add(x)
                     new.append(x)
-        files = {Path(x.py_func.__code__.co_filename).name for x in known}
-        assert files <= kept, kernel
+        files = {Path(x.py_func.__code__.co_filename).name for x in visited}
+        assert files <= stamped, kernel
         apart += len(files) > 1
     # Not in vain: many functions call those of other files.
     assert apart > 10

@@ -43,19 +43,21 @@ def offence(node: ast.AST, drives_a_browser: bool) -> str | None:
 
 def offences(text: str, *, drives_a_browser: bool = False) -> list[tuple[int, str]]:
     """Lines and reasons of a test file."""
-    found = [
+    pairs = [
         (getattr(node, "lineno", 0), offence(node, drives_a_browser))
         for node in ast.walk(ast.parse(text))
     ]
-    return [(line, why) for line, why in found if why]
+    return [(line, why) for line, why in pairs if why]
 
 
 def test_no_test_depends_on_chance():
-    found = []
+    messages = []
     for file in sorted(TESTS.rglob("*.py")):
         place = file.relative_to(TESTS)
         if place.parts[0] == "slow" or file == Path(__file__):
             continue
-        told = offences(file.read_text(encoding="utf-8"), drives_a_browser="browser" in place.parts)
-        found += [f"tests/{place}:{line}: {why}" for line, why in told]
-    assert not found, "Move it to tests/slow, or rewrite it:\n" + "\n".join(found)
+        file_offences = offences(
+            file.read_text(encoding="utf-8"), drives_a_browser="browser" in place.parts
+        )
+        messages += [f"tests/{place}:{line}: {why}" for line, why in file_offences]
+    assert not messages, "Move it to tests/slow, or rewrite it:\n" + "\n".join(messages)

@@ -34,11 +34,11 @@ PID = "__import__('os').getpid()"
 
 @pytest.mark.parametrize("processes", [1, 2])
 def test_results_come_in_order(processes):
-    told = []
+    progress_log = []
     items = list(range(1, 31))
-    found = map_in_processes(halve, items, processes=processes, done=told.append)
-    assert found == [1 / x for x in items]
-    assert told[0] == 0 and told == sorted(told) and told[-1] < 30
+    results = map_in_processes(halve, items, processes=processes, done=progress_log.append)
+    assert results == [1 / x for x in items]
+    assert progress_log[0] == 0 and progress_log == sorted(progress_log) and progress_log[-1] < 30
     with pytest.raises(ZeroDivisionError if processes == 1 else RuntimeError):
         map_in_processes(halve, [1.0] * 20 + [0.0], processes=processes)
 
@@ -53,15 +53,15 @@ def test_threads_give_results_in_order_and_their_errors(monkeypatch):
 
 @given(st.integers(0, 100), st.integers(1, 20))
 def test_even_parts_make_up_the_whole(count, parts):
-    found = [list(range(count))[x] for x in split_evenly(count, parts)]
-    assert sum(found, []) == list(range(count))
-    assert max(map(len, found)) - min(map(len, found)) <= 1
+    parts_of_range = [list(range(count))[x] for x in split_evenly(count, parts)]
+    assert sum(parts_of_range, []) == list(range(count))
+    assert max(map(len, parts_of_range)) - min(map(len, parts_of_range)) <= 1
 
 
 def test_packed_arrays_are_read_only():
     values = np.arange(3.0)
-    found = unpack(pack({"values": values}))["values"]
-    assert np.array_equal(found, values) and not found.flags.writeable
+    unpacked = unpack(pack({"values": values}))["values"]
+    assert np.array_equal(unpacked, values) and not unpacked.flags.writeable
 
 
 @pytest.fixture
@@ -74,10 +74,10 @@ def eager(monkeypatch):
 def test_an_error_comes_in_the_place_of_its_item(eager):
     pids = list(map_in_order(eval, [PID] * 40))
     assert pids[0] == os.getpid() and len(set(pids)) > 1
-    found = map_in_order(halve, [1.0] * 20 + [0.0] + [1.0] * 10 + ["x"])
-    assert [next(found) for _ in range(20)] == [1.0] * 20
+    results = map_in_order(halve, [1.0] * 20 + [0.0] + [1.0] * 10 + ["x"])
+    assert [next(results) for _ in range(20)] == [1.0] * 20
     with pytest.raises(ZeroDivisionError):
-        next(found)
+        next(results)
     # What no process can be sent is done here.
     assert list(map_in_order(lambda x: x + 1, list(range(9)))) == list(range(1, 10))
 
@@ -85,9 +85,9 @@ def test_an_error_comes_in_the_place_of_its_item(eager):
 def test_a_frozen_application_does_all_itself(eager, monkeypatch):
     # `sys.executable` is the application there, which is no Python to start.
     monkeypatch.setattr(sys, "frozen", True, raising=False)
-    here = [os.getpid()] * 20
-    assert list(map_in_order(eval, [PID] * 20)) == here
-    assert map_in_processes(eval, [PID] * 20, processes=2) == here
+    own_ids = [os.getpid()] * 20
+    assert list(map_in_order(eval, [PID] * 20)) == own_ids
+    assert map_in_processes(eval, [PID] * 20, processes=2) == own_ids
     with ProcessPool(2) as pool:
         assert pool.submit(eval, PID).result() == os.getpid()
 
@@ -101,13 +101,13 @@ def test_a_pool_is_an_executor_of_other_processes():
         assert pool.submit(eval, one).result() == "1"
         with pytest.raises(RuntimeError, match="ZeroDivisionError"):
             pool.submit(eval, "1 / 0").result()
-        told = []
+        reports = []
         tell = "__import__('armcontour.core.child_process', fromlist=['tell']).tell"
         work = partial(eval, f"[{tell}(x) for x in 'ab'] and 3")
-        assert pool.submit_reporting(told.append, work).result() == 3 and told == ["a", "b"]
+        assert pool.submit_reporting(reports.append, work).result() == 3 and reports == ["a", "b"]
         # An answer that is not read to its end is not taken for that of the next work.
         with pytest.raises(ZeroDivisionError):
-            pool.submit_reporting(lambda told: 1 / 0, work).result()
+            pool.submit_reporting(lambda report: 1 / 0, work).result()
         assert pool.submit(abs, -5).result() == 5
         # A process that ends costs its work only.
         ended = pool.submit(eval, "__import__('os')._exit(3)")
@@ -123,10 +123,10 @@ class Elsewhere(InProcess):
 
 
 def test_an_executor_does_work_on_many_items():
-    told, items = [], list(range(1, 101))
-    found = map_in_processes(halve, items, executor=Elsewhere(), done=told.append)
-    assert found == [1 / x for x in items]
-    assert told[0] == 0 and told == sorted(told) and told[-1] < 100
+    progress_log, items = [], list(range(1, 101))
+    results = map_in_processes(halve, items, executor=Elsewhere(), done=progress_log.append)
+    assert results == [1 / x for x in items]
+    assert progress_log[0] == 0 and progress_log == sorted(progress_log) and progress_log[-1] < 100
     assert map_in_processes(halve, [], executor=Elsewhere()) == []
     # Errors of this package keep their class.
     with pytest.raises(InvalidInput):

@@ -56,7 +56,7 @@ def test_no_test_imports_a_private_name():
     wrong = {}
     for file in FILES:
         name = file.relative_to(TESTS).as_posix()
-        found = set(private_names(ast.parse(file.read_text(encoding="utf-8"))))
-        if more := found - EXCEPTIONS.get(name, set()):
+        private = set(private_names(ast.parse(file.read_text(encoding="utf-8"))))
+        if more := private - EXCEPTIONS.get(name, set()):
             wrong[name] = more
     assert not wrong

@@ -102,12 +102,12 @@ def is_method(member):
 def takers():
     """Public functions and methods with a `**parameter`, as `name` or `Class.method`."""
     for name, value in PUBLIC.items():
-        found = {name: value} if inspect.isfunction(value) else {}
+        functions = {name: value} if inspect.isfunction(value) else {}
         if inspect.isclass(value):
             members = inspect.getmembers(value, is_method)
             shown = [x for x in members if not x[0].startswith("_") or x[0] == "__init__"]
-            found = {f"{name}.{key}": member for key, member in shown}
-        for key, member in found.items():
+            functions = {f"{name}.{key}": member for key, member in shown}
+        for key, member in functions.items():
             kinds = [x.kind for x in inspect.signature(member).parameters.values()]
             if inspect.Parameter.VAR_KEYWORD in kinds:
                 yield key
@@ -121,13 +121,14 @@ def test_an_unknown_keyword_is_refused(limits, servo, refuses):
         "ServoModel.replace": (servo.replace, "kp"),
     }
     assert set(takers()) == set(calls)
-    for call, known in calls.values():
-        refuses(lambda f=call: f(**{UNKNOWN: 1}), ac.InvalidInput, UNKNOWN, known)
+    for call, keywords in calls.values():
+        refuses(lambda f=call: f(**{UNKNOWN: 1}), ac.InvalidInput, UNKNOWN, keywords)
 
 
 # Results, and classes that only their subclasses make.
 NOT_MADE = {
     *("Arm", "Plant", "Batch", "Certificate", "Check", "Clearance", "Evaluation", "Explanation"),
+    "CommandCheck",
     *(
         "BodyIdentification",
         "Identification",
@@ -152,9 +153,9 @@ def makers():
 
 
 def test_arguments_that_do_not_exist_are_answered_with_those_that_do(refuses):
-    found = dict(makers())
-    assert {"plan", "ServoModel", "ServoPlant", "Path.polyline", "load_arm"} <= set(found)
-    for key, value in found.items():
+    callables = dict(makers())
+    assert {"plan", "ServoModel", "ServoPlant", "Path.polyline", "load_arm"} <= set(callables)
+    for key, value in callables.items():
         if key in takers():
             continue
         names = [x for x in inspect.signature(value).parameters if len(x) > 5]
@@ -247,13 +248,18 @@ def test_other_objects_are_refused_in_one_sentence(
     ]
     for function, args, options in calls:
         signature = inspect.signature(function)
-        given = signature.bind(*args, **options).arguments
-        for slot in sorted(given.keys() - {"tolerance"}):
+        arguments = signature.bind(*args, **options).arguments
+        for slot in sorted(arguments.keys() - {"tolerance"}):
             default = signature.parameters[slot].default
             taken = TAKEN.get((function.__name__, slot), ())
             for other in (x for x in OTHERS if x is not default and not isinstance(x, taken)):
-                said = refused(function, **given | {slot: other})
-                assert said.endswith(".") and "\n" not in said, (function, slot, other, said)
+                message = refused(function, **arguments | {slot: other})
+                assert message.endswith(".") and "\n" not in message, (
+                    function,
+                    slot,
+                    other,
+                    message,
+                )
     assert not list(tmp_path.iterdir())
 
 
@@ -288,10 +294,15 @@ def test_functions_of_numbers_refuse_what_is_none_in_one_sentence(
         right = np.full(dof, 0.3) if wrong is states or count == 3 else 0.1
         for slot in range(count):
             for other in wrong:
-                given = [right] * count
-                given[slot] = other
-                said = refused(function, *given)
-                assert said.endswith(".") and "\n" not in said, (function, slot, other, said)
+                numbers = [right] * count
+                numbers[slot] = other
+                message = refused(function, *numbers)
+                assert message.endswith(".") and "\n" not in message, (
+                    function,
+                    slot,
+                    other,
+                    message,
+                )
 
 
 def test_orders_sides_words_and_intervals_are_refused(planned, rounded, traced, refuses):

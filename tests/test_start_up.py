@@ -42,30 +42,30 @@ def loaded(statement, folder):
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
     subprocess.run([sys.executable, "-c", code, str(file)], check=True, env=environment)
     names = file.read_text(encoding="utf-8").split()
-    own = {x for x in names if x.partition(".")[0] == "armcontour"}
+    package_modules = {x for x in names if x.partition(".")[0] == "armcontour"}
     standard = {x for x in names if x.partition(".")[0] in sys.stdlib_module_names}
     # Without finders of installed packages, and files that are named after the system.
-    others = (x for x in {*names} - own - standard if not x.startswith(NOT_COUNTED))
-    return own, standard, {x.partition(".")[0] for x in others}
+    others = (x for x in {*names} - package_modules - standard if not x.startswith(NOT_COUNTED))
+    return package_modules, standard, {x.partition(".")[0] for x in others}
 
 
 def test_importing_the_package_loads_its_names_only(tmp_path):
-    own, standard, packages = loaded("import armcontour", tmp_path)
-    assert len(own) <= OWN_OF_IMPORT, own
+    package_modules, standard, packages = loaded("import armcontour", tmp_path)
+    assert len(package_modules) <= OWN_OF_IMPORT, package_modules
     assert len(standard) <= STANDARD_OF_IMPORT, standard
     assert not packages
 
 
 def test_help_loads_the_commands_and_typer(tmp_path):
-    own, standard, packages = loaded(COMMAND.format(arguments=["--help"]), tmp_path)
-    assert "armcontour.cli.commands" in own
-    assert len(own) <= OWN_OF_HELP, own
+    package_modules, standard, packages = loaded(COMMAND.format(arguments=["--help"]), tmp_path)
+    assert "armcontour.cli.commands" in package_modules
+    assert len(package_modules) <= OWN_OF_HELP, package_modules
     assert len(standard) <= STANDARD_OF_HELP, standard
     assert packages <= TYPER
 
 
 @pytest.mark.parametrize("command", ["run", "check", "studio"])
 def test_help_of_a_command_loads_no_more_of_its_own(tmp_path, command):
-    own, _, packages = loaded(COMMAND.format(arguments=[command, "--help"]), tmp_path)
-    assert len(own) <= OWN_OF_HELP, own
+    package_modules, _, packages = loaded(COMMAND.format(arguments=[command, "--help"]), tmp_path)
+    assert len(package_modules) <= OWN_OF_HELP, package_modules
     assert packages <= TYPER | PYDANTIC

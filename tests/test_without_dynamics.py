@@ -67,12 +67,12 @@ def results(name, folder):
     path = line.oriented(arm.forward(q)[:3, :3])
     loose = ac.Limits(joint_velocity=3.0, joint_acceleration=20.0)
     # Little more than gravity needs.
-    most = 1.2 * np.abs(arm.dynamics.gravity(q)) + 1.0
+    torque_limits = 1.2 * np.abs(arm.dynamics.gravity(q)) + 1.0
     arm = arm.with_limits(loose)
-    plan = ac.plan(path, arm, loose.replace(joint_torque=most), ac.Optimal(seed=q))
+    plan = ac.plan(path, arm, loose.replace(joint_torque=torque_limits), ac.Optimal(seed=q))
     assert plan.duration > ac.plan(path, arm, loose, ac.Optimal(seed=q)).duration
     torque = arm.torque(*plan.motion(np.linspace(0, plan.duration, 500)))
-    assert (np.abs(torque) <= most * (1 + 1e-6)).all()
+    assert (np.abs(torque) <= torque_limits * (1 + 1e-6)).all()
     commands = ac.compensate(plan, servo, ac.InverseDynamics(), arm=arm)
     plants = ac.ServoPlant(arm, servo), ac.RigidBodyPlant(arm, servo, plan.limits)
     errors = [ac.evaluate(ac.simulate(commands, x), path) for x in plants]
@@ -82,23 +82,23 @@ def results(name, folder):
 
 def print_results(folder):
     """Print what three arms do, and the payload that is identified of one, as JSON."""
-    found = {name: results(name, Path(folder)) for name in READY}
+    figures = {name: results(name, Path(folder)) for name in READY}
     nominal = nominal_arm()
     log = record(true_arm(nominal), nominal_servo(), set_points(0, 4.0), controller=nominal)
     identified = ac.identify_bodies(log, nominal, nominal_servo(), NOMINAL)
-    found["payload"] = identified.arm.chain.payload.mass
-    print(json.dumps(found))
+    figures["payload"] = identified.arm.chain.payload.mass
+    print(json.dumps(figures))
 
 
 def test_arms_in_space_need_no_pinocchio(tmp_path):
     pytest.importorskip("mujoco")
     command = [sys.executable, "-W", "ignore", "-c", BLOCKED, str(tmp_path)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
-    np.testing.assert_allclose(found["ur5e.urdf"], found["ur5e"], rtol=1e-6)
+    outcome = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert outcome.returncode == 0, outcome.stderr
+    data = json.loads(outcome.stdout)
+    np.testing.assert_allclose(data["ur5e.urdf"], data["ur5e"], rtol=1e-6)
     for name in READY:
-        duration, servo, bodies = found[name]
+        duration, servo, bodies = data[name]
         assert 0.5 < duration < 1 and servo < 1e-3 and bodies < 1e-3
         assert (tmp_path / f"{name}.html").stat().st_size > 1e6
-    assert found["payload"] == pytest.approx(2.0, rel=0.05)
+    assert data["payload"] == pytest.approx(2.0, rel=0.05)

@@ -83,8 +83,8 @@ MISTAKES = {
 
 def test_mistakes_of_hands_are_explained_with_their_place():
     for text, sentence in MISTAKES.items():
-        found, is_data = outcome(text, Loader)
-        assert not is_data and found.startswith(f"x is not valid YAML: {sentence}"), text
+        message, is_data = outcome(text, Loader)
+        assert not is_data and message.startswith(f"x is not valid YAML: {sentence}"), text
 
 
 # The limits end these readings early; without them they would not end, or run out of memory.
@@ -97,23 +97,23 @@ def test_hostile_texts_are_refused_in_one_sentence(names):
         assert message.startswith("x ") and message.isprintable() and len(message) <= 2000, name
 
 
-def test_texts_that_somebody_writes_are_read_as_yaml_1_2():
+def test_handwritten_texts_are_read_as_yaml_1_2():
     for end in ("!", "e", "e5!", "_", ":1"):
         text = "9" * 300_000 + end
         assert load(f"a: {text}", "job.yaml") == {"a": text}
     text = "[0, 010, -5, +5, 1., .5, 1e3, -1.5E-3, 1:30, 1_000, 0x10, 0b1, 2026-01-01, 1e, '5']"
-    wanted = [0, 10, -5, 5, 1.0, 0.5, 1e3, -1.5e-3, "1:30", "1_000", "0x10", "0b1", "2026-01-01"]
-    found = load(text, "x")
-    assert found == [*wanted, "1e", "5"]
-    assert [type(x) for x in found[:8]] == [int] * 4 + [float] * 4
+    expected = [0, 10, -5, 5, 1.0, 0.5, 1e3, -1.5e-3, "1:30", "1_000", "0x10", "0b1", "2026-01-01"]
+    values = load(text, "x")
+    assert values == [*expected, "1e", "5"]
+    assert [type(x) for x in values[:8]] == [int] * 4 + [float] * 4
     endless = load("[.inf, -.INF, .nan]", "x")
     assert endless[:2] == [math.inf, -math.inf] and math.isnan(endless[2])
     text = "{off: 0, on: 1, yes: off, no: on, y: true}"
     assert load(text, "a") == {"off": 0, "on": 1, "yes": False, "no": True, "y": True}
     text = "a: &a {x: 1, y: 2}\nb: {<<: *a, y: 3}\nc: [*a, *a]\nd: {<<: [{z: 1}, *a]}"
-    found = load(text, "x")
-    assert found["b"] == {"x": 1, "y": 3} and found["c"] == [{"x": 1, "y": 2}] * 2
-    assert found["d"] == {"x": 1, "y": 2, "z": 1}
+    values = load(text, "x")
+    assert values["b"] == {"x": 1, "y": 3} and values["c"] == [{"x": 1, "y": 2}] * 2
+    assert values["d"] == {"x": 1, "y": 2, "z": 1}
 
 
 @pytest.mark.parametrize("loader", [Loader, QuickLoader, AngleLoader])
@@ -122,10 +122,10 @@ def test_keys_override_those_that_they_merge_at_every_depth(loader):
         "a: &a {x: 1, y: 1, z: 1}\nb: &b {<<: *a, y: 2, z: 2}\nc: &c {<<: *b, z: 3}\n"
         "d: {<<: [{y: 4}, *c]}\ne: {<<: [*c, {y: 4}], '=': 5}"
     )
-    found = yaml.load(text, Loader=loader)
-    assert found["c"] == {"x": 1, "y": 2, "z": 3} and found["b"] == {"x": 1, "y": 2, "z": 2}
-    assert found["d"] == {"x": 1, "y": 4, "z": 3}
-    assert found["e"] == {"x": 1, "y": 2, "z": 3, "=": 5}
+    data = yaml.load(text, Loader=loader)
+    assert data["c"] == {"x": 1, "y": 2, "z": 3} and data["b"] == {"x": 1, "y": 2, "z": 2}
+    assert data["d"] == {"x": 1, "y": 4, "z": 3}
+    assert data["e"] == {"x": 1, "y": 2, "z": 3, "=": 5}
 
 
 def test_only_mappings_are_merged(refuses):
@@ -156,9 +156,9 @@ def test_with_libyaml_data_and_refusals_are_the_same():
     rng = random.Random(5)
     texts = [x.read_text("utf-8") for x in Path(armcontour.__file__).parent.rglob("*.yaml")]
     texts += ["".join(rng.choices(PIECES, k=rng.randint(1, 14))) for _ in range(1500)]
-    found = [outcome(x, Loader) for x in texts]
-    assert [x for x, y in zip(texts, found, strict=True) if outcome(x, Slow) != y] == []
-    assert sum(y for _, y in found) > 100
+    outcomes = [outcome(x, Loader) for x in texts]
+    assert [x for x, y in zip(texts, outcomes, strict=True) if outcome(x, Slow) != y] == []
+    assert sum(y for _, y in outcomes) > 100
     texts += ["a: !degrees 90", "{a: !radians 1, b: !degrees x}"]
     angles = [outcome(x, AngleLoader) for x in texts]
     assert [x for x, y in zip(texts, angles, strict=True) if outcome(x, SlowAngles) != y] == []

@@ -79,7 +79,9 @@ def write(file: Path, table: Table, header: Sequence[str]) -> None:
 
 def joints(count: int, unit: str) -> list[str]:
     """Names of the columns of commands and measured positions."""
-    return [f"{what} {j + 1} [{unit}]" for what in ("command", "measured") for j in range(count)]
+    return [
+        f"{quantity} {j + 1} [{unit}]" for quantity in ("command", "measured") for j in range(count)
+    ]
 
 
 def fetch(repository: tuple[str, str], file: str) -> str:

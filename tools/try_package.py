@@ -124,10 +124,13 @@ def run(*command: str, cwd: Path | None = None, **variables: str) -> str:
     """Output of a command; a failure ends the program with the command's messages."""
     # Without PYTHONPATH, so that the installed package is tested.
     env = {name: x for name, x in os.environ.items() if name != "PYTHONPATH"} | variables
-    done = subprocess.run(command, cwd=cwd, env=env, text=True, capture_output=True)
-    if done.returncode:
-        sys.exit(f"{' '.join(command)} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
-    return done.stdout.rstrip("\n")
+    outcome = subprocess.run(command, cwd=cwd, env=env, text=True, capture_output=True)
+    if outcome.returncode:
+        sys.exit(
+            f"{' '.join(command)} ended with {outcome.returncode}:\n"
+            f"{outcome.stdout}{outcome.stderr}"
+        )
+    return outcome.stdout.rstrip("\n")
 
 
 if __name__ == "__main__":

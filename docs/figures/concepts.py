@@ -62,13 +62,13 @@ def draw_fig_evaluation() -> Figure:
     near.plot(*1e3 * executed.tool.T, color=style.BLUE, lw=1.6, label="motion of the tool")
     near.plot(*np.array([tool, target]).T, color=style.ORANGE, lw=2.2)
     near.plot(*np.array([tool, nearest]).T, color=style.VERMILLION, lw=3)
-    for name, at, offset in (
+    for name, point, offset in (
         ("tool", tool, (16, -10)),
         ("plan", target, (-18, 8)),
         ("nearest point", nearest, (-16, 12)),
     ):
-        near.plot(*at, "o", color=style.BLACK, ms=4, zorder=5)
-        style.label(near, name, tuple(at), offset)
+        near.plot(*point, "o", color=style.BLACK, ms=4, zorder=5)
+        style.label(near, name, tuple(point), offset)
     x, y = ((c - VIEW, c + VIEW) for c in (tool + target) / 2)
     near.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal", xlim=x, ylim=y)
     near.set_title(f"(a) At {t:.2f} s")

@@ -70,9 +70,9 @@ def proposed(method: str = "pole_placement", fill: str = "linear", cycle: float 
 def draw_overview() -> Figure:
     """Left the path with a corner enlarged; right the error over time."""
     old, new = conventional(), proposed()
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 5), width_ratios=[0.85, 1.15])
+    figure, (path_axes, right) = plt.subplots(1, 2, figsize=(10, 5), width_ratios=[0.85, 1.15])
     corner = 1e3 * OBJECTIVE.vertices[1]
-    inset = left.inset_axes([0.02, 0.02, 0.46, 0.40])
+    inset = path_axes.inset_axes([0.02, 0.02, 0.46, 0.40])
     for points, width, look in (
         (
             OBJECTIVE.vertices,
@@ -82,25 +82,25 @@ def draw_overview() -> Figure:
         (old.executed.tool, 1.2, {"color": style.CONVENTIONAL, "label": "conventional"}),
         (new.executed.tool, 1.6, {"color": style.PROPOSED, "label": "proposed"}),
     ):
-        left.plot(*1e3 * points.T, lw=width, **look)
+        path_axes.plot(*1e3 * points.T, lw=width, **look)
         inset.plot(*1e3 * points.T, lw=1.3 * width, **look)
-    left.set_aspect("equal")
+    path_axes.set_aspect("equal")
     inset.set(xlim=(corner[0] - 22, corner[0] + 10), ylim=(corner[1] - 14, corner[1] + 14))
     inset.set(xticks=[], yticks=[], aspect="equal")
     inset.spines[["top", "right"]].set_visible(True)
-    left.indicate_inset_zoom(inset, edgecolor=style.BLACK, lw=0.7, alpha=0.6)
-    left.set(xlabel="$x$ [mm]", ylabel="$y$ [mm]", xlim=(236, 428), ylim=(60, 372))
-    left.set_title("Path of the tool")
-    left.legend(loc="center left", bbox_to_anchor=(0.0, 0.44), fontsize=9, handlelength=1.4)
+    path_axes.indicate_inset_zoom(inset, edgecolor=style.BLACK, lw=0.7, alpha=0.6)
+    path_axes.set(xlabel="$x$ [mm]", ylabel="$y$ [mm]", xlim=(236, 428), ylim=(60, 372))
+    path_axes.set_title("Path of the tool")
+    path_axes.legend(loc="center left", bbox_to_anchor=(0.0, 0.44), fontsize=9, handlelength=1.4)
     _errors(right, uncompensated=False)
     right.set_title("Distance of the tool from its path")
     right.legend(loc="lower right", fontsize=9)
-    said = [
+    captions = [
         f"{name}: {x.duration:.2f} s, at rest after {x.settled:.2f} s, "
         f"contour error {1e3 * x.contour_error.rms:.2g} mm RMS"
         for name, x in (("Conventional", old.evaluation), ("Proposed", new.evaluation))
     ]
-    figure.suptitle("\n".join(said), fontsize=11)
+    figure.suptitle("\n".join(captions), fontsize=11)
     return figure
 
 
@@ -130,7 +130,7 @@ def draw_fig03_corner() -> Figure:
     ):
         axes.plot(*np.array(points).T, **look)
     axes.plot(*np.array([r, g, q, h]).T, "o", color=style.BLACK, ms=4)
-    for text, at, offset in (
+    for text, point, offset in (
         ("$R$", r, (12, -8)),
         ("$S$", q, (4, 14)),
         ("$G$", g, (-11, -6)),
@@ -139,13 +139,13 @@ def draw_fig03_corner() -> Figure:
         ("$r$", (q + g) / 2, (-8, 8)),
         ("$ε$", (h + middle) / 2, (2, 9)),
     ):
-        style.label(axes, text, tuple(at), offset)
-    for at, heading, text, size in (
+        style.label(axes, text, tuple(point), offset)
+    for point, heading, text, size in (
         (first, before, "$α_1$", 5),
         (q + 4 * after, after, "$α_2$", 4),
     ):
-        axes.plot([at[0], at[0] + 1.5 * size], [at[1], at[1]], color=style.GREY, lw=0.8)
-        _angle(axes, at, (np.array([1.0, 0.0]), heading), size, 1.45 * size, text)
+        axes.plot([point[0], point[0] + 1.5 * size], [point[1], point[1]], color=style.GREY, lw=0.8)
+        _angle(axes, point, (np.array([1.0, 0.0]), heading), size, 1.45 * size, text)
     turn = r"$\frac{α_2-α_1}{2}$"
     _angle(axes, g, (r - g, middle - g), 3.5, 7.4, turn)
     axes.legend(loc="lower left", bbox_to_anchor=(1.0, 0.0))
@@ -157,13 +157,15 @@ def draw_fig03_corner() -> Figure:
     return figure
 
 
-def _angle(axes: Axes, at, between, radius: float, away: float, text: str) -> None:
+def _angle(axes: Axes, vertex, between, radius: float, away: float, text: str) -> None:
     """An angle between two directions, with its name."""
     begin, end = (np.arctan2(v[1], v[0]) for v in between)
     theta = {"theta1": np.degrees(begin), "theta2": np.degrees(end)}
-    axes.add_patch(Arc(at, 2 * radius, 2 * radius, color=style.GREY, lw=0.8, **theta))
+    axes.add_patch(Arc(vertex, 2 * radius, 2 * radius, color=style.GREY, lw=0.8, **theta))
     half = (begin + end) / 2
-    axes.text(*at + away * np.array([np.cos(half), np.sin(half)]), text, ha="center", va="center")
+    axes.text(
+        *vertex + away * np.array([np.cos(half), np.sin(half)]), text, ha="center", va="center"
+    )
 
 
 def draw_fig05_passes() -> Figure:
@@ -259,28 +261,28 @@ def draw_fig07_blocks() -> Figure:
 def draw_fig08_trajectory() -> Figure:
     """The realizable trajectory in Cartesian and in joint space, coloured by rule."""
     trajectory = planned()
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 5.4))
-    left.plot(*1e3 * OBJECTIVE.vertices.T, color=style.OBJECTIVE, ls="--", lw=1)
+    figure, (path_axes, right) = plt.subplots(1, 2, figsize=(9.6, 5.4))
+    path_axes.plot(*1e3 * OBJECTIVE.vertices.T, color=style.OBJECTIVE, ls="--", lw=1)
     for part in trajectory.stretches:
         q = trajectory(np.linspace(*part.t, 100))
-        for axes, points in ((left, 1e3 * ARM.tool_position(q)), (right, np.degrees(q))):
+        for axes, points in ((path_axes, 1e3 * ARM.tool_position(q)), (right, np.degrees(q))):
             axes.plot(*points.T, color=style.RULES[part.kind], lw=2.2)
     for kind, colour in style.RULES.items():
-        left.plot([], [], color=colour, label=style.RULE_NAMES[kind])
+        path_axes.plot([], [], color=colour, label=style.RULE_NAMES[kind])
     q = trajectory(trajectory.switching_points)
     # Offsets of the names from their points, in points of type.
     at_left = "-13 0 10 -9 11 -9 12 7 12 7 12 7 -12 -7 -7 12 9 -11 12 6"
     at_right = "13 2 -13 -2 15 3 -4 -12 2 12 -2 12 -4 13 -6 -13 -12 -8 -12 -8"
     for axes, points, offsets in (
-        (left, 1e3 * ARM.tool_position(q), at_left),
+        (path_axes, 1e3 * ARM.tool_position(q), at_left),
         (right, np.degrees(q), at_right),
     ):
         axes.plot(*points.T, "o", color=style.BLACK, ms=3.5, zorder=5)
         beside = np.array(offsets.split(), float).reshape(-1, 2)
-        for k, (at, offset) in enumerate(zip(points, beside, strict=True)):
-            style.label(axes, f"$P_{k}$", tuple(at), tuple(offset))
+        for k, (point, offset) in enumerate(zip(points, beside, strict=True)):
+            style.label(axes, f"$P_{k}$", tuple(point), tuple(offset))
         axes.margins(0.08)
-    left.set(title="(a) Cartesian space", xlabel="$x$ [mm]", ylabel="$y$ [mm]", aspect="equal")
+    path_axes.set(title="(a) Cartesian space", xlabel="$x$ [mm]", ylabel="$y$ [mm]", aspect="equal")
     right.set(title="(b) Joint space", xlabel="$θ_1$ [°]", ylabel="$θ_2$ [°]")
     figure.legend(loc="outside lower center", ncols=4)
     return figure
@@ -306,10 +308,10 @@ def draw_fig09_profiles() -> Figure:
             axes.axhline(sign * ACCELERATION[j], **style.LIMIT)
         axes.set(ylabel="rad/s²", ylim=(-0.95, 0.95))
         axes.set_title(f"({'bc'[j]}) Joint {j + 1} acceleration")
-    for k, at in enumerate(points):
-        rows[0].text(at, 181, f"$P_{k}$", ha="center", va="bottom", fontsize=8)
+    for k, instant in enumerate(points):
+        rows[0].text(instant, 181, f"$P_{k}$", ha="center", va="bottom", fontsize=8)
         for axes in rows:
-            axes.axvline(at, color=style.GREY, lw=0.6, ls=":")
+            axes.axvline(instant, color=style.GREY, lw=0.6, ls=":")
     rows[2].set(xlabel="time [s]", xlim=(0, trajectory.duration))
     return figure
 
@@ -333,8 +335,8 @@ def draw_fig10_results() -> Figure:
         path, speed, *joints = column
         path.plot(*1e3 * OBJECTIVE.vertices.T, color=style.OBJECTIVE, lw=1, ls="--")
         path.plot(*1e3 * executed.tool[inside].T, color=colour, lw=1.3)
-        said = f"RMS {1e3 * error.rms:.2g} mm, largest {1e3 * error.max:.2g} mm"
-        path.set_title(f"{title}\n{said}", fontsize=9)
+        caption = f"RMS {1e3 * error.rms:.2g} mm, largest {1e3 * error.max:.2g} mm"
+        path.set_title(f"{title}\n{caption}", fontsize=9)
         path.set(xlabel="$x$ [mm]", aspect="equal", adjustable="box", xlim=(268, 426))
         speed.plot(t, 1e3 * executed.tool_speed[inside], color=colour, lw=1)
         speed.axhline(1e3 * LIMITS.speed, **style.LIMIT)
@@ -382,7 +384,7 @@ def _errors(axes: Axes, *, uncompensated: bool = True) -> None:
     for result, colour, name in [*runs, (proposed(), style.PROPOSED, "proposed")]:
         error = result.evaluation.contour_error
         t = np.arange(error.t[0], error.t[-1], 0.01)
-        most = np.maximum.reduceat(1e3 * error.values, np.searchsorted(error.t, t))
+        peaks = np.maximum.reduceat(1e3 * error.values, np.searchsorted(error.t, t))
         label = f"{name}: RMS {1e3 * error.rms:.2g} mm"
-        axes.semilogy(t, np.maximum(most, LOWEST), color=colour, lw=1.2, label=label)
+        axes.semilogy(t, np.maximum(peaks, LOWEST), color=colour, lw=1.2, label=label)
     axes.set(xlabel="time [s]", ylabel="contour error [mm]", ylim=(LOWEST, 40), xlim=(0, 12.06))

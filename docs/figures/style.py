@@ -81,11 +81,11 @@ def _shortened(number: re.Match[str]) -> str:
     return f"{float(number.group()):.2f}".rstrip("0").rstrip(".")
 
 
-def label(axes: Axes, text: str, at: tuple[float, float], offset: tuple[float, float]) -> None:
+def label(axes: Axes, text: str, point: tuple[float, float], offset: tuple[float, float]) -> None:
     """Write beside a point, on a white ground."""
     axes.annotate(
         text,
-        at,
+        point,
         xytext=offset,
         textcoords="offset points",
         ha="center",

@@ -13,7 +13,7 @@ from docs.gallery import pages, pictures
 if __name__ == "__main__":
     for name in sys.argv[1:] or pages.SHOWN:
         with redirect_stdout(io.StringIO()):
-            found = runpy.run_path(str(pages.EXAMPLES / f"{name}.py"), run_name="__main__")
-        style.save(getattr(pictures, f"draw_{name[:2]}")(found), pages.FOLDER / f"{name}.svg")
+            variables = runpy.run_path(str(pages.EXAMPLES / f"{name}.py"), run_name="__main__")
+        style.save(getattr(pictures, f"draw_{name[:2]}")(variables), pages.FOLDER / f"{name}.svg")
         (pages.FOLDER / f"{name}.md").write_text(pages.page_of(name), encoding="utf-8")
     (pages.FOLDER / "index.md").write_text(pages.index(), encoding="utf-8")

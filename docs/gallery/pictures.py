@@ -26,12 +26,12 @@ def draw_01(names: Names) -> Figure:
     """The paper's path in the colours of its rules, and the objective path."""
     figure, axes = plt.subplots(figsize=SIZE)
     axes.plot(*1e3 * names["objective"].vertices.T, color=style.GREY, ls="--", lw=1)
-    begin, seen = 0.0, set()
+    begin, drawn_kinds = 0.0, set()
     for stretch in names["planned"].stretches:
         t = np.linspace(*stretch.t, 100)
         tool = 1e3 * names["arm"].tool_position(names["planned"](t, side="left"))
-        label = None if stretch.kind in seen else style.RULE_NAMES[stretch.kind]
-        seen.add(stretch.kind)
+        label = None if stretch.kind in drawn_kinds else style.RULE_NAMES[stretch.kind]
+        drawn_kinds.add(stretch.kind)
         axes.plot(*tool.T, color=style.RULES[stretch.kind], lw=3, label=label)
         begin = stretch.t[1]
     axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
@@ -77,22 +77,22 @@ def draw_04(names: Names) -> Figure:
 
 def draw_05(names: Names) -> Figure:
     """A joint's set-points, ahead of the motion by the dead time and the servo's delay."""
-    found = names["found"]
+    certificate = names["certificate"]
     figure, axes = plt.subplots(figsize=SIZE)
     joint = 1
     for label, t, q, look in (
         (
             "set-points, every 4 ms",
-            found.set_points.t,
-            found.set_points.q,
+            certificate.set_points.t,
+            certificate.set_points.q,
             {"marker": ".", "lw": 0.6},
         ),
-        ("executed", found.execution.t, found.execution.q, {"lw": 2.5}),
+        ("executed", certificate.execution.t, certificate.execution.q, {"lw": 2.5}),
     ):
         part = t < 0.35
         axes.plot(t[part], np.degrees(q[part, joint]), label=label, **look)
     t = np.linspace(0, 0.35, 200)
-    planned = np.degrees(found.trajectory(t)[:, joint])
+    planned = np.degrees(certificate.trajectory(t)[:, joint])
     axes.plot(t, planned, color=style.BLACK, ls="--", lw=1, label="planned")
     axes.set(xlabel="time [s]", ylabel=f"joint {joint + 1} [°]", xlim=(-0.06, 0.35))
     axes.set_title("Set-points lead, so that the joint is on time")
@@ -148,8 +148,8 @@ def draw_09(names: Names) -> Figure:
     corner, tolerance = 1e3 * objective.vertices[1], 5.0
     x, y = corner[0] + np.linspace(-28, 12, 300), corner[1] + np.linspace(-14, 14, 300)
     grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    off = 1e3 * objective.project(grid / 1e3).distance.reshape(300, 300)
-    axes.contourf(x, y, off, levels=(0, tolerance), colors=[style.SKY], alpha=0.25)
+    distances = 1e3 * objective.project(grid / 1e3).distance.reshape(300, 300)
+    axes.contourf(x, y, distances, levels=(0, tolerance), colors=[style.SKY], alpha=0.25)
     arcs = ac.round_corners(objective, tolerance=tolerance / 1e3)
     for label, path, look in (
         ("drawn", objective, {"color": style.GREY, "lw": 3, "alpha": 0.5}),
@@ -186,9 +186,9 @@ def draw_11(names: Names) -> Figure:
     placed = names["placed"]
     figure, axes = plt.subplots(figsize=SIZE)
     x, y = (1e3 * a.values for a in placed.axes)
-    known = np.fmax(placed.values("duration"), placed.values("bound"))
+    durations = np.fmax(placed.values("duration"), placed.values("bound"))
     refused = np.array([bool(v.refusal) for v in placed.verdicts]).reshape(placed.shape)
-    shown = np.where(refused, np.nan, known).T
+    shown = np.where(refused, np.nan, durations).T
     image = axes.pcolormesh(x, y, shown, cmap="viridis_r", edgecolors="white", lw=1)
     figure.colorbar(image, label="duration, or its lower bound [s]")
     axes.set_facecolor("#d0d0d0")
@@ -223,7 +223,7 @@ def draw_13(names: Names) -> Figure:
     """Error over cycle time, a line for each compensation."""
     figure, axes = plt.subplots(figsize=SIZE)
     axes.set_prop_cycle(color=COLOURS)
-    rows, key = names["found"].rows, "runs.only.compensation.method"
+    rows, key = names["result"].rows, "runs.only.compensation.method"
     for method, marker in zip(dict.fromkeys(x[key] for x in rows), "os^", strict=True):
         mine = [x for x in rows if x[key] == method]
         error = [1e3 * x["contour_error.max"] for x in mine]

@@ -71,14 +71,14 @@ def _tables(schema: dict[str, Any]) -> Iterator[str]:
 
 def _places(schema: dict[str, Any]) -> dict[str, str]:
     """Where each mapping of keys first stands, from the outside in, by its name in the schema."""
-    left, places = [("", schema)], dict[str, str]()
-    while left:
-        place, kind = left.pop(0)
+    queue, places = [("", schema)], dict[str, str]()
+    while queue:
+        place, kind = queue.pop(0)
         for key, value in kind["properties"].items():
             for name, inner in _inside(value, f"{place}.{key}" if place else key):
                 if inner not in places and inner != schema.get("title"):
                     places[inner] = name
-                    left.append((name, schema["$defs"][inner]))
+                    queue.append((name, schema["$defs"][inner]))
     return places
 
 

@@ -58,8 +58,11 @@ def _page(name: str, command: Any) -> str:
 def _kinds(command: Any) -> dict[str, Any]:
     """The type of each parameter of a command, by its name; bool for those of typer's own."""
     taken = inspect.signature(command.callback, eval_str=True).parameters
-    own = {k: x.annotation for k, x in taken.items()}
-    return {x.name: get_args(own[x.name])[0] if x.name in own else bool for x in command.params}
+    annotations = {k: x.annotation for k, x in taken.items()}
+    return {
+        x.name: get_args(annotations[x.name])[0] if x.name in annotations else bool
+        for x in command.params
+    }
 
 
 def _options(command: Any, kinds: dict[str, Any]) -> str:

@@ -27,19 +27,19 @@ def mend(app: Any, name: str, source: list[str]) -> None:
     # Texts of the repository keep their links, which go out from its root.
     folder = ROOT if page.parent == FOLDER / "project" else page.parent
 
-    def mended(found: re.Match[str]) -> str:
-        target = (folder / found["target"]).resolve()
+    def mended(match: re.Match[str]) -> str:
+        target = (folder / match["target"]).resolve()
         if not target.is_relative_to(ROOT) or not target.exists():
-            return found[0]
-        place, anchor = target.relative_to(ROOT).as_posix(), found["anchor"] or ""
+            return match[0]
+        place, anchor = target.relative_to(ROOT).as_posix(), match["anchor"] or ""
         if place in SHOWN:
             target = SHOWN[place]
         elif not (target.is_relative_to(DOCS) and target.suffix in OWN):
             if not app.config.repository:
-                return found["text"]
+                return match["text"]
             kind = "tree" if target.is_dir() else "blob"
-            return f"[{found['text']}]({app.config.repository}/{kind}/main/{place}{anchor})"
+            return f"[{match['text']}]({app.config.repository}/{kind}/main/{place}{anchor})"
         to = Path(os.path.relpath(target, page.parent)).as_posix()
-        return f"{found['mark']}[{found['text']}]({to}{anchor})"
+        return f"{match['mark']}[{match['text']}]({to}{anchor})"
 
     source[0] = LINK.sub(mended, source[0])

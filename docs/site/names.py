@@ -42,24 +42,26 @@ EXAMPLE
 def write_names() -> Iterator[tuple[str, str]]:
     """A page for each room with its public names, and one that lists them all."""
     rows = []
-    for room, own in by_room().items():
-        what = _first_line(importlib.import_module(f"armcontour.{room}"))
-        yield f"api/{room}.rst", _page(f"armcontour.{room}", what, own)
-        at_top = ", ".join(f"[`{x.rpartition('.')[2]}`](#{x})" for x, _ in own if x.count(".") == 1)
-        rows.append(f"| [{room}]({room}.rst) | {what} | {at_top} |")
+    for room, members in by_room().items():
+        summary = _first_line(importlib.import_module(f"armcontour.{room}"))
+        yield f"api/{room}.rst", _page(f"armcontour.{room}", summary, members)
+        at_top = ", ".join(
+            f"[`{x.rpartition('.')[2]}`](#{x})" for x, _ in members if x.count(".") == 1
+        )
+        rows.append(f"| [{room}]({room}.rst) | {summary} | {at_top} |")
     lists = table("room", "what it holds", "in `armcontour` itself", rows=rows)
     example = [x[4:] for x in (ac.__doc__ or "").splitlines() if x.startswith(">>> ")]
     head = HEAD.replace("EXAMPLE", "\n".join(example[:-1]))
     yield "api/index.md", head + lists + contents(by_room())
 
 
-def _page(title: str, what: str, own: list[tuple[str, Any]]) -> str:
-    """The page of a room: what `armcontour` itself has of it, and what it alone has."""
-    top = [x for x in own if x[0].count(".") == 1]
-    lines = [title, "=" * len(title), "", what, ""]
+def _page(title: str, summary: str, members: list[tuple[str, Any]]) -> str:
+    """The page of a room: its names in `armcontour`, and its names in the room alone."""
+    top = [x for x in members if x[0].count(".") == 1]
+    lines = [title, "=" * len(title), "", summary, ""]
     for head, part in (
         ("In armcontour itself", top),
-        (f"In {title} alone", [x for x in own if x not in top]),
+        (f"In {title} alone", [x for x in members if x not in top]),
     ):
         if part:
             lines += [head, "-" * len(head), ""]
@@ -70,25 +72,25 @@ def _page(title: str, what: str, own: list[tuple[str, Any]]) -> str:
 @functools.cache
 def by_room() -> dict[str, list[tuple[str, Any]]]:
     """Public classes and functions of each room; what two rooms have is of the first one."""
-    found: dict[str, list[tuple[str, Any]]] = {}
-    known = set[int]()
+    members: dict[str, list[tuple[str, Any]]] = {}
+    listed = set[int]()
     for room in rooms():
-        own = [(name, x) for name, x in public_of(room) if id(x) not in known]
-        known.update(id(x) for _, x in own)
-        if own:
-            found[room] = own
-    return found
+        unlisted = [(name, x) for name, x in public_of(room) if id(x) not in listed]
+        listed.update(id(x) for _, x in unlisted)
+        if unlisted:
+            members[room] = unlisted
+    return members
 
 
 @functools.cache
 def rooms() -> tuple[str, ...]:
     """Packages and packages inside them with public names, and two modules."""
-    found = ["core.errors", "core.frames"]
+    modules = ["core.errors", "core.frames"]
     for folder in sorted(FilePath(*ac.__path__).glob("[a-z]*/")):
         if folder.name not in NO_LIBRARY:
             inside = sorted(x.parent for x in folder.glob("*/__init__.py"))
-            found += [folder.name, *(f"{folder.name}.{x.name}" for x in inside)]
-    return tuple(x for x in found if x not in PARTS)
+            modules += [folder.name, *(f"{folder.name}.{x.name}" for x in inside)]
+    return tuple(x for x in modules if x not in PARTS)
 
 
 def public_of(room: str) -> list[tuple[str, Any]]:
@@ -98,23 +100,23 @@ def public_of(room: str) -> list[tuple[str, Any]]:
         room: Name of the room.
     """
     module = importlib.import_module(f"armcontour.{room}")
-    own = getattr(module, "__all__", None) or [
+    names = getattr(module, "__all__", None) or [
         name
         for name, x in vars(module).items()
         if not name.startswith("_") and getattr(x, "__module__", "") == module.__name__
     ]
-    found = {name: getattr(module, name) for name in own}
+    members = {name: getattr(module, name) for name in names}
     # Some names of the package are of a module inside a room.
     for name in ac.__all__:
         value = getattr(ac, name)
         home = f"{getattr(value, '__module__', '')}."
         homes = [x for x in rooms() if home.startswith(f"armcontour.{x}.")]
         if room == max(homes, key=len, default=""):
-            found[name] = value
-    at_top = {name for name in ac.__all__ if getattr(ac, name) is found.get(name)}
+            members[name] = value
+    at_top = {name for name in ac.__all__ if getattr(ac, name) is members.get(name)}
     return [
         (f"armcontour.{name}" if name in at_top else f"armcontour.{room}.{name}", value)
-        for name, value in found.items()
+        for name, value in members.items()
         if inspect.isclass(value) or inspect.isfunction(value)
     ]
 
@@ -124,7 +126,7 @@ def _entry(name: str, value: Any) -> list[str]:
     if not inspect.isclass(value):
         return [f".. autofunction:: {name}", ""]
     # What a class has of a base without an entry of its own stands at the class.
-    elsewhere = [x for own in by_room().values() for _, x in own]
+    elsewhere = [x for members in by_room().values() for _, x in members]
     bases = [x for x in value.__mro__[1:] if x in elsewhere or not _is_ours(x)]
     without = ", ".join(dict.fromkeys(x.__name__ for x in bases))
     return [f".. autoclass:: {name}", "   :members:", f"   :inherited-members: {without}", ""]

@@ -108,15 +108,15 @@ def test_a_page_loads_nothing_from_other_sites(page: Path) -> None:
 def test_styles_load_nothing_from_other_sites() -> None:
     for file in SITE.rglob("*.css"):
         text = file.read_text(encoding="utf-8")
-        found = re.findall(r"url\(\s*[\"']?([^\"')]+)|@import\s+[\"']([^\"']+)", text)
-        places = [x or y for x, y in found]
+        matches = re.findall(r"url\(\s*[\"']?([^\"')]+)|@import\s+[\"']([^\"']+)", text)
+        places = [x or y for x, y in matches]
         assert [x for x in places if urlsplit(x).scheme not in ("", "data")] == [], file
 
 
 def test_every_public_name_and_its_members_are_found() -> None:
     anchors = set().union(*(parts(x).anchors for x in SITE.rglob("reference/pages/api/*.html")))
     missing = []
-    for name, value in (x for own in by_room().values() for x in own):
+    for name, value in (x for members in by_room().values() for x in members):
         missing += [name] * (name not in anchors)
         if inspect.isclass(value):
             homes = [name, *(f"armcontour.{x.__name__}" for x in value.__mro__[1:])]
@@ -168,8 +168,8 @@ def browser() -> Iterator[Browser]:
     """One browser for all tests of this file."""
     if find_spec("playwright") is None or find_browser() is None:
         pytest.skip("Pages are not looked at: that needs Chromium, and armcontour[browser].")
-    with browsing() as found:
-        yield found
+    with browsing() as chromium:
+        yield chromium
 
 
 # What reaches over the right edge, and is not in a box that scrolls and that the tab key reaches.
@@ -199,16 +199,16 @@ def test_a_page_has_no_serious_fault_and_nothing_cut_off(browser: Browser, name:
     page = browser.new_page(offline=True)
     page.goto((SITE / f"{name}.html").as_uri())
     load_axe(page)
-    found = []
+    faults_found = []
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": 900})
         for colours in ("light", "dark"):
             page.emulate_media(color_scheme=colours)
             page.evaluate(TWO_FRAMES)
-            seen = [f"cut off: {x}" for x in page.evaluate(CUT_OFF)] + faults(page, rules=())
-            found += [f"{width} px, {colours}: {x}" for x in seen]
+            page_faults = [f"cut off: {x}" for x in page.evaluate(CUT_OFF)] + faults(page, rules=())
+            faults_found += [f"{width} px, {colours}: {x}" for x in page_faults]
     page.close()
-    assert found == [], "\n".join(found)
+    assert faults_found == [], "\n".join(faults_found)
 
 
 def test_what_is_cut_off_would_be_seen(browser: Browser) -> None:

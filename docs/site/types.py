@@ -27,12 +27,12 @@ ENTRY = re.compile(r"    (\*{0,2}\w+(?:, \*{0,2}\w+)*): ")
 NAME = re.compile(r"[A-Za-z_][\w.]*")
 
 
-def add_types(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+def add_types(app: Any, kind: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
     """Write the type of each argument, and of the result, into a docstring before it is read.
 
     Args:
         app: Sphinx.
-        what: What is described, such as "class".
+        kind: What is described, such as "class".
         name: Its full name.
         obj: What it is.
         options: Options of its entry.
@@ -43,12 +43,14 @@ def add_types(app: Any, what: str, name: str, obj: Any, options: Any, lines: lis
     for i, line in enumerate(lines):
         if line and not line.startswith(" "):
             inside = line in ("Args:", "Attributes:")
-        found = ENTRY.match(line) if inside else None
-        of = {types.get(x, "") for x in found[1].replace("*", "").split(", ")} if found else {""}
-        if found and len(of) == 1 and any(of):
-            lines[i] = f"    {found[1]} ({of.pop()}): {line[found.end() :]}"
+        entry = ENTRY.match(line) if inside else None
+        targets = (
+            {types.get(x, "") for x in entry[1].replace("*", "").split(", ")} if entry else {""}
+        )
+        if entry and len(targets) == 1 and any(targets):
+            lines[i] = f"    {entry[1]} ({targets.pop()}): {line[entry.end() :]}"
     result = types.get("return", "None")
-    if what in ("function", "method", "property") and result != "None":
+    if kind in ("function", "method", "property") and result != "None":
         lines += ["", f":rtype: {result}"]
 
 
@@ -58,31 +60,31 @@ def _types(obj: Any) -> dict[str, str]:
         obj = obj.__init__
     obj = getattr(obj, "fget", None) or getattr(obj, "func", None) or obj
     obj = inspect.unwrap(obj)
-    known = vars(inspect.getmodule(obj)) if inspect.isfunction(obj) else {}
+    namespace = vars(inspect.getmodule(obj)) if inspect.isfunction(obj) else {}
     stated = getattr(obj, "__annotations__", {})
-    return {name: _shown(kind, known) for name, kind in stated.items()}
+    return {name: _shown(kind, namespace) for name, kind in stated.items()}
 
 
-def _shown(kind: Any, known: Mapping[str, Any]) -> str:
+def _shown(kind: Any, namespace: Mapping[str, Any]) -> str:
     """A type in short; what has an entry of its own is a link to it.
 
     Args:
         kind: The type, as it is stated.
-        known: What names mean where it is stated.
+        namespace: What names mean where it is stated.
     """
     text = kind if isinstance(kind, str) else getattr(kind, "__name__", str(kind))
-    return NAME.sub(lambda x: _named(x[0], known), _without_metadata(text))
+    return NAME.sub(lambda x: _named(x[0], namespace), _without_metadata(text))
 
 
-def _named(name: str, known: Mapping[str, Any]) -> str:
+def _named(name: str, namespace: Mapping[str, Any]) -> str:
     """One name of a type."""
     if name in KINDS or name in WORDS:
         return KINDS.get(name) or WORDS[name]
     name = name.rpartition(".")[2]
-    entries = {entry: x for own in by_room().values() for entry, x in own}
+    entries = {entry: x for members in by_room().values() for entry, x in members}
     same = [x for x in entries if x.rpartition(".")[2] == name]
     # Names that are imported for types only are not known; most of them mean one thing.
-    meant = [x for x in same if entries[x] is known.get(name)] or same
+    meant = [x for x in same if entries[x] is namespace.get(name)] or same
     return f"~{meant[0]}" if len(meant) == 1 else name
 
 
@@ -91,11 +93,11 @@ def _without_metadata(text: str) -> str:
     begin = text.find("Annotated[")
     if begin < 0:
         return text
-    depth, comma, at = 0, 0, begin + len("Annotated[")
-    start = at
+    depth, comma, position = 0, 0, begin + len("Annotated[")
+    start = position
     while depth >= 0:
-        depth += {"[": 1, "(": 1, "]": -1, ")": -1}.get(text[at], 0)
-        if text[at] == "," and not depth and not comma:
-            comma = at
-        at += 1
-    return _without_metadata(text[:begin] + text[start:comma] + text[at:])
+        depth += {"[": 1, "(": 1, "]": -1, ")": -1}.get(text[position], 0)
+        if text[position] == "," and not depth and not comma:
+            comma = position
+        position += 1
+    return _without_metadata(text[:begin] + text[start:comma] + text[position:])

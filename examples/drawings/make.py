@@ -146,16 +146,16 @@ def pocket() -> str:
     ]
     for depth in (-1.5, -3):
         lines += [f"(depth {depth:g} mm)", "G0 Z5", "G0 X20 Y20", "G0 Z1", f"G1 Z{depth:g} F300"]
-        lines += zigzag(left=20, right=84, bottom=20, top=56, step=6)
-        lines += ["G0 Z5", *wall(depth, left=12, right=92, bottom=12, top=62, radius=8)]
+        lines += zigzag(x_min=20, right=84, bottom=20, top=56, step=6)
+        lines += ["G0 Z5", *wall(depth, x_min=12, right=92, bottom=12, top=62, radius=8)]
     return "\n".join([*lines, "G0 Z5", "M5", "M9", "G0 X0 Y0", "M2", ""])
 
 
-def zigzag(left: float, right: float, bottom: float, top: float, step: float) -> list[str]:
+def zigzag(x_min: float, right: float, bottom: float, top: float, step: float) -> list[str]:
     """Rows back and forth, each joined to the next one by half a circle."""
     lines, y, forth = [], bottom, True
     while True:
-        lines.append(f"G1 X{right if forth else left:g} F1800")
+        lines.append(f"G1 X{right if forth else x_min:g} F1800")
         if y + step > top:
             return lines
         y += step
@@ -164,10 +164,10 @@ def zigzag(left: float, right: float, bottom: float, top: float, step: float) ->
 
 
 def wall(
-    depth: float, *, left: float, right: float, bottom: float, top: float, radius: float
+    depth: float, *, x_min: float, right: float, bottom: float, top: float, radius: float
 ) -> list[str]:
     """Once round, onto the wall and off it by quarters of circles."""
-    middle, on = (left + right) / 2, 6.0
+    middle, on = (x_min + right) / 2, 6.0
     slant = on * (1 - cos(pi / 4)), on * sin(pi / 4)
     return [
         f"G0 X{middle - on:g} Y{bottom + on:g}",
@@ -178,10 +178,10 @@ def wall(
         f"G3 X{right:g} Y{bottom + radius:g} J{radius:g}",
         f"G1 Y{top - radius:g}",
         f"G3 X{right - radius:g} Y{top:g} I{-radius:g}",
-        f"G1 X{left + radius:g}",
-        f"G3 X{left:g} Y{top - radius:g} J{-radius:g}",
+        f"G1 X{x_min + radius:g}",
+        f"G3 X{x_min:g} Y{top - radius:g} J{-radius:g}",
         f"G1 Y{bottom + radius:g}",
-        f"G3 X{left + radius:g} Y{bottom:g} I{radius:g}",
+        f"G3 X{x_min + radius:g} Y{bottom:g} I{radius:g}",
         f"G1 X{middle:g}",
         f"G3 X{middle + slant[1]:.4f} Y{bottom + slant[0]:.4f} J{on:g}",
         f"G0 Z{depth + 1:g}",

@@ -29,6 +29,7 @@ _HOME = {
     "control.compensation": "Inverse InverseDynamics NoCompensation PolePlacement compensate",
     "control.identification": "BodyFit ServoFit identify identify_bodies",
     "control.learning": "learn",
+    "controllers": "play",
     "core.errors": "ArmContourError Collision CompensationError ExecutionError InvalidInput "
     "NotRealizable Unreachable",
     "core.frames": "Frame",

@@ -10,6 +10,7 @@ from armcontour.control.identification import ServoFit as ServoFit
 from armcontour.control.identification import identify as identify
 from armcontour.control.identification import identify_bodies as identify_bodies
 from armcontour.control.learning import learn as learn
+from armcontour.controllers import play as play
 from armcontour.core.errors import ArmContourError as ArmContourError
 from armcontour.core.errors import Collision as Collision
 from armcontour.core.errors import CompensationError as CompensationError

@@ -24,9 +24,9 @@ OVER = {
 }
 
 
-def rows(found):
+def rows(batch):
     """The rows without what may differ."""
-    return [{key: x for key, x in row.items() if UNREPRODUCIBLE not in key} for row in found.rows]
+    return [{key: x for key, x in row.items() if UNREPRODUCIBLE not in key} for row in batch.rows]
 
 
 @pytest.fixture(scope="module")
@@ -37,17 +37,17 @@ def small(jobs):
 @pytest.fixture(scope="module")
 def reference(small, tmp_path_factory):
     """All results, computed in this process without interruption."""
-    told = []
-    found = ac.batch(
-        small, tmp_path_factory.mktemp("whole") / "out", workers=0, progress=told.append
+    progress_log = []
+    batch = ac.batch(
+        small, tmp_path_factory.mktemp("whole") / "out", workers=0, progress=progress_log.append
     )
-    return found, told
+    return batch, progress_log
 
 
 def test_a_row_is_what_the_job_gives_alone(reference, jobs):
-    found, told = reference
+    batch, events = reference
     text = (jobs / "bend.yaml").read_text()
-    got = rows(found)
+    got = rows(batch)
     assert [x["number"] for x in got] == list(range(1, 13))
     for row in got:
         points = json.loads(row["path.points"])
@@ -62,10 +62,10 @@ def test_a_row_is_what_the_job_gives_alone(reference, jobs):
         else:
             assert (row["status"], row["duration"]) == ("done", duration)
             assert row["corner_error"] == pytest.approx(1e-3)
-    assert found.counts == {"done": 6, "refused": 6} and found.errors == {"Unreachable": 6}
-    assert told[-1].done == told[-1].total == 12 and told[-1].left == 0.0
-    assert told[-1].statuses == found.counts and told[-1].errors == found.errors
-    assert repr(found) == "Batch('small', 12 jobs: 6 done, 6 refused)"
+    assert batch.counts == {"done": 6, "refused": 6} and batch.errors == {"Unreachable": 6}
+    assert events[-1].done == events[-1].total == 12 and events[-1].left == 0.0
+    assert events[-1].statuses == batch.counts and events[-1].errors == batch.errors
+    assert repr(batch) == "Batch('small', 12 jobs: 6 done, 6 refused)"
 
 
 def _written(folder, text):
@@ -74,23 +74,23 @@ def _written(folder, text):
 
 
 def test_all_is_in_the_folder_at_the_end(reference):
-    found, _ = reference
-    names = {x.name for x in found.folder.iterdir()}
+    batch, _ = reference
+    names = {x.name for x in batch.folder.iterdir()}
     assert names == {"results.jsonl", "results.parquet", "report.html"}
-    lines = (found.folder / "results.jsonl").read_text().splitlines()
-    assert [json.loads(x) for x in lines] == found.rows
-    table = pyarrow.parquet.read_table(found.folder / "results.parquet")
-    assert table.to_pylist() == found.rows
+    lines = (batch.folder / "results.jsonl").read_text().splitlines()
+    assert [json.loads(x) for x in lines] == batch.rows
+    table = pyarrow.parquet.read_table(batch.folder / "results.parquet")
+    assert table.to_pylist() == batch.rows
     assert table.schema.field("duration").metadata == {b"unit": b"s"}
-    page = (found.folder / "report.html").read_text()
+    page = (batch.folder / "report.html").read_text()
     assert "12 jobs" in page and "Unreachable" in page
-    assert found.table()["number"] == list(range(1, 13))
+    assert batch.table()["number"] == list(range(1, 13))
 
 
 def test_threads_give_the_same_rows(reference, small, tmp_path):
     with ThreadPoolExecutor(2) as executor:
-        found = ac.batch(small, tmp_path / "threads", executor=executor)
-    assert rows(found) == rows(reference[0])
+        batch = ac.batch(small, tmp_path / "threads", executor=executor)
+    assert rows(batch) == rows(reference[0])
 
 
 PLACED = """placement: {over: {x: {from: -30 mm, to: 30 mm, places: 3}}, refine: false}
@@ -115,20 +115,20 @@ def placing(jobs):
 
 
 def test_places_are_those_of_the_jobs_alone(placing, jobs, tmp_path):
-    found = ac.batch(placing, tmp_path / "here", workers=0)
-    want = rows(found)
+    batch = ac.batch(placing, tmp_path / "here", workers=0)
+    want = rows(batch)
     assert [x["status"] for x in want] == ["done", "refused"] * 2
     assert "None of 3 places is feasible (3 by reach)" in want[1]["sentence"]
     text = (jobs / "placed.yaml").read_text()
     alone = ac.place(ac.read_job(_written(jobs, text.replace("0.1 m/s", "0.05 m/s"))))
-    best, own = alone.refined.verdict.duration, alone.own.duration
+    best, own_place = alone.refined.verdict.duration, alone.own.duration
     got = {x: want[0][x] for x in placing["columns"]}
     assert got == {
         "best.place.x": alone.best.values["x"],
         "best.place.yaw": None,
         "best.duration": best,
-        "own_place.duration": own,
-        "gain": 1 - best / own,
+        "own_place.duration": own_place,
+        "gain": 1 - best / own_place,
         "places": 3.0,
         "planned": float(alone.planned),
         "refused_places": 0.0,
@@ -142,7 +142,7 @@ def test_places_are_those_of_the_jobs_alone(placing, jobs, tmp_path):
 
 
 def results(jobs):
-    """What each work gives for the small job."""
+    """Results of each kind of work for the small job."""
     text = (jobs / "bend.yaml").read_text()
     job = ac.read_job(_written(jobs, text + PLACED + "experiment: {}\n"))
     yield "run", ac.run(job).runs["only"]
@@ -153,7 +153,7 @@ def results(jobs):
 def test_columns_are_rows_of_results_with_their_units(jobs):
     # The arm is planar, and the part is moved along x only.
     unknown = {"orientation_error.max", *(f"best.place.{x}" for x in ("y", "z", "yaw", "tilt"))}
-    seen = set()
+    names_in_rows = set()
     for work, result in results(jobs):
         rows = dict(result.to_data().walk())
         if work == "certify":
@@ -162,10 +162,10 @@ def test_columns_are_rows_of_results_with_their_units(jobs):
         figures = dict(zip(columns, figures_of(result, columns, work), strict=True))
         for name in columns:
             if name in rows:
-                seen.add(name)
+                names_in_rows.add(name)
                 assert rows[name].unit == COLUMNS[name].unit, name
                 assert figures[name] == rows[name].figure, name
-    assert set(COLUMNS) - seen == unknown
+    assert set(COLUMNS) - names_in_rows == unknown
 
 
 class Stop(Exception):
@@ -181,7 +181,7 @@ def stop_after(count):
 
 
 def test_a_stopped_batch_continues(reference, small, tmp_path):
-    told, out = [], tmp_path / "out"
+    events, out = [], tmp_path / "out"
     for count in (3, 6):
         with pytest.raises(Stop):
             ac.batch(small, out, workers=0, progress=stop_after(3))
@@ -194,27 +194,27 @@ def test_a_stopped_batch_continues(reference, small, tmp_path):
     # A process that is killed may leave half a row.
     file = out / "results.jsonl"
     file.write_bytes(file.read_bytes()[:-20])
-    found = ac.batch(small, out, workers=0, progress=told.append)
-    assert rows(found) == rows(reference[0]) and told[0].before == 5
+    batch = ac.batch(small, out, workers=0, progress=events.append)
+    assert rows(batch) == rows(reference[0]) and events[0].before == 5
 
 
 def test_a_longer_plan_takes_what_is_there(small, tmp_path):
     ac.batch(small, tmp_path / "out", workers=0)
     more = small | {"over": OVER | {"limits.speed": {"from": 0.02, "to": 0.1, "steps": 11}}}
-    told = []
-    found = ac.batch(more, tmp_path / "out", workers=0, progress=told.append)
+    events = []
+    batch = ac.batch(more, tmp_path / "out", workers=0, progress=events.append)
     # Every second speed was there.
-    assert len(found.plan) == 22 and told[0].before == 12
-    assert [x["limits.speed"] for x in found.rows][::2] == pytest.approx(
+    assert len(batch.plan) == 22 and events[0].before == 12
+    assert [x["limits.speed"] for x in batch.rows][::2] == pytest.approx(
         [0.02 + 0.008 * k for k in range(11)]
     )
 
 
 def test_without_pyarrow_results_are_json_lines(reference, small, tmp_path, monkeypatch):
     monkeypatch.setattr("armcontour.batches.outcomes.find_spec", lambda name: None)
-    found = ac.batch(small, tmp_path / "out", workers=0)
-    assert rows(found) == rows(reference[0])
-    names = {x.name for x in found.folder.iterdir()}
+    batch = ac.batch(small, tmp_path / "out", workers=0)
+    assert rows(batch) == rows(reference[0])
+    names = {x.name for x in batch.folder.iterdir()}
     assert names == {"results.jsonl", "report.html"}
 
 

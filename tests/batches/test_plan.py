@@ -96,8 +96,8 @@ def test_a_drawing_in_a_cell_is_a_job(tmp_path):
 
 
 def test_keys_of_a_placement_take_values_and_its_run_is_that_of_the_plan(planned, jobs):
-    asked = "placement: {over: {yaw: {from: 0 deg, to: 10 deg, places: 2}}, run: only}\n"
-    (jobs / "asked.yaml").write_text((jobs / "bend.yaml").read_text() + asked)
+    placement = "placement: {over: {yaw: {from: 0 deg, to: 10 deg, places: 2}}, run: only}\n"
+    (jobs / "asked.yaml").write_text((jobs / "bend.yaml").read_text() + placement)
     over = {"placement.over.yaw.to": ["20 deg", "30 deg"], "placement.objective": "manipulability"}
     plan = read_plan(planned(over) | {"job": str(jobs / "asked.yaml")})
     job = plan.bases[0].job(plan.data(1))
@@ -110,13 +110,13 @@ TWO = "runs: {only: {compensation: {method: none}}, other: {compensation: {metho
 
 def test_placing_takes_the_run_that_the_placement_names(planned, jobs):
     text = (jobs / "bend.yaml").read_text().partition("runs:")[0] + TWO
-    asked = "placement: {over: {x: {from: 0 mm, to: 10 mm, places: 2}}, run: other}\n"
-    (jobs / "two.yaml").write_text(text + asked)
+    placement = "placement: {over: {x: {from: 0 mm, to: 10 mm, places: 2}}, run: other}\n"
+    (jobs / "two.yaml").write_text(text + placement)
     named = {"job": str(jobs / "two.yaml"), "do": "place"}
     assert read_plan(planned() | named).bases[0].run == "other"
     assert read_plan(planned() | named | {"run": "only"}).bases[0].run == "only"
     # Which run that is, the placement decides, as with one run of the timing optimal.
-    (jobs / "two.yaml").write_text(text + asked.replace(", run: other", ""))
+    (jobs / "two.yaml").write_text(text + placement.replace(", run: other", ""))
     assert read_plan(planned() | named).bases[0].run is None
 
 
@@ -186,17 +186,19 @@ def refusal(data):
 def test_wrong_plans_are_refused_in_one_sentence(planned):
     faults = []
     for more, over, words in WRONG:
-        said = refusal(planned(over) | more)
-        missing = [x for x in words if x not in said]
-        if missing or said[-1] not in ".?)" or "\n" in said:
-            faults.append((more, over, said, missing))
+        message = refusal(planned(over) | more)
+        missing = [x for x in words if x not in message]
+        if missing or message[-1] not in ".?)" or "\n" in message:
+            faults.append((more, over, message, missing))
     assert faults == []
 
 
 def test_a_key_is_that_of_the_run_if_it_has_it_itself(planned, jobs):
     text = (jobs / "bend.yaml").read_text()
-    own = text.replace("only: {", "only: {limits: {speed: 0.2 m/s}, corners: {tolerance: 2 mm}, ")
-    (jobs / "own.yaml").write_text(own)
+    job_text = text.replace(
+        "only: {", "only: {limits: {speed: 0.2 m/s}, corners: {tolerance: 2 mm}, "
+    )
+    (jobs / "own.yaml").write_text(job_text)
     over = {SPEED: ["80 mm/s"], TOLERANCE: [1e-4], "timing.reserve": ["2 %"]}
     plan = read_plan(planned(over) | {"job": str(jobs / "own.yaml")})
     (run,) = plan.bases[0].job(plan.data(0)).runs

@@ -1,4 +1,4 @@
-"""What identifies a job: all that its results depend on, however it is written."""
+"""Identification of a job by all that its results depend on."""
 
 import pytest
 
@@ -21,11 +21,11 @@ def test_units_and_places_of_values_do_not_matter(planned, jobs):
 
 def test_the_figures_and_the_version_matter(planned, monkeypatch):
     over = {"limits.speed": [0.08]}
-    found = {
+    digests_of_plans = {
         digests(planned(over, **x))[0]
         for x in ({}, {"do": "compensate"}, {"columns": ["duration"]}, {"columns": ["length"]})
     }
-    assert len(found) == 4
+    assert len(digests_of_plans) == 4
     # The name of the plan does not.
     before = digests(planned(over))
     assert digests(planned(over, name="x")) == before
@@ -92,12 +92,12 @@ def test_what_a_xacro_file_includes_matters(tmp_path):
     ends = '<collision><geometry><sphere radius="${size}"/></geometry></collision>'
     (tmp_path / "arm.xacro").write_text(arm_text(ends=ends, include=include, more=xacro))
     size = f'<robot {xacro}><xacro:property name="size" value="{{}}"/></robot>'
-    found = []
+    keys = []
     for radius in ("0.05", "0.06", "0.05"):
         (tmp_path / "size.xacro").write_text(size.format(radius))
         plan = read_plan(plan_on(tmp_path, "arm.xacro"), trust_xacro=True)
-        found.append(plan.job_keys())
-    assert found[0] == found[2] != found[1]
+        keys.append(plan.job_keys())
+    assert keys[0] == keys[2] != keys[1]
 
 
 def test_runs_that_are_left_out_do_not_matter(planned, jobs):

@@ -28,13 +28,13 @@ def faults(page: Page, *, rules: Sequence[str] = RULES, without: Sequence[str] =
         without: Selectors of what is not looked at.
     """
     options = {"resultTypes": ["violations"]} | ({"runOnly": list(rules)} if rules else {})
-    found = page.evaluate(
+    report = page.evaluate(
         "([options, exclude]) => axe.run({include: document, exclude}, options)",
         [options, [[x] for x in without]],
     )
     return [
         f"{x['id']}: {node['html'][:160]}"
-        for x in found["violations"]
+        for x in report["violations"]
         if x["impact"] in GRAVE
         for node in x["nodes"]
     ]

@@ -28,8 +28,8 @@ def browser():
     from playwright.sync_api import expect
 
     expect.set_options(timeout=PATIENCE)
-    with browsing() as found:
-        yield found
+    with browsing() as chromium:
+        yield chromium
 
 
 @pytest.fixture(scope="module")
@@ -48,8 +48,8 @@ def state():
 
 @pytest.fixture(scope="module")
 def server(job):
-    with serving(job, folder=job.parent) as found:
-        yield found
+    with serving(job, folder=job.parent) as address:
+        yield address
 
 
 @pytest.fixture
@@ -58,8 +58,8 @@ def pages(browser, server):
     with ExitStack() as closing:
         opened = []
 
-        def open_page(at=server, **how):
-            studio = Studio(browser, at, **how)
+        def open_page(address=server, **how):
+            studio = Studio(browser, address, **how)
             closing.callback(studio.close)
             opened.append(studio)
             return studio
@@ -72,13 +72,13 @@ def pages(browser, server):
 @pytest.fixture
 def studio(pages, job):
     """A page that shows the job as its file has it, and the run `optimal`."""
-    found = pages()
-    found.begin()
-    found.open(job)
-    found.choose_run("optimal")
-    found.wait("#view2d", run="optimal")
-    found.rest()
-    return found
+    opened_studio = pages()
+    opened_studio.begin()
+    opened_studio.open(job)
+    opened_studio.choose_run("optimal")
+    opened_studio.wait("#view2d", run="optimal")
+    opened_studio.rest()
+    return opened_studio
 
 
 @functools.lru_cache(maxsize=32)

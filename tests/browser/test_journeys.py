@@ -26,13 +26,13 @@ PLAIN = """async (png) => {
 DRAWN = "() => new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))"
 
 
-def agree(studio, found):
+def agree(studio, judgement):
     """What the page shows at rest is what the library finds."""
-    error = found.evaluation.contour_error
-    assert studio.figure("duration") == pytest.approx(found.trajectory.duration, abs=EXACT)
+    error = judgement.evaluation.contour_error
+    assert studio.figure("duration") == pytest.approx(judgement.trajectory.duration, abs=EXACT)
     assert studio.figure("contour_error.rms") == pytest.approx(error.rms, abs=EXACT)
-    off = (found.rounding_error or 0.0) + error.max
-    assert studio.figure("off_drawing") == pytest.approx(off, abs=EXACT)
+    deviation = (judgement.rounding_error or 0.0) + error.max
+    assert studio.figure("off_drawing") == pytest.approx(deviation, abs=EXACT)
 
 
 def shares(studio):
@@ -45,9 +45,9 @@ def shares(studio):
 
 def test_j1_the_papers_job_is_shown_with_its_cycle_time(studio, judge):
     expect(studio.find("[data-figure=duration] .value")).to_have_text("5.3261")
-    found = judge(studio)
-    agree(studio, found)
-    assert shares(studio) == cells(found.explanation.time_table)
+    judgement = judge(studio)
+    agree(studio, judgement)
+    assert shares(studio) == cells(judgement.explanation.time_table)
     assert studio.find("g.handle.waypoint").count() == 4
     assert studio.find("g.handle.corner").count() == 2
 
@@ -61,9 +61,9 @@ def test_j2_a_dragged_corner_has_another_tolerance(studio, judge):
             studio.wait("body", busy="false")
             expect(studio.find("#view2d")).not_to_have_attribute("data-duration", str(before))
             assert float(studio.told("#view2d", "duration")) < before
-    found = judge(studio)
-    agree(studio, found)
-    assert found.trajectory.duration < before
+    judgement = judge(studio)
+    agree(studio, judgement)
+    assert judgement.trajectory.duration < before
     assert shares(studio) != bound
     with studio.changing():
         studio.find("#undo").click()
@@ -146,16 +146,16 @@ def test_j7_undo_and_redo_go_all_the_way_and_survive_a_reload(studio):
 
 
 def test_j9_results_are_saved_as_files(studio, judge, tmp_path):
-    done = studio.do("export", {"format": "csv"})
+    task_result = studio.do("export", {"format": "csv"})
     studio.wait(".task-result[data-task=export]", state="done")
-    name, content = studio.save_file(done.locator("button, a").first)
-    found = judge(studio)
-    ac.export(found.set_points, tmp_path / "set_points.csv", arm=ac.load_arm("pmk3s"))
+    name, content = studio.save_file(task_result.locator("button, a").first)
+    judgement = judge(studio)
+    ac.export(judgement.set_points, tmp_path / "set_points.csv", arm=ac.load_arm("pmk3s"))
     assert name.endswith(".csv")
     assert content == (tmp_path / "set_points.csv").read_bytes()
-    done = studio.do("report")
+    task_result = studio.do("report")
     studio.wait(".task-result[data-task=report]", state="done")
-    name, content = studio.save_file(done.locator("button, a").first)
+    name, content = studio.save_file(task_result.locator("button, a").first)
     assert name.endswith(".html")
     assert b"5.326" in content
 
@@ -325,9 +325,9 @@ def test_j32_an_unreadable_drawing_names_what_the_page_has(studio, tmp_path):
     studio.find("#picker").set_input_files(drawing)
     dialog.locator("select").select_option("ur5e")
     dialog.get_by_role("button", name="Open").click()
-    told = studio.find("#messages .message.alarm:not(.refusal)")
-    expect(told).to_contain_text("unknown: skip")
-    expect(told).not_to_contain_text("--")
+    alarm = studio.find("#messages .message.alarm:not(.refusal)")
+    expect(alarm).to_contain_text("unknown: skip")
+    expect(alarm).not_to_contain_text("--")
     studio.is_cut_off = False
     studio.find("#picker").set_input_files(drawing)
     dialog.get_by_role("checkbox", name="unknown: skip").check()
@@ -425,22 +425,24 @@ def test_j38_two_variants_are_compared_with_one_cursor(studio):
     studio.rest()
     after = studio.figure("duration")
     studio.tab("tasks")
-    done = studio.do("compare")
-    expect(done.locator("table caption")).to_have_text("Differences")
-    row = done.get_by_role("row").filter(has=studio.page.get_by_role("rowheader", name="motion"))
+    task_result = studio.do("compare")
+    expect(task_result.locator("table caption")).to_have_text("Differences")
+    row = task_result.get_by_role("row").filter(
+        has=studio.page.get_by_role("rowheader", name="motion")
+    )
     cells = [x.split() for x in row.locator("td").all_inner_texts()]
     numbers = [float(x) * {"s": 1.0, "ms": 1e-3}[unit] for x, unit in cells]
     assert numbers == pytest.approx([after, before, after - before], abs=1e-4)
-    expect(done.locator("[data-chart]")).to_have_count(2)
+    expect(task_result.locator("[data-chart]")).to_have_count(2)
     # A click in one chart moves the time of all.
-    plot = done.locator("[data-chart=variants-speed] .u-over")
+    plot = task_result.locator("[data-chart=variants-speed] .u-over")
     plot.scroll_into_view_if_needed()
     box = plot.bounding_box()
     studio.page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
     expect(studio.find("#playback")).not_to_have_attribute("data-time", "0")
     time = float(studio.told("#playback", "time"))
     assert 0 < time < after
-    legend = done.locator("[data-chart=variants-error]")
+    legend = task_result.locator("[data-chart=variants-error]")
     legend.scroll_into_view_if_needed()
     expect(legend).to_contain_text("now")
     expect(legend).to_contain_text("before")

@@ -92,10 +92,10 @@ def test_j41_a_log_gives_the_servo_of_the_job(shown, log):
     drop(shown, log)
     result = done(shown, "identify")
     expect(result).to_have_attribute("data-state", "done")
-    found = ac.identify(read_log(log), ac.ServoFit(kinematics=ac.load_arm("pmk3s")))
+    identification = ac.identify(read_log(log), ac.ServoFit(kinematics=ac.load_arm("pmk3s")))
     kp = cell(result, "joint 1").nth(0)
     table = result.locator("table", has_text="kp")
-    expect(table).to_contain_text(number(found["joint 1"].kp.value, "1/s"))
+    expect(table).to_contain_text(number(identification["joint 1"].kp.value, "1/s"))
     expect(kp).to_be_visible()
     load_axe(shown.page)
     assert faults(shown.page) == []
@@ -127,7 +127,7 @@ def test_j42_the_next_set_points_are_those_of_learn(shown, robot, log, monkeypat
     assert content == (second / "optimal/set_points.csv").read_bytes()
 
 
-def test_j43_what_is_wrong_with_a_log_is_said_as_text(shown, robot):
+def test_j43_errors_of_a_log_are_shown_as_text(shown, robot):
     markup = "<img src=x onerror=alert(1)>"
     bad = write_table(
         robot.folder / f"{markup}.csv", robot.table(robot.execute())[:, :4], HEAD[:-17]

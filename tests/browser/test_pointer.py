@@ -26,7 +26,7 @@ def points(studio):
     return numbers(studio.text.partition("points:")[2].partition("limits:")[0])
 
 
-def test_j40_a_dragged_waypoint_snaps_and_says_what_it_gains(studio, judge):
+def test_j40_a_dragged_waypoint_snaps_and_shows_its_gain(studio, judge):
     before, original = studio.figure("duration"), studio.text
     handle = studio.handle("waypoint", 1)
     expect(label(studio)).to_be_hidden()
@@ -47,9 +47,9 @@ def test_j40_a_dragged_waypoint_snaps_and_says_what_it_gains(studio, judge):
     assert numbers(shown) == [px, py] and "m" in shown.split()
     assert round(1000 * px, 6) % 1 == 0 and round(1000 * py, 6) % 1 == 0
     assert (px, py) != (0.41, 0.15)
-    found = judge(studio)
-    agree(studio, found)
-    assert found.trajectory.duration - before == pytest.approx(seconds, abs=2e-3)
+    judgement = judge(studio)
+    agree(studio, judgement)
+    assert judgement.trajectory.duration - before == pytest.approx(seconds, abs=2e-3)
     with studio.changing():
         studio.find("#undo").click()
     assert studio.text == original
@@ -170,8 +170,8 @@ def test_j44_an_obstacle_is_set_beside_the_part(studio, judge, tmp_path):
     with studio.changing():
         dialog.get_by_role("button", name="OK").click()
     # It is not on the part, and the arm goes on.
-    found = judge(studio)
-    agree(studio, found)
+    judgement = judge(studio)
+    agree(studio, judgement)
     assert "clamp" in studio.text and "30 mm" in studio.text
     box = studio.find("g.handle.obstacle").bounding_box()
     for k in range(4):

@@ -74,21 +74,21 @@ def server(folder):
     (folder / "plate.dxf").write_text(DRAWING)
     file = folder / "job.yaml"
     file.write_text(JOB)
-    with serving(file, folder=folder) as found:
-        yield found
+    with serving(file, folder=folder) as address:
+        yield address
 
 
 @pytest.fixture
 def studio(pages, server):
-    found = pages(server)
-    found.begin()
-    found.wait("#view2d", run="own")
-    yield found
+    opened_studio = pages(server)
+    opened_studio.begin()
+    opened_studio.wait("#view2d", run="own")
+    yield opened_studio
     # Every change is undone byte by byte.
-    while found.find("#undo").is_enabled():
-        with found.renewing():
-            found.find("#undo").click()
-    assert found.text == JOB
+    while opened_studio.find("#undo").is_enabled():
+        with opened_studio.renewing():
+            opened_studio.find("#undo").click()
+    assert opened_studio.text == JOB
 
 
 def open_group(studio, title, *keys):
@@ -182,8 +182,8 @@ def test_another_arm_keeps_its_equipment(studio):
     data, duration = change(studio, arm="ur10e")
     assert data["arm"] == "ur10e" and duration != before
     studio.wait_for("#view3d, #view2d")
-    known = studio.slider("arm").locator("option").evaluate_all("all => all.map(x => x.value)")
-    assert {"ur5e", "ur10e", "panda", "fr3", "pmk3s"} <= set(known)
+    arms = studio.slider("arm").locator("option").evaluate_all("all => all.map(x => x.value)")
+    assert {"ur5e", "ur10e", "panda", "fr3", "pmk3s"} <= set(arms)
 
 
 def test_settings_of_another_layer(studio):

@@ -212,7 +212,7 @@ def test_j54_the_start_page_has_no_fault(started, pages, colours, width):
     studio = pages(started.server, colours=colours, size=(width, 900))
     studio.wait_for("#start[open]")
     load_axe(studio.page)
-    found = faults(studio.page)
+    page_faults = faults(studio.page)
     # By keys: an arm is chosen with arrows, a card with Tab and Enter.
     keys = studio.page.keyboard
     assert studio.page.evaluate("() => document.activeElement.value") == "ur5e"
@@ -222,5 +222,5 @@ def test_j54_the_start_page_has_no_fault(started, pages, colours, width):
         keys.press("Enter")
     assert "ur10e" in studio.text
     expect(studio.find("rect.pen")).to_be_visible()
-    found += faults(studio.page)
-    assert not found, "\n".join(found)
+    page_faults += faults(studio.page)
+    assert not page_faults, "\n".join(page_faults)

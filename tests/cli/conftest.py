@@ -64,18 +64,18 @@ def refused(command_in):
     """Find rows `(arguments, words)` that are not refused with this exit code in one sentence."""
 
     def faults(folder, rows, codes=(2, 3), begin=()):
-        found, before = [], sorted(folder.rglob("*"))
+        unclear, before = [], sorted(folder.rglob("*"))
         for arguments, words in rows:
             arguments = arguments.split() if isinstance(arguments, str) else arguments
             ended = command_in(folder, *begin, *arguments)
             missing = [x for x in words if x not in " ".join(ended.errors.split())]
             # A command may first report which file it reads.
-            said = [x for x in ended.errors.splitlines() if not x.startswith("reading: ")]
-            sentence = len(said) == 1 and said[0].startswith("Error: ")
+            error_lines = [x for x in ended.errors.splitlines() if not x.startswith("reading: ")]
+            sentence = len(error_lines) == 1 and error_lines[0].startswith("Error: ")
             if ended.code not in codes or missing or not sentence:
-                found.append((arguments, ended, missing))
+                unclear.append((arguments, ended, missing))
             if sorted(folder.rglob("*")) != before:
-                found.append((arguments, "it wrote a file"))
-        return found
+                unclear.append((arguments, "it wrote a file"))
+        return unclear
 
     return faults

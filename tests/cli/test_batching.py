@@ -31,8 +31,8 @@ def folder(tmp_path):
 
 
 def test_results_and_progress_are_printed_and_lines_of_json(command_in, folder):
-    told = [json.loads(x) for x in command_in(folder, *CALL, "--json").out.splitlines()]
-    progress, end = told[-2]["progress"], told[-1]["end"]
+    events = [json.loads(x) for x in command_in(folder, *CALL, "--json").out.splitlines()]
+    progress, end = events[-2]["progress"], events[-1]["end"]
     assert progress["done"] == progress["total"] == 4
     assert progress["statuses"] == {"done": 2, "refused": 2}
     assert progress["errors"] == end["errors"] == {"Unreachable": 2}

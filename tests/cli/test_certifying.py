@@ -28,8 +28,8 @@ def test_certify_writes_everything_that_repeats_it(command, job, tmp_path, done)
     assert "independent joint servos" in shown
     page = (out / "report.html").read_text(encoding="utf-8")
     for name in ("off_drawing", "duration", "cost", "budget.left", "budget.executed"):
-        found = reduce(getitem, name.split("."), data["certificate"])
-        figure = number(found, data["units"][name])
+        value = reduce(getitem, name.split("."), data["certificate"])
+        figure = number(value, data["units"][name])
         assert figure in shown and figure in page
     written = {str(x.relative_to(out)) for x in out.rglob("*") if x.is_file()}
     assert set(data["files"]) == written - {".armcontour.json"}
@@ -71,13 +71,13 @@ def test_a_drawing_of_several_contours_is_certified_in_one_command(tmp_path, don
     out = tmp_path / "gasket"
     # A line and an arc; `python -m soak certificates` certifies the drawings as they are.
     some = [x for name in ("31", "3A") for x in ("--contour", f"handle {name}")]
-    given = ("--cell", "pmk3s", "--servo-error", "0.1 mm", *some)
-    shown = done("certify", GASKET, *given, "--out", out)
+    options = ("--cell", "pmk3s", "--servo-error", "0.1 mm", *some)
+    shown = done("certify", GASKET, *options, "--out", out)
     data = summary(out)
-    found, run = data["certificate"], data["runs"]["compensated"]
-    assert len(found["contours"]) == 2
+    certificate, run = data["certificate"], data["runs"]["compensated"]
+    assert len(certificate["contours"]) == 2
     moves = [x for x in run["moves"] if x["kind"] == "contour"]
-    for x, row in zip(found["contours"], moves, strict=True):
+    for x, row in zip(certificate["contours"], moves, strict=True):
         assert x["name"] in shown
         assert x["contour_error"]["max"] == row["contour_error"]["max"] <= 1e-4
         # The larger one of the contour error and of what the tool leaves out of the path.
@@ -86,7 +86,7 @@ def test_a_drawing_of_several_contours_is_certified_in_one_command(tmp_path, don
         assert x["budget"]["left"] == pytest.approx(1e-4 - executed, rel=1e-9)
     assert max(run["demand_ratio"]) <= 1 + 1e-6 and not any(run["saturated"])
     # 1 % at most, of which rapids take most.
-    assert 0 < found["cost"] < 0.01 * found["duration"]
+    assert 0 < certificate["cost"] < 0.01 * certificate["duration"]
 
 
 def test_the_motion_of_a_program_can_be_checked(command, tmp_path, done):

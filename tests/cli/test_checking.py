@@ -55,30 +55,30 @@ def folder(tmp_path, mac):
 def test_times_since_1970_and_notes(folder, check):
     t, *q = np.loadtxt(folder / "planned.csv", delimiter=",", skiprows=1).T
     titles = "timestamp,actual_q_0,actual_q_1,actual_TCP_pose_0"
-    late = 1_700_000_000 + t
-    write(folder / "late.csv", titles, late, *q, 0 * t)
-    given = ("--path", "job.yaml", "--limits", "limits.yaml")
-    done = check(folder, "late.csv", *given)
-    data = json.loads(check(folder, "late.csv", *given, "--json").out)
+    unix_times = 1_700_000_000 + t
+    write(folder / "late.csv", titles, unix_times, *q, 0 * t)
+    options = ("--path", "job.yaml", "--limits", "limits.yaml")
+    outcome = check(folder, "late.csv", *options)
+    data = json.loads(check(folder, "late.csv", *options, "--json").out)
     assert data["left_out"] == ["actual_TCP_pose_0"] and data["notes"] == []
     (use,) = (x for x in data["limits"] if x["name"] == "joint_acceleration")
-    assert late[0] <= use["t"] <= late[-1]
-    shown = next(x for x in done.out.splitlines() if x.split()[:1] == [use["name"]])
+    assert unix_times[0] <= use["t"] <= unix_times[-1]
+    shown = next(x for x in outcome.out.splitlines() if x.split()[:1] == [use["name"]])
     assert f"{use['t']:.4f}".rstrip("0").rstrip(".") in shown
     # Rows that are there twice.
     lines = (folder / "late.csv").read_text().splitlines()
     (folder / "late.csv").write_text("\n".join([*lines[:9], lines[8], *lines[9:]]) + "\n")
-    assert "Note: 1 row of late.csv repeats" in check(folder, "late.csv", *given).out
+    assert "Note: 1 row of late.csv repeats" in check(folder, "late.csv", *options).out
 
 
 def test_kept_limits_end_with_0(folder, check):
-    given = (*PLANNED, "--path", "job.yaml")
-    done = check(folder, *given)
-    assert done.code == 0, done.out + done.errors
+    options = (*PLANNED, "--path", "job.yaml")
+    outcome = check(folder, *options)
+    assert outcome.code == 0, outcome.out + outcome.errors
     for words in ("joint_acceleration", "speed", "path_deviation", "kept", "Samples of q:"):
-        assert words in done.out
-    assert "violated" not in done.out
-    data = json.loads(check(folder, *given, "--json").out)
+        assert words in outcome.out
+    assert "violated" not in outcome.out
+    data = json.loads(check(folder, *options, "--json").out)
     assert data["kept"] is True
     uses = {x["name"]: x for x in data["limits"]}
     names = {"joint_acceleration", "speed", "centripetal_acceleration", "path_deviation"}
@@ -91,32 +91,32 @@ def test_kept_limits_end_with_0(folder, check):
 
 def test_a_violation_ends_with_1_and_its_place(folder, check):
     (folder / "limits.yaml").write_text("joint_acceleration: [0.7, 0.8]\n")
-    done = check(folder, *PLANNED)
-    assert done.code == 1 and "violated" in done.out and done.errors == ""
-    done = check(folder, *PLANNED, "--json")
-    assert done.code == 1
-    data = json.loads(done.out)
+    outcome = check(folder, *PLANNED)
+    assert outcome.code == 1 and "violated" in outcome.out and outcome.errors == ""
+    outcome = check(folder, *PLANNED, "--json")
+    assert outcome.code == 1
+    data = json.loads(outcome.out)
     assert data["kept"] is False
     (use,) = data["limits"]
     assert (use["name"], use["joint"], use["verdict"]) == ("joint_acceleration", 1, "violated")
     assert use["ratio"] == pytest.approx(0.72 / 0.7, abs=3e-3)
     text = "joint_jerk: 7.2 rad/s^3\ntool_jerk: 1000 m/s^3\npath_jerk: 1 m/s^3\n"
     (folder / "limits.yaml").write_text(text)
-    done = check(folder, *PLANNED)
-    assert done.code == 1 and "samples have no arc length" in done.out
+    outcome = check(folder, *PLANNED)
+    assert outcome.code == 1 and "samples have no arc length" in outcome.out
     # Planned without limits of jerk: accelerations jump by 1.44 rad/s² within 4 ms.
     for words, unit, verdict in (("joint", "rad/s³", "violated"), ("tool", "1000 m/s³", "kept")):
-        (line,) = (x for x in done.out.splitlines() if x.split()[:1] == [f"{words}_jerk"])
+        (line,) = (x for x in outcome.out.splitlines() if x.split()[:1] == [f"{words}_jerk"])
         assert unit in line and verdict in line
 
 
 def test_the_path_and_the_limits_of_one_run(folder, check, refused):
-    given = (*PLANNED, "--path", "job.yaml")
-    sharp = check(folder, *given, "--run", "sharp", "--json")
+    options = (*PLANNED, "--path", "job.yaml")
+    sharp = check(folder, *options, "--run", "sharp", "--json")
     assert sharp.code == 1
     assert json.loads(sharp.out)["path_deviation"]["distance"] > 1e-3
-    found = json.loads(check(folder, "planned.csv", "--path", "job.yaml", "--json").out)
-    uses = {x["name"]: x for x in found["limits"]}
+    check_data = json.loads(check(folder, "planned.csv", "--path", "job.yaml", "--json").out)
+    uses = {x["name"]: x for x in check_data["limits"]}
     assert uses["speed"]["limit"] == 0.15 and uses["centripetal_acceleration"]["limit"] == 0.09
     # Runs that differ in their corners, and in their limits.
     runs = {**JOB["runs"], "wide": {"timing": {"method": "paper"}, "corners": {"tolerance": 0.01}}}
@@ -125,8 +125,8 @@ def test_the_path_and_the_limits_of_one_run(folder, check, refused):
     runs = {**JOB["runs"], "fast": fast}
     (folder / "fast.yaml").write_text(yaml.safe_dump({**JOB, "runs": runs}))
     rows = [
-        ((*given, "--run", "other"), ["its runs are rounded, sharp, wide"]),
-        (given, ["choose one with --run (rounded, wide)"]),
+        ((*options, "--run", "other"), ["its runs are rounded, sharp, wide"]),
+        (options, ["choose one with --run (rounded, wide)"]),
         (("planned.csv", "--path", "fast.yaml"), ["have different limits: choose one with --run"]),
     ]
     assert refused(folder, rows, codes=(2,), begin=("check",)) == []
@@ -160,13 +160,13 @@ def test_wrong_files_and_options_are_refused(folder, refused):
 def test_samples_that_allow_no_verdict_end_with_7(tmp_path, check):
     for text, ratio in ((COARSE, np.deg2rad(100) / 0.72), (JUMPS, 2e4 / 0.72)):
         (tmp_path / "log.csv").write_text(text)
-        done = check(tmp_path, "log.csv", "--arm", "pmk3s")
-        assert done.code == 7, done.out + done.errors
-        assert "cannot tell" in done.out and "kept" not in done.out
-        assert number(ratio, "1") in done.out
-        done = check(tmp_path, "log.csv", "--arm", "pmk3s", "--json")
-        assert done.code == 7
-        data = json.loads(done.out)
+        outcome = check(tmp_path, "log.csv", "--arm", "pmk3s")
+        assert outcome.code == 7, outcome.out + outcome.errors
+        assert "cannot tell" in outcome.out and "kept" not in outcome.out
+        assert number(ratio, "1") in outcome.out
+        outcome = check(tmp_path, "log.csv", "--arm", "pmk3s", "--json")
+        assert outcome.code == 7
+        data = json.loads(outcome.out)
         assert (data["kept"], data["verdict"]) == (None, "cannot tell")
         (use,) = data["limits"]
         assert use["verdict"] == "cannot tell" and use["highest"]["joint"] == 1
@@ -180,10 +180,10 @@ def test_an_arm_from_a_description_with_its_limits(tmp_path, check):
     write(tmp_path / "log.csv", "t [s],pan [rad],tilt [rad],elbow [rad],roll [rad]", t, q)
     arm = ("--arm", data / "robot.urdf", "--tip", "tcp", "--base", "base_link")
     limits = ("--joint-limits", data / "joint_limits.yaml")
-    done = check(tmp_path, "log.csv", *arm, *limits, "--json")
-    assert done.code in (0, 1), done.errors
-    found = json.loads(done.out)
-    velocity = next(x for x in found["limits"] if x["name"] == "joint_velocity")
+    outcome = check(tmp_path, "log.csv", *arm, *limits, "--json")
+    assert outcome.code in (0, 1), outcome.errors
+    report = json.loads(outcome.out)
+    velocity = next(x for x in report["limits"] if x["name"] == "joint_velocity")
     # The file's 90 deg/s, not the description's 2 rad/s.
     assert (velocity["joint"], velocity["limit"]) == (1, pytest.approx(np.pi / 2))
 
@@ -205,21 +205,21 @@ def test_a_measured_motion(folder, mac, check):
     noise = 2e-5 * np.random.default_rng(0).uniform(-1, 1, samples.q.shape)
     columns = (samples.t, samples.q + noise, 5 * samples.q[:, 0])
     write(folder / "log.csv", "t,q1,q2,i1 [A]", *columns)
-    given = ("log.csv", "--arm", "pmk3s", "--limits", "joint.yaml")
+    options = ("log.csv", "--arm", "pmk3s", "--limits", "joint.yaml")
     (folder / "joint.yaml").write_text("joint_acceleration: 0.73\n")
-    done = check(folder, *given)
-    assert done.code == 1
-    told = " ".join(done.out.split())
+    outcome = check(folder, *options)
+    assert outcome.code == 1
+    output = " ".join(outcome.out.split())
     for words in ("Left out of log.csv", "'i1 [A]'", "scatter by 0.012 mrad", "'0.047 mrad'"):
-        assert words in told
-    declared = check(folder, *given, "--noise", "0.02 mrad")
+        assert words in output
+    declared = check(folder, *options, "--noise", "0.02 mrad")
     assert declared.code in (0, 7), declared.out
     assert "scatter" not in declared.out and "violated" not in declared.out
     # A motion that really exceeds its limit still does.
     (folder / "joint.yaml").write_text("joint_acceleration: 0.3\n")
-    assert check(folder, *given, "--noise", "0.02 mrad").code == 1
+    assert check(folder, *options, "--noise", "0.02 mrad").code == 1
     # What is computed has no noise to declare.
-    rough = check(folder, "planned.csv", *given[1:])
+    rough = check(folder, "planned.csv", *options[1:])
     assert rough.code == 1 and "scatter" not in rough.out
 
 
@@ -233,23 +233,23 @@ SWEEP = """t,q1,q2,q3,q4,q5,q6
 @needs_dynamics
 def test_a_scene_is_checked_between_samples_too(tmp_path, check):
     (tmp_path / "sweep.csv").write_text(SWEEP)
-    at = ac.load_arm("ur5e").tool_position([0.1, -1.2, 1.5, -1.8, -1.57, 0.0]).tolist()
-    x, y, z = at
+    position = ac.load_arm("ur5e").tool_position([0.1, -1.2, 1.5, -1.8, -1.57, 0.0]).tolist()
+    x, y, z = position
     wall = (
         '<robot name="cell"><link name="wall"><collision><origin xyz="{}"/>'
         '<geometry><box size="0.001 0.3 0.3"/></geometry></collision></link></robot>'
     )
     (tmp_path / "cell.urdf").write_text(wall.format(f"{x} {y} {z}"))
     (tmp_path / "free.urdf").write_text(wall.format("0 0 -5"))
-    boxes = f"scene: {{boxes: [{{name: wall, size: [0.001, 0.3, 0.3], at: {at}}}]}}\n"
+    boxes = f"scene: {{boxes: [{{name: wall, size: [0.001, 0.3, 0.3], at: {position}}}]}}\n"
     (tmp_path / "scene.yaml").write_text(boxes)
     (tmp_path / "cell.yaml").write_text(f"arm: ur5e\n{boxes}")
     arm = ("--arm", "ur5e", "--scene")
     for options in ((*arm, "cell.urdf"), (*arm, "scene.yaml"), ("--scene", "cell.yaml")):
-        done = check(tmp_path, "sweep.csv", *options)
-        assert done.code == 1, (options, done)
-        assert "touch, first at t = 1." in done.out and "wall" in done.out
-        assert "1 (shoulder_pan_joint)" in done.out
+        outcome = check(tmp_path, "sweep.csv", *options)
+        assert outcome.code == 1, (options, outcome)
+        assert "touch, first at t = 1." in outcome.out and "wall" in outcome.out
+        assert "1 (shoulder_pan_joint)" in outcome.out
         page = json.loads(check(tmp_path, "sweep.csv", *options, "--json").out)["clearance"]
         assert page["kept"] is False
         touched = next(x for x in page["pairs"] if x["first"] == "wall" and x["first_too_near"])
@@ -268,10 +268,41 @@ def test_degrees_in_columns_of_radians_are_asked_about(tmp_path, check):
     for unit, code in (("rad", 2), ("deg", 0)):
         titles = "t [s]," + ",".join(f"q{k} [{unit}]" for k in range(1, 7))
         write(tmp_path / "log.csv", titles, t, q)
-        done = check(tmp_path, "log.csv", "--arm", "ur5e")
-        assert done.code == code, done.out + done.errors
-        asked = done.errors.count("in degrees. If they are")
-        assert asked == (unit == "rad") and ("q3 [rad] is 80 rad" in done.errors) == asked
+        outcome = check(tmp_path, "log.csv", "--arm", "ur5e")
+        assert outcome.code == code, outcome.out + outcome.errors
+        has_question = outcome.errors.count("in degrees. If they are")
+        assert (
+            has_question == (unit == "rad")
+            and ("q3 [rad] is 80 rad" in outcome.errors) == has_question
+        )
     # Radians that are only a little out of range are a violation.
     write(tmp_path / "log.csv", titles.replace("deg", "rad"), t, q / 12)
     assert check(tmp_path, "log.csv", "--arm", "ur5e").code == 1
+
+
+def test_the_commands_of_a_controller(folder, mac, check, refused):
+    given = (*PLANNED, "--path", "job.yaml")
+    with_jtc = (*given, "--controller", "jtc", "--rate", "1000 Hz")
+    done = check(folder, *with_jtc)
+    # The file has positions only, and lines between points 4 ms apart need four times as much.
+    assert done.code == 1 and "--derivatives 2" in done.out and "lines" in done.out
+    lines = json.loads(check(folder, *with_jtc, "--json").out)["commands"]
+    (use,) = (x for x in lines["limits"] if x["name"] == "joint_acceleration")
+    assert use["ratio"] == pytest.approx(4, rel=0.1) and lines["verdict"] == "violated"
+    assert lines["path_deviation"] <= 1e-4
+    # At the rate of the points they are the commands.
+    assert check(folder, *given, "--controller", "jtc", "--rate", "250 Hz").code == 0
+    samples = mac.sample(1e-3)
+    write(folder / "fine.csv", "t,q1,q2,dq1,dq2", samples.t, samples.q, samples.dq)
+    with_spline = (*given, "--controller", "linuxcnc", "--rate", "1 kHz", "--plan", "fine.csv")
+    found = json.loads(check(folder, *with_spline, "--json").out)["commands"]
+    assert found["reference"] == "the plan" and found["law"] == "uniform B-spline"
+    assert 0 < found["joint_deviation"] <= 1.01 * 4e-3**2 / 6 * 0.722
+    rows = [
+        ([*given, "--controller", "jtc"], ["--rate"]),
+        ([*given, "--plan", "fine.csv"], ["--controller"]),
+        ([*given, "--controller", "ros", "--rate", "1 kHz"], ["linuxcnc"]),
+        ([*given, "--controller", "jtc", "--rate", "1 MHz"], ["commands"]),
+        ([*given, "--controller", "jtc", "--rate", "0.1 Hz"], ["cycle"]),
+    ]
+    assert not refused(folder, rows, begin=["check"])

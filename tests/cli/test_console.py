@@ -28,9 +28,9 @@ def test_tables_lines_and_errors_escape_control_sequences(capsys, tmp_path, comm
     shown = capsys.readouterr().out
     assert "\x1b" not in shown and shown.count(r"\x1b]52") == 3
     assert "[bold]plain[/bold]" in shown
-    done = command_in(tmp_path, "run", f"{CLIPBOARD}.yaml", "--out", "out")
-    assert done.code == 2
-    assert "\x1b" not in done.errors and r"\x1b]52" in done.errors
+    outcome = command_in(tmp_path, "run", f"{CLIPBOARD}.yaml", "--out", "out")
+    assert outcome.code == 2
+    assert "\x1b" not in outcome.errors and r"\x1b]52" in outcome.errors
 
 
 def test_commands_print_only_through_the_console():

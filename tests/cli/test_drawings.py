@@ -51,18 +51,20 @@ def test_runs_g_code_in_a_cell_with_exports(folder, call):
         "run part.ngc --cell pmk3s --out out --export csv --template list.txt.j2",
         *("--output", "spindle=3", "--speed", "80 mm/s"),
     )
-    found = summary(folder / "out")
-    for name in found["files"]:
+    result = summary(folder / "out")
+    for name in result["files"]:
         assert (folder / "out" / name).is_file()
-    assert {x for x in found["files"] if "/export/" in x} == {
+    assert {x for x in result["files"] if "/export/" in x} == {
         f"compensated/export/{a}{b}" for a in ("set_points", "reference") for b in (".csv", ".txt")
     }
-    told = (folder / "out" / "compensated" / "export" / "set_points.txt").read_text().splitlines()
-    spindle = [x for x in told if x.startswith("spindle=")]
+    set_point_lines = (
+        (folder / "out" / "compensated" / "export" / "set_points.txt").read_text().splitlines()
+    )
+    spindle = [x for x in set_point_lines if x.startswith("spindle=")]
     assert spindle == ["spindle=on 3", "spindle=off 3", "spindle=on 3", "spindle=off 3"]
     set_points = table(folder / "out" / "compensated" / "set_points.csv")
     np.testing.assert_allclose(np.diff(set_points[:, 0]), 4e-3, atol=1e-12)
-    assert found["runs"]["compensated"]["contour_error"]["max"] < 1e-4
+    assert result["runs"]["compensated"]["contour_error"]["max"] < 1e-4
     assert not list(folder.rglob(".armcontour-*"))
 
 
@@ -138,13 +140,13 @@ def test_a_run_that_fails_leaves_the_earlier_result(folder, command_in, monkeypa
 
 def test_without_simulation_the_requested_files_are_written(folder, call):
     call("run part.ngc --cell pmk3s --no-simulation --out out --export csv")
-    found = summary(folder / "out")
-    assert found["simulated"] is False
+    result = summary(folder / "out")
+    assert result["simulated"] is False
     exports = ["compensated/export/reference.csv", "compensated/export/set_points.csv"]
-    assert found["files"] == [*exports, "summary.json"]
+    assert result["files"] == [*exports, "summary.json"]
     written = {x.relative_to(folder / "out").as_posix() for x in (folder / "out").rglob("*.*")}
-    assert written == {*found["files"], ".armcontour.json"}
-    run = found["runs"]["compensated"]
+    assert written == {*result["files"], ".armcontour.json"}
+    run = result["runs"]["compensated"]
     assert run["duration"] > 0 and run["moves"] and "contour_error" not in run
     # The same set-points as with it.
     call("run part.ngc --cell pmk3s --out whole")

@@ -39,13 +39,16 @@ def call(folder, done, monkeypatch, capsys):
 def result(call, folder):
     """The folder of the result; the run is done once."""
     if not (folder / "out").exists():
-        said = call(
+        printed = call(
             *("run", "part.ngc", "--cell", "ur5e", "--out", "out", "--export", "csv"),
             *("--export", "ros-yaml", "--template", "abb", "--template", "kuka"),
             *("--output", "abb:spindle=doTool", "--output", "kuka:spindle=3"),
             *("--cycle", "48 ms", "--tool-motion"),
         )
-        assert said.count("times the acceleration limit") == 1 and "no output is named" not in said
+        assert (
+            printed.count("times the acceleration limit") == 1
+            and "no output is named" not in printed
+        )
     return folder / "out"
 
 
@@ -66,16 +69,16 @@ def test_the_plan_is_sampled_at_the_period_and_outputs_are_of_their_format(resul
 
 @needs_dynamics
 def test_tool_motion_is_that_of_the_arm(result, folder):
-    found = pd.read_csv(result / "compensated" / "export" / "reference.csv")
+    columns = pd.read_csv(result / "compensated" / "export" / "reference.csv")
     arm = read_cell("ur5e", folder / "part.ngc").arm
     assert isinstance(arm, ac.SerialArm)
     q, dq = (
-        found[[f"{of} {name} [{unit}]" for name in arm.joint_names]].to_numpy()
-        for of, unit in (("q", "rad"), ("dq", "rad/s"))
+        columns[[f"{quantity} {name} [{unit}]" for name in arm.joint_names]].to_numpy()
+        for quantity, unit in (("q", "rad"), ("dq", "rad/s"))
     )
     point, rotation = arm.pose(q)
-    np.testing.assert_allclose(found[["x [m]", "y [m]", "z [m]"]], point, atol=1e-11)
-    quaternion = found[["qx", "qy", "qz", "qw"]].to_numpy()
+    np.testing.assert_allclose(columns[["x [m]", "y [m]", "z [m]"]], point, atol=1e-11)
+    quaternion = columns[["qx", "qy", "qz", "qw"]].to_numpy()
     turned = Rotation.from_quat(quaternion).as_matrix()
     np.testing.assert_allclose(turned, rotation, atol=1e-11)
     assert (np.sum(quaternion[1:] * quaternion[:-1], axis=1) > 0).all()
@@ -83,25 +86,25 @@ def test_tool_motion_is_that_of_the_arm(result, folder):
     speed = np.linalg.norm(
         arm.tool_position(q + step * dq) - arm.tool_position(q - step * dq), axis=1
     )
-    np.testing.assert_allclose(found["speed [m/s]"], speed / (2 * step), atol=1e-8)
+    np.testing.assert_allclose(columns["speed [m/s]"], speed / (2 * step), atol=1e-8)
 
 
 @pytest.mark.parametrize("name", ["set_points", "reference"])
 @needs_dynamics
 def test_an_earlier_result_gives_what_the_run_exported(name, result, call, folder):
     options = REFERENCE if name == "reference" else ()
-    said = call("export", "out", f"{name}.csv", *options)
-    assert f"Exported {name} of run compensated" in said
-    found = pd.read_csv(folder / f"{name}.csv")
+    printed = call("export", "out", f"{name}.csv", *options)
+    assert f"Exported {name} of run compensated" in printed
+    table = pd.read_csv(folder / f"{name}.csv")
     before = pd.read_csv(result / "compensated" / "export" / f"{name}.csv")
-    shared = [x for x in before.columns if x in found.columns]
-    assert shared == list(found.columns) and "events" in shared
-    assert found["events"].equals(before["events"])
+    shared = [x for x in before.columns if x in table.columns]
+    assert shared == list(table.columns) and "events" in shared
+    assert table["events"].equals(before["events"])
     # Set-points have 12 decimals in the result, the derivatives of their spline follow.
     for key, atol in (("t ", 0.0), ("q ", 0.0), ("dq ", 2e-9), ("ddq ", 2e-6)):
         columns = [x for x in shared if x.startswith(key)]
         assert columns
-        np.testing.assert_allclose(found[columns], before[columns], rtol=0, atol=atol)
+        np.testing.assert_allclose(table[columns], before[columns], rtol=0, atol=atol)
 
 
 @needs_dynamics
@@ -110,14 +113,16 @@ def test_an_earlier_result_takes_the_arm_of_its_cell(result, call, folder):
     (folder / "own.yaml").write_text(cell_text("ur5e"))
     before = pd.read_csv(result / "compensated" / "export" / "reference.csv")
     for cell in ("ur5e", "own.yaml"):
-        given = (*REFERENCE, "--tool-motion", "--job", cell)
-        call("export", "out", f"{cell}.csv", *given)
-        found = pd.read_csv(folder / f"{cell}.csv")
+        options = (*REFERENCE, "--tool-motion", "--job", cell)
+        call("export", "out", f"{cell}.csv", *options)
+        columns = pd.read_csv(folder / f"{cell}.csv")
         for name in ("x [m]", "y [m]", "z [m]", "speed [m/s]"):
-            np.testing.assert_allclose(found[name], before[name], rtol=0, atol=1e-9)
+            np.testing.assert_allclose(columns[name], before[name], rtol=0, atol=1e-9)
         # A quaternion and its negative are the same orientation.
-        turned, wanted = (Rotation.from_quat(x[["qx", "qy", "qz", "qw"]]) for x in (found, before))
-        assert (turned * wanted.inv()).magnitude().max() < 1e-9
+        turned, expected = (
+            Rotation.from_quat(x[["qx", "qy", "qz", "qw"]]) for x in (columns, before)
+        )
+        assert (turned * expected.inv()).magnitude().max() < 1e-9
 
 
 @needs_dynamics
@@ -162,17 +167,18 @@ runs: {compensated: {}}
 
 def test_analog_outputs_are_columns_of_a_run_and_not_of_an_earlier_result(call, folder):
     (folder / "laser.yaml").write_text(LASER)
-    given = ("--no-simulation", "--export", "csv", "--export", "ros-yaml", "--out", "laser")
-    told = call("run", "laser.yaml", *given)
+    options = ("--no-simulation", "--export", "csv", "--export", "ros-yaml", "--out", "laser")
+    run_output = call("run", "laser.yaml", *options)
     assert (
-        told.count("does not support analog outputs (power)") == 1 and "--export ros-yaml" in told
+        run_output.count("does not support analog outputs (power)") == 1
+        and "--export ros-yaml" in run_output
     )
-    found = pd.read_csv(folder / "laser" / "compensated" / "export" / "reference.csv")
-    power = found["analog power"]
+    columns = pd.read_csv(folder / "laser" / "compensated" / "export" / "reference.csv")
+    power = columns["analog power"]
     assert power.iloc[0] == 0.0 and 990 < power.max() <= 1000 + 1e-6
     call("run", "laser.yaml", "--no-simulation", "--out", "plain")
-    said = call("export", "plain", "laser.csv")
-    assert "Not exported: the analog outputs power" in said
+    export_output = call("export", "plain", "laser.csv")
+    assert "Not exported: the analog outputs power" in export_output
     assert not any(x.startswith("analog") for x in pd.read_csv(folder / "laser.csv").columns)
 
 
@@ -194,12 +200,12 @@ runs: {compensated: {}}
 
 def test_analog_outputs_of_robots_follow_their_options(call, folder):
     (folder / "robot.yaml").write_text(ROBOT_LASER)
-    told = call(
+    printed = call(
         *("run", "robot.yaml", "--no-simulation", "--out", "robot", "--export", "urscript"),
         *("--template", "kuka", "--output", "urscript:power=AO1", "--output", "urscript:spindle=0"),
         *("--cycle", "45 ms", "--call", "--export", "ros-yaml", "--derivatives", "0"),
     )
-    assert "does not set power" in told and "passthrough controller) needs velocities" in told
+    assert "does not set power" in printed and "passthrough controller) needs velocities" in printed
     exports = folder / "robot" / "compensated" / "export"
     for name in ("set_points", "reference"):
         text = (exports / f"{name}.script").read_text()

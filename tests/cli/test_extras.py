@@ -127,28 +127,28 @@ KEPT = FilePath(armcontour.__file__).parent / "__pycache__"
 
 
 @pytest.fixture
-def asked(monkeypatch):
+def compile_requests(monkeypatch):
     """What the command asks for, where nothing is compiled."""
-    asked: list[str] = []
+    requests: list[str] = []
 
     def compile_kernels(which, progress):
-        asked.append(which)
+        requests.append(which)
         progress(Step(("compiling, once", "5 functions in 2 processes"), 0.0))
         return compilation.CompiledKernels(5, 2, KEPT)
 
     monkeypatch.setattr(compilation, "compile_kernels", compile_kernels)
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-    return asked
+    return requests
 
 
 def test_warm_reports_the_compiled_functions_and_their_folder(
-    command, asked, tmp_path, monkeypatch
+    command, compile_requests, tmp_path, monkeypatch
 ):
     ended = command("compile")
-    assert ended.code == 0 and asked == ["all"]
+    assert ended.code == 0 and compile_requests == ["all"]
     assert f"5 functions are compiled, 2 of them now. They are stored in {KEPT}." in ended.out
     assert ended.errors == "compiling, once: 5 functions in 2 processes\n"
-    assert command("compile", "plane").code == 0 and asked == ["all", "plane"]
+    assert command("compile", "plane").code == 0 and compile_requests == ["all", "plane"]
     assert command("compile", "moon").code == 2
 
 
@@ -198,5 +198,5 @@ main()
 def test_nothing_that_computes_is_loaded_before_the_address_is_printed(tmp_path):
     (tmp_path / "part.svg").write_text("<svg/>")
     line = [sys.executable, "-c", ADDRESS]
-    done = subprocess.run(line, capture_output=True, cwd=tmp_path, text=True)
-    assert done.stdout == "\n", (done.stdout, done.stderr)
+    outcome = subprocess.run(line, capture_output=True, cwd=tmp_path, text=True)
+    assert outcome.stdout == "\n", (outcome.stdout, outcome.stderr)

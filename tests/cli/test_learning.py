@@ -35,11 +35,13 @@ class Shop:
     def executed(self, set_points, number):
         """What a controller logs of set-points: t, commands, positions, at 125 Hz in degrees."""
         robot = loaded_robot(self.job, self.plan, number)
-        done = simulate(read_set_points(set_points, self.job, self.plan), robot)
-        t = np.arange(done.t[0] - 0.2, done.t[-1] + 0.2, 0.008)
+        execution = simulate(read_set_points(set_points, self.job, self.plan), robot)
+        t = np.arange(execution.t[0] - 0.2, execution.t[-1] + 0.2, 0.008)
         noise = 1e-6 * np.random.default_rng(number).standard_normal((len(t), 2))
-        u = np.stack([np.interp(t, done.set_points.t, x) for x in done.set_points.q.T], axis=1)
-        q = np.stack([np.interp(t, done.t, x) for x in done.q.T], axis=1) + noise
+        u = np.stack(
+            [np.interp(t, execution.set_points.t, x) for x in execution.set_points.q.T], axis=1
+        )
+        q = np.stack([np.interp(t, execution.t, x) for x in execution.q.T], axis=1) + noise
         return np.column_stack([t + BEGUN, u * DEGREES, q * DEGREES])
 
 
@@ -71,8 +73,8 @@ def test_two_runs_of_a_robot(command, shop, tmp_path, refused, done):
 
     # The file of set-points alone finds what was learned beside it.
     second = written(tmp_path, shop.executed(out, 1), name="run2.csv")
-    given = ("--set-points", out / "only/set_points.csv", "--out", third)
-    shown = done(*learn, second, *given)
+    options = ("--set-points", out / "only/set_points.csv", "--out", third)
+    shown = done(*learn, second, *options)
     assert "run.csv" in shown and "run2.csv" in shown and "run 2" in shown
     runs = summary(third)["learning"]["runs"]
     assert runs[1]["contour_rms"] < 0.25 * runs[0]["contour_rms"]
@@ -96,16 +98,16 @@ def test_two_runs_of_a_robot(command, shop, tmp_path, refused, done):
 
     # The log of the second run, for which those of the job are taken without --set-points.
     judge = (*learn[:2], "--judge-only", "--json", "--log")
-    for file, given, off in (
+    for file, options, differs in (
         (second, (), True),
         (log, ("--set-points", shop.first), False),
         (second, ("--set-points", out), False),
     ):
-        code, shown, _ = command(*judge, file, *given)
+        code, shown, _ = command(*judge, file, *options)
         run = json.loads(shown)["judged"]
-        assert code == 0 and (run["set_points_off"] > 1e-4) is off
-        assert off or run["set_points_off"] < 1e-5
-        assert any("give those as --set-points" in x for x in run["notes"]) is off
+        assert code == 0 and (run["set_points_off"] > 1e-4) is differs
+        assert differs or run["set_points_off"] < 1e-5
+        assert any("give those as --set-points" in x for x in run["notes"]) is differs
 
 
 def test_recorded_set_points_stay_valid_with_another_servo(shop, tmp_path, refused, done):
@@ -144,10 +146,10 @@ def test_positions_of_the_tool(shop, tmp_path, refused, done):
     run = summary(out)["learning"]["runs"][0]
     inside = (t >= 0) & (t <= shop.plan.trajectory.duration)
     path = shop.plan.path.path
-    seen = path.project(shop.job.arm.tool_position(bent[inside])).distance
+    distances = path.project(shop.job.arm.tool_position(bent[inside])).distance
     blind = path.project(shop.job.arm.tool_position(q[inside])).distance
-    assert run["contour_rms"] == pytest.approx(np.sqrt(np.mean(seen**2)), rel=0.1)
-    assert np.sqrt(np.mean(seen**2)) > 2 * np.sqrt(np.mean(blind**2))
+    assert run["contour_rms"] == pytest.approx(np.sqrt(np.mean(distances**2)), rel=0.1)
+    assert np.sqrt(np.mean(distances**2)) > 2 * np.sqrt(np.mean(blind**2))
 
 
 def test_options_that_do_not_go_together(shop, tmp_path, refused):
@@ -173,20 +175,20 @@ def test_a_log_is_judged_without_learning(shop, tmp_path, done):
     assert "Set-points of the next run" not in shown
     assert {x.name for x in out.iterdir()} == {".armcontour.json", "summary.json"}
     data = summary(out)
-    found = data["judged"]
+    judged = data["judged"]
     # What the log has, by the nearest places of its samples.
     t, q = shop.table[:, 0] - BEGUN, np.radians(shop.table[:, 3:])
     inside = (t >= 0) & (t <= shop.plan.trajectory.duration)
-    off = shop.plan.path.path.project(shop.job.arm.tool_position(q[inside])).distance
-    assert found["contour_error"]["max"] == pytest.approx(off.max(), rel=0.05)
-    assert found["contour_error"]["rms"] == pytest.approx(np.sqrt(np.mean(off**2)), rel=0.05)
-    at = found["contour_error"]["t_max"]
-    assert abs(at - t[inside][off.argmax()]) < 0.1 and data["units"]["tool_rms"] == "m"
-    assert found["contours"][0]["coverage_error"]["max"] > 0
+    distances = shop.plan.path.path.project(shop.job.arm.tool_position(q[inside])).distance
+    assert judged["contour_error"]["max"] == pytest.approx(distances.max(), rel=0.05)
+    assert judged["contour_error"]["rms"] == pytest.approx(np.sqrt(np.mean(distances**2)), rel=0.05)
+    t_max = judged["contour_error"]["t_max"]
+    assert abs(t_max - t[inside][distances.argmax()]) < 0.1 and data["units"]["tool_rms"] == "m"
+    assert judged["contours"][0]["coverage_error"]["max"] > 0
 
     # The same as the errors from which it learns.
-    given = ("learn", shop.file, "--set-points", shop.first, "--log", log, "--json")
-    shown = done(*given, "--judge-only")
-    learned = done(*given, "--out", tmp_path / "n")
+    arguments = ("learn", shop.file, "--set-points", shop.first, "--log", log, "--json")
+    shown = done(*arguments, "--judge-only")
+    learned = done(*arguments, "--out", tmp_path / "n")
     first = json.loads(learned)["learning"]["runs"][0]
     assert json.loads(shown)["judged"]["contour_rms"] == first["contour_rms"]

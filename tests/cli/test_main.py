@@ -61,14 +61,14 @@ def test_runs_a_job(tmp_path, run, refused):
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(JOB))
     # The only run of a file in a process of its own.
     command = [sys.executable, "-m", "armcontour", "run", "job.yaml", "--out", "out"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert "Report: file://" in done.stdout
-    found = summary(tmp_path / "out")
-    assert set(found["runs"]) == {"planned", "compensated"}
-    for name in found["files"]:
+    outcome = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert outcome.returncode == 0, outcome.stderr
+    assert "Report: file://" in outcome.stdout
+    result = summary(tmp_path / "out")
+    assert set(result["runs"]) == {"planned", "compensated"}
+    for name in result["files"]:
         assert (tmp_path / "out" / name).is_file()
-    planned, compensated = found["runs"]["planned"], found["runs"]["compensated"]
+    planned, compensated = result["runs"]["planned"], result["runs"]["compensated"]
     assert compensated["contour_error"]["rms"] < planned["contour_error"]["rms"]
     assert compensated["corners"][0]["error"] == pytest.approx(2e-3)
     header, *rows = (tmp_path / "out" / "compensated" / "set_points.csv").read_text().splitlines()
@@ -82,10 +82,10 @@ def test_runs_a_job(tmp_path, run, refused):
 
 def test_any_key_of_the_job_is_set(tmp_path, run, refused):
     sets = ("corners.tolerance=1 mm", "runs.compensated.timing={method: optimal}", "title=A, B")
-    _, found = run(JOB, "--no-simulation", *(x for text in sets for x in ("--set", text)))
-    assert found["title"] == "A, B"
-    assert found["runs"]["compensated"]["timing"] == "optimal"
-    assert found["runs"]["planned"]["corners"][0]["error"] == pytest.approx(1e-3)
+    _, result = run(JOB, "--no-simulation", *(x for text in sets for x in ("--set", text)))
+    assert result["title"] == "A, B"
+    assert result["runs"]["compensated"]["timing"] == "optimal"
+    assert result["runs"]["planned"]["corners"][0]["error"] == pytest.approx(1e-3)
     for options, words in (
         (
             ("--set", "limits.sped=1"),
@@ -111,10 +111,10 @@ def test_shapes_of_corners_from_the_command_line(tmp_path, run, refused):
     free = ("--corner-shape", "free", "--iterations", "2")
     lines = ("--line-tolerance", "0.1 mm", "--zone", "8 mm")
     job = JOB | {"runs": JOB["runs"] | {"fast": {}}}
-    shown, found = run(job, "--no-simulation", *free, *lines)
+    shown, result = run(job, "--no-simulation", *free, *lines)
     assert re.search(r"Run fast: shaped: [\d.]+ s \(arcs [\d.]+ s, .*stops [\d.]+ s\)", shown)
-    shaping = found["runs"]["fast"]["shaping"]
-    assert "shaping" not in found["runs"]["planned"]
+    shaping = result["runs"]["fast"]["shaping"]
+    assert "shaping" not in result["runs"]["planned"]
     assert shaping["wanted"]["line_tolerance"] == pytest.approx(1e-4)
     assert shaping["wanted"]["zone"] == pytest.approx(8e-3)
     others = [x for name, x in shaping["durations"].items() if name != "shaped"]
@@ -144,15 +144,15 @@ def test_an_error_has_its_exit_code_and_leaves_nothing(tmp_path, refused):
 
 def test_an_experiment_has_its_columns_and_files(tmp_path, run):
     runs = {"one": {}, "two": {"compensation": {"method": "none"}}}
-    shown, found = run({**JOB, "runs": runs, "experiment": {"runs": ["one"]}})
+    shown, result = run({**JOB, "runs": runs, "experiment": {"runs": ["one"]}})
     assert "experiment" in shown and "Masses: Both links are assumed" in shown
-    assert {"one/set_points.csv", "one/planned.csv", "one/torque.csv"} <= set(found["files"])
+    assert {"one/set_points.csv", "one/planned.csv", "one/torque.csv"} <= set(result["files"])
     header = (tmp_path / "out" / "one" / "torque.csv").read_text().splitlines()[0]
     assert header == "t [s],torque 1 [N m],torque 2 [N m]"
     # A failed experiment leaves the other results.
-    shown, found = run(ROBOT, "--force")
+    shown, result = run(ROBOT, "--force")
     assert "experiment: Joint 2 is unstable" in shown
-    one = found["runs"]["one"]
+    one = result["runs"]["one"]
     assert one["experiment"]["failed"].startswith("experiment: Joint 2 is unstable")
     assert one["contour_error"]["rms"] > 0
     assert (tmp_path / "out" / "one" / "set_points.csv").is_file()
@@ -185,10 +185,10 @@ def test_identify_finds_gains_in_a_log(tmp_path, command):
     np.savetxt(log, rows, delimiter=",", header=names, comments="", fmt="%.9f")
     # One program only.
     assert command("identify", log, "--out", out).code == 9
-    found = yaml.safe_load((out / "servo.yaml").read_text())["servo"]
-    np.testing.assert_allclose(found["kp"], 25.0, rtol=0.02)
-    np.testing.assert_allclose(found["kv"], 150.0, rtol=0.02)
-    np.testing.assert_allclose(found["dead_time"], 0.02, atol=1e-3)
+    fit = yaml.safe_load((out / "servo.yaml").read_text())["servo"]
+    np.testing.assert_allclose(fit["kp"], 25.0, rtol=0.02)
+    np.testing.assert_allclose(fit["kv"], 150.0, rtol=0.02)
+    np.testing.assert_allclose(fit["dead_time"], 0.02, atol=1e-3)
 
 
 @pytest.mark.parametrize("option", ["--set-points", "--details"])
@@ -232,17 +232,17 @@ DRAWING = "G21 G90 F1500\nG0 X5 Y5\nG1 X30 Y5\nG1 X30 Y20\nG1 X5 Y12\n"
 
 
 def call(*arguments):
-    done = CliRunner().invoke(app, arguments)
-    assert done.exception is None or isinstance(done.exception, InvalidInput | SystemExit)
-    said = done.output if done.exit_code == 0 else str(done.exception)
-    return done.exit_code, " ".join(said.split())
+    outcome = CliRunner().invoke(app, arguments)
+    assert outcome.exception is None or isinstance(outcome.exception, InvalidInput | SystemExit)
+    message = outcome.output if outcome.exit_code == 0 else str(outcome.exception)
+    return outcome.exit_code, " ".join(message.split())
 
 
 @pytest.mark.parametrize("cell", mark_all_but(cell_names(), ["pmk3s"]))
 def test_a_written_cell_runs_a_drawing(cell, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    code, said = call("init", cell)
-    assert code == 0 and f"--cell {cell}.yaml" in said
+    code, message = call("init", cell)
+    assert code == 0 and f"--cell {cell}.yaml" in message
     text = (tmp_path / f"{cell}.yaml").read_text()
     assert f"arm: {cell}\n" in text and text.count("#") > 5
     (tmp_path / "plate.ngc").write_text(DRAWING)
@@ -257,8 +257,8 @@ def test_a_cell_is_written_where_it_is_wanted_and_over_nothing(tmp_path, monkeyp
     assert call("init", "-o", "shop.yaml")[0] == 0
     written = (tmp_path / "shop.yaml").read_text()
     assert "arm: ur5e\n" in written
-    code, said = call("init", "panda", "-o", "shop.yaml")
-    assert code != 0 and "shop.yaml exists already" in said and "--force" in said
+    code, message = call("init", "panda", "-o", "shop.yaml")
+    assert code != 0 and "shop.yaml exists already" in message and "--force" in message
     assert (tmp_path / "shop.yaml").read_text() == written
     assert call("init", "panda", "-o", "shop.yaml", "--force")[0] == 0
     assert "arm: panda\n" in (tmp_path / "shop.yaml").read_text()
@@ -276,9 +276,9 @@ def test_a_command_imports_nothing_from_its_folder(tmp_path):
     (folder / "line.csv").write_text("x [m],y [m]\n0.3,0.2\n0.3,0.21\n")
     main = "from armcontour.cli import main; main()"
     line = [sys.executable, "-P", "-c", main, "show", "line.csv"]
-    own = {x: y for x, y in os.environ.items() if x != "NUMBA_CACHE_DIR"}
-    done = subprocess.run(line, cwd=folder, env=own, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    environment = {x: y for x, y in os.environ.items() if x != "NUMBA_CACHE_DIR"}
+    outcome = subprocess.run(line, cwd=folder, env=environment, capture_output=True, text=True)
+    assert outcome.returncode == 0, outcome.stderr
     assert not (tmp_path / "imported").exists() and not (folder / "compiled").exists()
 
 
@@ -286,17 +286,17 @@ GASKET = FilePath(__file__).parents[2] / "examples" / "drawings" / "gasket.dxf"
 
 
 def show(*arguments):
-    done = CliRunner().invoke(app, ["show", *map(str, arguments)])
-    if done.exception is not None and not isinstance(done.exception, SystemExit):
-        raise done.exception
-    assert done.exit_code == 0, done.output
-    return done.output
+    outcome = CliRunner().invoke(app, ["show", *map(str, arguments)])
+    if outcome.exception is not None and not isinstance(outcome.exception, SystemExit):
+        raise outcome.exception
+    assert outcome.exit_code == 0, outcome.output
+    return outcome.output
 
 
 def test_prints_or_chooses_layers_and_size():
-    said = show(GASKET)
-    assert "140.00 x 122.50 mm" in said
-    words = {x.strip() for line in said.splitlines() for x in line.split("│")}
+    printed = show(GASKET)
+    assert "140.00 x 122.50 mm" in printed
+    words = {x.strip() for line in printed.splitlines() for x in line.split("│")}
     assert {"MARK", "CUT", "895.06"} <= words
     data = json.loads(show(GASKET, "--layer", "CUT", "--scale", 2, "--json"))
     assert list(data["layers"]) == ["CUT"]

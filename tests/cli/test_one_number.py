@@ -155,7 +155,7 @@ def check(data, done, folder):
         "command": printed,
         "report": text_of((folder / "out" / "report.html").read_text("utf-8")),
     }
-    found = {
+    values_by_place = {
         (presenter, x): list(numbers(texts[presenter], LABELS[x]))
         for presenter, figures in TEXTS.items()
         for x in figures
@@ -169,17 +169,19 @@ def check(data, done, folder):
         assert all(re.search(line, texts[x]) for x in ("print", "command", "report")), cells
     for x, name in JSON.items():
         part = summary["experiment"] if simulate_rigid_bodies and x in JUDGED else summary
-        found["JSON", x] = [(value_at(part, name), 0.0)]
+        values_by_place["JSON", x] = [(value_at(part, name), 0.0)]
     for x, name in STUDIO.items():
-        found["Studio", x] = [(value_at(frame, name), 0.0)]
+        values_by_place["Studio", x] = [(value_at(frame, name), 0.0)]
     for x, name in BATCH.items():
-        found["batch", x] = [(figures_of(result, [name], RUN)[0], 0.0)]
+        values_by_place["batch", x] = [(figures_of(result, [name], RUN)[0], 0.0)]
     wrong = []
-    for (presenter, x), values in found.items():
+    for (presenter, x), values in values_by_place.items():
         expected = FIGURES[x](result)
         if expected is None:
             continue
         rounding = 1e-9 * abs(expected) + 1e-13
-        if not values or any(y is None or abs(y - expected) > off + rounding for y, off in values):
+        if not values or any(
+            y is None or abs(y - expected) > tolerance + rounding for y, tolerance in values
+        ):
             wrong.append(f"{presenter}: {x} {values}, in the result {expected:.9g}")
     assert not wrong, "\n".join(wrong)

@@ -97,7 +97,7 @@ runs: {compensated: {compensation: {method: inverse}}}
 
 def test_the_job_holds_the_question_and_options_replace_its_keys(job, tmp_path, done):
     (tmp_path / "asked.yaml").write_text(JOB + ASKED, encoding="utf-8")
-    found = {}
+    summaries = {}
     for name, file, options in (
         ("own", "asked.yaml", ()),
         ("options", "job.yaml", (*OVER, "--uncertainty", "x: 1 mm", "--no-refine")),
@@ -106,12 +106,12 @@ def test_the_job_holds_the_question_and_options_replace_its_keys(job, tmp_path, 
     ):
         out = tmp_path / name
         done("place", tmp_path / file, "--out", out, *options)
-        found[name] = summary(out)
-        found[name].pop("armcontour")
-    assert found["own"] == found["options"]
-    assert [(x["name"], x["places"]) for x in found["one"]["axes"]] == [("x", 1), ("yaw", 2)]
-    assert found["one"]["uncertainty"] == {} and found["own"]["uncertainty"] == {"x": 1e-3}
-    assert found["other"]["objective"] == "manipulability" and found["other"]["places"] == 6
+        summaries[name] = summary(out)
+        summaries[name].pop("armcontour")
+    assert summaries["own"] == summaries["options"]
+    assert [(x["name"], x["places"]) for x in summaries["one"]["axes"]] == [("x", 1), ("yaw", 2)]
+    assert summaries["one"]["uncertainty"] == {} and summaries["own"]["uncertainty"] == {"x": 1e-3}
+    assert summaries["other"]["objective"] == "manipulability" and summaries["other"]["places"] == 6
     # The answer is the job in that place, which asks no more.
     text = (tmp_path / "own" / "job.yaml").read_text(encoding="utf-8")
     assert "placement:" not in text and "# stays" in text

@@ -23,13 +23,13 @@ def job(tmp_path):
 
 
 def test_results_do_not_depend_on_the_workers(command, job, tmp_path):
-    found = []
+    tables = []
     for count in (0, 1):
         out = tmp_path / str(count)
         ended = command("place", job, "--out", out, *OVER, "--workers", count)
         assert ended.code == 0, ended.errors
-        found.append((out / "placement.csv").read_bytes())
-    assert found[0] and found[0] == found[1]
+        tables.append((out / "placement.csv").read_bytes())
+    assert tables[0] and tables[0] == tables[1]
 
 
 def test_wrong_options_are_refused(job, refused, tmp_path):

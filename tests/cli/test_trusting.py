@@ -67,11 +67,11 @@ def test_trust_is_given_by_the_option_alone(folder):
         for words in ("robot.xacro", "a xacro file is a program", "--trust-xacro"):
             assert words in str(refused.exception), name
         assert not (folder / "out").exists(), name
-        done = armcontour(*line, "--trust-xacro")
+        outcome = armcontour(*line, "--trust-xacro")
         if name in LACKING:
-            assert LACKING[name] in str(done.exception)
+            assert LACKING[name] in str(outcome.exception)
         else:
-            assert done.exit_code == 0, done.exception
+            assert outcome.exit_code == 0, outcome.exception
         shutil.rmtree(folder / "out", ignore_errors=True)
 
 
@@ -82,16 +82,16 @@ def test_check_takes_packages_and_arguments(folder):
         '<robot name="six" xmlns:xacro="http://www.ros.org/wiki/xacro">'
         '<xacro:include filename="$(find six)/$(arg kind).xacro"/></robot>'
     )
-    given = ("--package", "six=parts", "--xacro-arg", "kind=robot")
-    done = armcontour(*LINES["check"], "--trust-xacro", *given)
-    assert done.exit_code == 0, done.exception
+    options = ("--package", "six=parts", "--xacro-arg", "kind=robot")
+    outcome = armcontour(*LINES["check"], "--trust-xacro", *options)
+    assert outcome.exit_code == 0, outcome.exception
     for arguments, words in (
-        (given[:2], "--xacro-arg kind=VALUE"),
-        (given[2:], "--package six=FOLDER"),
+        (options[:2], "--xacro-arg kind=VALUE"),
+        (options[2:], "--package six=FOLDER"),
         (("--package", "six"), "--package takes NAME=VALUE"),
     ):
         refused = armcontour(*LINES["check"], "--trust-xacro", *arguments)
         assert isinstance(refused.exception, InvalidInput) and words in str(refused.exception)
     (folder / "job.yaml").write_text(yaml.safe_dump({**JOB, "arm": "ur5e"}))
-    of_job = armcontour(*LINES["check of a job"], "--trust-xacro", *given)
+    of_job = armcontour(*LINES["check of a job"], "--trust-xacro", *options)
     assert "--package and --xacro-arg go with --arm" in str(of_job.exception)

@@ -29,40 +29,40 @@ def refusals(call, table, *begin, kind=InvalidInput, without="\n"):
     Words are text with ` ... ` between parts; all messages have those of `begin` and not `without`.
     """
     faults = []
-    for given, *words in rows(table) if isinstance(table, str) else table:
+    for argument, *words in rows(table) if isinstance(table, str) else table:
         parts = [y for x in words for y in x.split(" ... ")]
         try:
-            found = call(given)
+            result = call(argument)
         except Exception as error:
             text = str(error)
             lacking = [x for x in (*begin, *parts) if x not in text]
             wrong = type(error) is not kind or without in text or "\n" in text
             if lacking or wrong or text[-1] not in ".?)":
-                faults.append(f"{str(given)[:99]!r}: {lacking} not in {error!r:.500}")
+                faults.append(f"{str(argument)[:99]!r}: {lacking} not in {error!r:.500}")
         else:
-            faults.append(f"{str(given)[:99]!r} is accepted: {found!r:.99}")
+            faults.append(f"{str(argument)[:99]!r} is accepted: {result!r:.99}")
     assert not faults, "\n".join(faults)
 
 
-def value_at(found, place):
+def value_at(value, place):
     """The value at a place such as runs.one.limits.speed: names of fields, keys, items."""
     for name in str(place).split("."):
-        if isinstance(found, tuple) and not hasattr(found, name):
-            found = found[int(name)] if name.isdigit() else next(x for x in found if x.name == name)
+        if isinstance(value, tuple) and not hasattr(value, name):
+            value = value[int(name)] if name.isdigit() else next(x for x in value if x.name == name)
         else:
-            found = found[name] if isinstance(found, dict) else getattr(found, name)
-    return found
+            value = value[name] if isinstance(value, dict) else getattr(value, name)
+    return value
 
 
 def values(read, table):
     """All rows of a table, (argument, mapping of places to values), have to be read so."""
     faults = []
-    for given, wanted in rows(table):
-        found = read(given)
-        for place, value in yaml.safe_load(wanted).items():
-            x = value_at(found, place)
+    for argument, expected in rows(table):
+        result = read(argument)
+        for place, value in yaml.safe_load(expected).items():
+            x = value_at(result, place)
             numbers = type(value) in (int, float, list)
             same = np.shape(x) == np.shape(value) if numbers else bool(np.all(x == value))
             if not same or (numbers and not np.allclose(x, value, rtol=1e-12, atol=1e-15)):
-                faults.append(f"{given}: {place} is {x!r}, not {value!r}")
+                faults.append(f"{argument}: {place} is {x!r}, not {value!r}")
     assert not faults, "\n".join(faults)

@@ -79,8 +79,8 @@ def test_a_drawing_is_repeated_in_its_own_coordinates(folder):
     # 70 mm along the drawing's x, which is y here, and 80 mm along its y.
     np.testing.assert_allclose(program.contours[4].path(0.0), [0.22, 0.17], atol=1e-12)
     for name, names in (("a [2,1]", ["a [2,1]"]), ("b", [x for x in order if x[0] == "b"])):
-        found = job(folder, f"path: {{repeat: {repeat}, names: ['{name}']}}").program
-        assert [x.name for x in found.contours] == names
+        read_program = job(folder, f"path: {{repeat: {repeat}, names: ['{name}']}}").program
+        assert [x.name for x in read_program.contours] == names
     words = "no contour 'c [1,1]' ... 'a [1,1]'"
     named = f"path: {{repeat: {repeat}, names: ['c [1,1]']}}"
     table = [("path: {repeat: {columns: 2}}", "path.repeat ... column_sp"), (named, words)]
@@ -126,9 +126,9 @@ def test_a_process_has_values_by_layer_with_their_units(folder):
         text = text.replace(old, new)
     (folder / "layers.csv").write_text(text)
     made = job(folder, path={"file": "layers.csv"}, process=yaml.safe_load(LAYERS))
-    own = made.process.of_layer("MARK")
-    assert own.lead_in is None and own.passes == 2
-    assert own.tabs.width == 1e-3 and own.switch.value == 0.2
+    layer_process = made.process.of_layer("MARK")
+    assert layer_process.lead_in is None and layer_process.passes == 2
+    assert layer_process.tabs.width == 1e-3 and layer_process.switch.value == 0.2
     assert made.process.of_layer("CUT").lead_in is not None
     cut, mark = prepare(made.program, made.process).contours
     assert cut.path.length == pytest.approx(0.065) and len(mark.events) == 10
@@ -175,8 +175,8 @@ def test_space_and_plane(folder):
         ("path: {file: deep.ngc, ignore_z: true}", 2),
         ("{path: {file: deep.ngc}, arm: ur5e, corners: {tolerance: 0.2 mm}}", 3),
     ):
-        found = job(folder, text)
-        assert found.program.path.dimension == dimension
+        job_in_space = job(folder, text)
+        assert job_in_space.program.path.dimension == dimension
     path = {"orientation": {"axis": [0, 0, -1]}, "frame": {"position": [0.4, 0, 0.1]}}
     drawn = job(folder, path=path, arm="ur5e").path
     assert isinstance(drawn, Program) and drawn.dimension == 3
@@ -187,24 +187,24 @@ def test_space_and_plane(folder):
 def test_cells_take_a_drawing(folder):
     assert cell_names() == arm_names()
     for name in cell_names():
-        found = read_cell(name, folder / "two.csv")
-        assert (found.name, found.title.split(" ")[0]) == ("two", "two.csv")
-        assert isinstance(found.path, Program)
-        assert found.path.dimension == found.arm.dimension
-        assert [x.name for x in found.runs] == ["compensated"]
+        cell_job = read_cell(name, folder / "two.csv")
+        assert (cell_job.name, cell_job.title.split(" ")[0]) == ("two", "two.csv")
+        assert isinstance(cell_job.path, Program)
+        assert cell_job.path.dimension == cell_job.arm.dimension
+        assert [x.name for x in cell_job.runs] == ["compensated"]
     # A job file is a cell whose own path gives way.
     frame = JOB["path"]["frame"]
-    own = {"points": [[0.0, 0.0], [1.0, 1.0]], "frame": frame}
+    path_keys = {"points": [[0.0, 0.0], [1.0, 1.0]], "frame": frame}
     bare = {key: value for key, value in JOB.items() if key != "path"}
     for data, path, length in (
         # A unit that a column has itself is kept, but a scale is one of all lengths.
-        ({**JOB, "path": own}, {"scale": 0.5}, 0.05),
+        ({**JOB, "path": path_keys}, {"scale": 0.5}, 0.05),
         (bare, {"frame": frame}, 0.1),
     ):
         (folder / "cell.yaml").write_text(yaml.safe_dump(data))
-        found = read_cell(folder / "cell.yaml", folder / "plain.csv", path=path).program.path
-        np.testing.assert_allclose(found(0.0), [0.3, 0.08])
-        assert found.length == pytest.approx(length)
+        cell_job = read_cell(folder / "cell.yaml", folder / "plain.csv", path=path).program.path
+        np.testing.assert_allclose(cell_job(0.0), [0.3, 0.08])
+        assert cell_job.length == pytest.approx(length)
 
 
 def test_refuses_what_is_no_cell(folder):
@@ -222,8 +222,8 @@ def test_files_are_looked_for_beside_the_job(folder, monkeypatch):
     data = {**JOB, "path": {"file": "../two.csv"}}
     (folder / "sub" / "job.yaml").write_text(yaml.safe_dump(data))
     monkeypatch.chdir("/")
-    found = read_job(folder / "sub" / "job.yaml")
-    assert isinstance(found.path, Program)
+    parsed = read_job(folder / "sub" / "job.yaml")
+    assert isinstance(parsed.path, Program)
 
 
 def test_a_tool_that_follows_contours_does_not_follow_rapids(tmp_path):
@@ -239,7 +239,7 @@ def test_a_tool_that_follows_contours_does_not_follow_rapids(tmp_path):
     refusals(lambda x: read_cell("ur5e", tmp_path / x, path=path), [("drill.ngc", words)])
 
 
-def test_what_a_file_says_of_the_tool_goes_before_the_cell(tmp_path):
+def test_the_tool_axis_of_a_file_takes_precedence_over_the_cell(tmp_path):
     file = tmp_path / "seam.csv"
     file.write_text("x,y,z,ax,ay,az\n0,0,0,0,0.1,-1\n50,0,0,0,0.1,-1\n")
     job = read_cell("ur5e", file, path={"units": "mm"})
@@ -255,17 +255,17 @@ def test_settings_for_layers_do_not_demand_them(tmp_path, folder):
     def read(layers):
         return read_cell("pmk3s", file, path={"units": "mm", "layers": layers})
 
-    found = read({"CUT": {"speed": 0.02}, "MARK": {}})
-    speeds = ac.prepare(found.path, found.process).contours[0].path.speeds
+    processes = read({"CUT": {"speed": 0.02}, "MARK": {}})
+    speeds = ac.prepare(processes.path, processes.process).contours[0].path.speeds
     np.testing.assert_array_equal(speeds, [0.02])
-    assert found.path.notes == ("there is nothing on the layer 'MARK'.",)
+    assert processes.path.notes == ("there is nothing on the layer 'MARK'.",)
     refusals(read, [({"MARK": {}}, "has no layer 'MARK'")])
     # A layer of which names leave nothing demands nothing.
     text = "x,y,contour,layer\n0,0,a,A\n0.06,0,a,A\n0,0.03,b,B\n0.06,0.03,b,B\n"
     (folder / "layers.csv").write_text(text)
     layers = "{A: {speed: 0.02}, B: {speed: 0.01}}"
-    found = job(folder, f"path: {{file: layers.csv, layers: {layers}, names: [a]}}")
-    assert prepare(found.program, found.process).path.speeds.tolist() == [0.02]
+    processes = job(folder, f"path: {{file: layers.csv, layers: {layers}, names: [a]}}")
+    assert prepare(processes.program, processes.process).path.speeds.tolist() == [0.02]
 
 
 def test_jobs_and_cells_that_never_end_or_are_too_large_are_refused(folder):
@@ -289,16 +289,16 @@ def test_a_drawing_in_a_cell_may_have_a_name_that_no_job_has(folder):
     for stem in ("d" * 200, "a\u202eb"):
         file = folder / f"{stem}.csv"
         file.write_text(TWO)
-        found = read_cell("ur5e", file, path={"frame": {"position": [0.3, 0.08, 0.1]}})
-        assert len(found.name) <= 80 and found.name.isprintable()
-        assert len(found.title) <= 200 and found.title.isprintable()
+        parsed = read_cell("ur5e", file, path={"frame": {"position": [0.3, 0.08, 0.1]}})
+        assert len(parsed.name) <= 80 and parsed.name.isprintable()
+        assert len(parsed.title) <= 200 and parsed.title.isprintable()
 
 
 def test_a_closed_path_of_points_begins_elsewhere_only_if_there_is_a_process(folder):
     ring = [[0.3, 0.1], [0.36, 0.1], [0.33, 0.14], [0.3, 0.1]]
     points = {**JOB, "path": {"points": ring}}
-    found = parse_job(yaml.safe_dump(points))
-    np.testing.assert_array_equal(found.program.path(0.0), ring[0])
+    parsed = parse_job(yaml.safe_dump(points))
+    np.testing.assert_array_equal(parsed.program.path(0.0), ring[0])
     moved = parse_job(yaml.safe_dump({**points, "process": {"overlap": "1 mm"}}))
     assert np.linalg.norm(prepare(moved.program, moved.process).path(0.0) - ring[0]) > 0.01
 

@@ -35,19 +35,19 @@ runs: {a: {}}
 
 
 def test_keys_are_set_where_they_stand_or_last_in_their_mapping():
-    found = write_patch(TEXT, {("arm", "work"): {"position": [1.5, 0, 0]}, ("name",): "new"})
-    changed = [b for a, b in zip(TEXT.splitlines(), found.splitlines(), strict=True) if a != b]
+    patched = write_patch(TEXT, {("arm", "work"): {"position": [1.5, 0, 0]}, ("name",): "new"})
+    changed = [b for a, b in zip(TEXT.splitlines(), patched.splitlines(), strict=True) if a != b]
     assert changed == ["name: new   # its name", "  work: {position: [1.5, 0, 0]}  # here"]
     # A block is replaced by one line, and what follows stays.
-    found = write_patch(TEXT, {("path", "frame"): {"position": [0, 0, 1]}})
-    assert "  frame: {position: [0, 0, 1]}\n  # After it.\nruns: {a: {}}\n" in found
-    found = write_patch(TEXT, {("limits", "tool"): 2, ("arm", "tool"): 1, ("runs", "a", "b"): 3})
-    assert "limits: {speed: 1 m/s, tool: 2}  # of the tool" in found
-    assert "  work: {position: [0, 0, 0]}  # here\n  tool: 1\nlimits:" in found
-    assert "runs: {a: {b: 3}}" in found
+    patched = write_patch(TEXT, {("path", "frame"): {"position": [0, 0, 1]}})
+    assert "  frame: {position: [0, 0, 1]}\n  # After it.\nruns: {a: {}}\n" in patched
+    patched = write_patch(TEXT, {("limits", "tool"): 2, ("arm", "tool"): 1, ("runs", "a", "b"): 3})
+    assert "limits: {speed: 1 m/s, tool: 2}  # of the tool" in patched
+    assert "  work: {position: [0, 0, 0]}  # here\n  tool: 1\nlimits:" in patched
+    assert "runs: {a: {b: 3}}" in patched
     # What is no mapping becomes one.
-    found = write_patch("corners: sharp # so\na: 1\n", {("corners", "tolerance"): 1e-3})
-    assert found == "corners: {tolerance: 0.001} # so\na: 1\n"
+    patched = write_patch("corners: sharp # so\na: 1\n", {("corners", "tolerance"): 1e-3})
+    assert patched == "corners: {tolerance: 0.001} # so\na: 1\n"
     assert write_patch("a:\nb: 1\n", {("a",): [1]}) == "a: [1]\nb: 1\n"
 
 
@@ -59,8 +59,8 @@ def test_files_are_named_from_another_folder(tmp_path):
     assert move_files(text, tmp_path / "jobs", tmp_path / "out") == (
         "arm: ../arm.yaml  # mine\npath: {file: ../part.dxf, names: [file]}\nother: part.dxf\n"
     )
-    found = move_files(text, tmp_path / "jobs", tmp_path)
-    assert found.startswith("arm: arm.yaml  # mine\npath: {file: part.dxf,")
+    moved = move_files(text, tmp_path / "jobs", tmp_path)
+    assert moved.startswith("arm: arm.yaml  # mine\npath: {file: part.dxf,")
     gone = "path: {file: gone.dxf}\n"
     assert move_files(gone, tmp_path, tmp_path / "out") == gone
     # All files are found, and those that are there are moved.
@@ -68,8 +68,8 @@ def test_files_are_named_from_another_folder(tmp_path):
     assert file_names(text) == ["a.urdf", "a.srdf", "p.dxf", "s.urdf"]
     for name in ("a.srdf", "s.urdf"):
         (tmp_path / name).touch()
-    found = move_files(text, tmp_path, tmp_path / "in")
-    assert "srdf: ../a.srdf" in found and "files: [../s.urdf]" in found and "file: p.dxf" in found
+    moved = move_files(text, tmp_path, tmp_path / "in")
+    assert "srdf: ../a.srdf" in moved and "files: [../s.urdf]" in moved and "file: p.dxf" in moved
 
 
 # Values as somebody writes them, with what they are.
@@ -144,39 +144,39 @@ def documents(draw):
 
 def places(data, keys=()):
     """All places in data, and some where nothing is."""
-    found = [keys] if keys else []
+    keys_found = [keys] if keys else []
     if isinstance(data, dict):
-        found.append((*keys, "new"))
+        keys_found.append((*keys, "new"))
         for key, x in data.items():
-            found += places(x, (*keys, key))
+            keys_found += places(x, (*keys, key))
     elif isinstance(data, list):
         for k, x in enumerate(data):
-            found += places(x, (*keys, k))
-    return found
+            keys_found += places(x, (*keys, k))
+    return keys_found
 
 
 def lists(data, keys=()):
     """All places at which an item can be inserted."""
     inner = data.items() if isinstance(data, dict) else ()
-    own = []
+    paths = []
     if isinstance(data, list):
         inner = list(enumerate(data))
-        own = [(*keys, k) for k in range(len(data) + 1)]
-    return own + [y for key, x in inner for y in lists(x, (*keys, key))]
+        paths = [(*keys, k) for k in range(len(data) + 1)]
+    return paths + [y for key, x in inner for y in lists(x, (*keys, key))]
 
 
 def changed(data, keys, value, how):
     """The data with a change, by plain mutation of a copy."""
     data = copy.deepcopy(data)
-    at = data
+    container = data
     for key in keys[:-1]:
-        at = at[key]
+        container = container[key]
     if how == "insert":
-        at.insert(keys[-1], value)
+        container.insert(keys[-1], value)
     elif how == "set":
-        at[keys[-1]] = value
-    elif not (isinstance(at, dict) and keys[-1] not in at):
-        del at[keys[-1]]
+        container[keys[-1]] = value
+    elif not (isinstance(container, dict) and keys[-1] not in container):
+        del container[keys[-1]]
     return data
 
 
@@ -185,34 +185,34 @@ def test_any_change_of_any_text_is_the_change_of_its_data(document, draw):
     text, data = document
     assert load(text, "") == data
     how = draw.draw(st.sampled_from(["set", "remove", "insert"]))
-    known = lists(data) if how == "insert" else places(data)
-    if not known:
+    candidates = lists(data) if how == "insert" else places(data)
+    if not candidates:
         return
-    keys = draw.draw(st.sampled_from(known))
+    keys = draw.draw(st.sampled_from(candidates))
     value = REMOVE if how == "remove" else draw.draw(NEW)
     change = Change(keys, value, insert=how == "insert")
-    wanted = changed(data, keys, value, how)
-    assert change_data(data, [change]) == wanted
-    found = change_text(text, [change])
-    assert load(found, "") == wanted
+    expected = changed(data, keys, value, how)
+    assert change_data(data, [change]) == expected
+    edited = change_text(text, [change])
+    assert load(edited, "") == expected
     if "\r" in text:
-        assert "\n" not in found.replace("\r\n", "")
+        assert "\n" not in edited.replace("\r\n", "")
     # All lines of other keys are the same.
     for key in set(data) - {keys[0]}:
-        assert lines_of(found, key) == lines_of(text, key)
+        assert lines_of(edited, key) == lines_of(text, key)
 
 
 def lines_of(text, key):
     """The lines of a key of the document, with their line breaks."""
-    found = []
+    stripped = []
     inside = False
     for line in text.splitlines(keepends=True):
         if line[:1] not in " #-\r\n":
             name = line.partition(":")[0]
             inside = key_of(name) == key
         if inside and not line.startswith("#"):
-            found.append(line.rstrip("\r\n"))
-    return found
+            stripped.append(line.rstrip("\r\n"))
+    return stripped
 
 
 def test_aliases_and_positions_that_are_not_there_are_refused():

@@ -80,9 +80,9 @@ GRAVITY = """
 def test_a_good_job_is_read_in_si_units():
     values(parse, VALUES)
     path = "path: {start: [0.28, 0.2], segments: [{to: [0.4, 0.2], speed: 50 mm/s}, %s]}"
-    found = parse(path % "{center: [0.40, 0.23], angle: 180 deg, tag: bend}").path
-    np.testing.assert_allclose(found.vertices[-1], [0.40, 0.26], atol=1e-15)
-    assert found.speeds[0] == 0.05 and found.tags == (None, "bend")
+    path_read = parse(path % "{center: [0.40, 0.23], angle: 180 deg, tag: bend}").path
+    np.testing.assert_allclose(path_read.vertices[-1], [0.40, 0.26], atol=1e-15)
+    assert path_read.speeds[0] == 0.05 and path_read.tags == (None, "bend")
     free = "shape: free, tolerance: 5 mm, line_tolerance: 0.1 mm, zone: 20 mm, iterations: 7"
     run = parse(f"runs.one: {{corners: {{{free}}}}}").runs[0]
     free = {"shape": "free", "line_tolerance": 1e-4, "zone": 0.02, "iterations": 7}
@@ -90,10 +90,10 @@ def test_a_good_job_is_read_in_si_units():
     # PyYAML would read a text.
     text = with_change("corners: {tolerance: X}").replace("X", "2e-3")
     assert parse_job(text).runs[0].rounding == Rounding(tolerance=2e-3)
-    for given, experiment, expected in rows(GRAVITY):
-        method = f"runs.one.compensation: {{method: inverse_dynamics, {given[1:]}"
+    for gravity, experiment, expected in rows(GRAVITY):
+        method = f"runs.one.compensation: {{method: inverse_dynamics, {gravity[1:]}"
         options = parse(f"{method} | experiment: {experiment}").runs[0].compensation
-        assert options.gravity_feedforward is (expected == "true"), (given, experiment)
+        assert options.gravity_feedforward is (expected == "true"), (gravity, experiment)
 
 
 BAD = r"""

@@ -96,8 +96,8 @@ def test_packages_and_arguments_of_a_xacro_file(folder):
     )
     text = "arm: {file: robot.xacro, tip: tcp, base: base_link, %s}"
     keys = {"packages": "packages: {column: ../parts}", "arguments": "arguments: {kind: robot}"}
-    found = job(text % ", ".join(keys.values()), folder / "jobs", trust_xacro=True).arm
-    assert found.joint_names == ("pan", "tilt", "elbow", "roll")
+    arm = job(text % ", ".join(keys.values()), folder / "jobs", trust_xacro=True).arm
+    assert arm.joint_names == ("pan", "tilt", "elbow", "roll")
     alone = [(text % keys["arguments"], "arm.packages"), (text % keys["packages"], "arm.arguments")]
     refusals(lambda x: job(x, folder / "jobs", trust_xacro=True), alone)
     refusals(job, [(f"arm: {{name: ur5e, {x}}}", f"no option {key}") for key, x in keys.items()])
@@ -140,7 +140,7 @@ def test_a_bad_key_is_refused_in_one_sentence(folder):
 
 
 def test_arcs_through_points_full_circles_and_splines():
-    found = job("""
+    path_read = job("""
 path:
   start: [0.4, 0, 0.2]
   segments:
@@ -148,11 +148,11 @@ path:
   - {center: [0.6, 0, 150 mm], angle: 360 deg, normal: [1, 0, 0]}
   - {to: [0.6, 0, 0.3], speed: 20 mm/s}
 """).path
-    assert found.lengths == pytest.approx([0.1 * np.pi, 0.05 * 2 * np.pi, 0.1])
-    np.testing.assert_allclose(found(0.05 * np.pi), [0.5, 0.1, 0.2], atol=1e-12)
-    np.testing.assert_allclose(found.vertices[2], [0.6, 0, 0.2], atol=1e-12)
-    assert found.tags == ("arch", None, None)
-    assert found.speeds[2] == 0.02
+    assert path_read.lengths == pytest.approx([0.1 * np.pi, 0.05 * 2 * np.pi, 0.1])
+    np.testing.assert_allclose(path_read(0.05 * np.pi), [0.5, 0.1, 0.2], atol=1e-12)
+    np.testing.assert_allclose(path_read.vertices[2], [0.6, 0, 0.2], atol=1e-12)
+    assert path_read.tags == ("arch", None, None)
+    assert path_read.speeds[2] == 0.02
     points = [[0.4, 0, 0.2], [0.5, 0.1, 0.25], [0.6, 0, 0.2]]
     free = path(spline={"points": points, "tolerance": "0.1 mm"})
     assert len(free) < len(path(spline={"points": points, "tolerance": "1e-6 mm"}))
@@ -166,20 +166,20 @@ path:
 def test_orientations():
     down = {"rpy": ["180 deg", 0, 0]}
     for way in (down, {"quaternion": [1, 0, 0, 0]}):
-        found = oriented(way)
-        assert not found.axis_only and oriented({**way, "axis_only": True}).axis_only
-        np.testing.assert_allclose(found(0.05), np.diag([1, -1, -1]), atol=1e-15)
-    found = oriented([down, {"quaternion": [1, 0, 0, 0]}, {"rpy": ["170 deg", 0, 0]}])
-    np.testing.assert_allclose(found(0.2), from_rpy([np.radians(170), 0, 0]), atol=1e-12)
-    found = oriented([{"axis": [0, 0, -2]}, {"axis": [0, 0, -1]}, {"axis": [1, 0, -1]}])
-    assert found.axis_only
-    np.testing.assert_allclose(found(0.2)[:, 2], [np.sqrt(0.5), 0, -np.sqrt(0.5)], atol=1e-12)
-    found = oriented({"axis": [0, 0, -1]})
-    assert found.axis_only
-    np.testing.assert_allclose(found(0.1)[:, 2], [0, 0, -1], atol=1e-15)
-    found = oriented({"follow_tangent": {"up": [0, 0, 1], **down}, "axis_only": True})
-    assert found.follows and found.axis_only
-    np.testing.assert_allclose(found(0.15)[:, 0], [0, 1, 0], atol=1e-12)
+        orientation = oriented(way)
+        assert not orientation.axis_only and oriented({**way, "axis_only": True}).axis_only
+        np.testing.assert_allclose(orientation(0.05), np.diag([1, -1, -1]), atol=1e-15)
+    orientation = oriented([down, {"quaternion": [1, 0, 0, 0]}, {"rpy": ["170 deg", 0, 0]}])
+    np.testing.assert_allclose(orientation(0.2), from_rpy([np.radians(170), 0, 0]), atol=1e-12)
+    orientation = oriented([{"axis": [0, 0, -2]}, {"axis": [0, 0, -1]}, {"axis": [1, 0, -1]}])
+    assert orientation.axis_only
+    np.testing.assert_allclose(orientation(0.2)[:, 2], [np.sqrt(0.5), 0, -np.sqrt(0.5)], atol=1e-12)
+    orientation = oriented({"axis": [0, 0, -1]})
+    assert orientation.axis_only
+    np.testing.assert_allclose(orientation(0.1)[:, 2], [0, 0, -1], atol=1e-15)
+    orientation = oriented({"follow_tangent": {"up": [0, 0, 1], **down}, "axis_only": True})
+    assert orientation.follows and orientation.axis_only
+    np.testing.assert_allclose(orientation(0.15)[:, 0], [0, 1, 0], atol=1e-12)
 
 
 # P stands for three points.
@@ -242,12 +242,12 @@ def test_limits_of_joints_and_experiments():
 
 def test_corners_and_start():
     seed = ["10 deg", -1, 1, 0, 0, 0]
-    found = job(seed=seed)
-    assert found.runs[0].rounding.angular_tolerance == pytest.approx(np.radians(2))
-    np.testing.assert_allclose(found.seed, [np.radians(10), -1, 1, 0, 0, 0])
-    assert not found.seed.flags.writeable and job().seed is None
-    named = job(seed=dict(reversed(list(zip(found.arm.joint_names, seed, strict=True)))))
-    np.testing.assert_array_equal(named.seed, found.seed)
+    parsed = job(seed=seed)
+    assert parsed.runs[0].rounding.angular_tolerance == pytest.approx(np.radians(2))
+    np.testing.assert_allclose(parsed.seed, [np.radians(10), -1, 1, 0, 0, 0])
+    assert not parsed.seed.flags.writeable and job().seed is None
+    named = job(seed=dict(reversed(list(zip(parsed.arm.joint_names, seed, strict=True)))))
+    np.testing.assert_array_equal(named.seed, parsed.seed)
 
 
 CONTINUITY = """
@@ -263,8 +263,8 @@ CONTINUITY = """
 
 
 def test_corners_have_a_continuous_curvature_where_jerk_is_limited():
-    for run, wanted in rows(CONTINUITY):
-        assert str(job(f"runs: {{one: {run}}}").runs[0].continuity) == wanted, run
+    for run, expected in rows(CONTINUITY):
+        assert str(job(f"runs: {{one: {run}}}").runs[0].continuity) == expected, run
 
 
 def test_the_schema_accepts_all_of_it():

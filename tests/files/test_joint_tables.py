@@ -94,12 +94,12 @@ def test_names_of_programs_and_controllers():
         np.testing.assert_allclose(log.command, U, atol=1e-8, err_msg=str(titles))
         np.testing.assert_allclose(log.measured, Q, atol=1e-8, err_msg=str(titles))
         # A check reads what was measured; without it, the commands.
-        found = parse_trajectory(text, ARM)
-        np.testing.assert_allclose(found.q, Q, atol=1e-8, err_msg=str(titles))
-        assert "--columns" in found.notes[0]
-        found = parse_trajectory(table(titles[:3], *U.T), ARM)
-        np.testing.assert_allclose(found.q, U, atol=1e-8, err_msg=str(titles))
-        assert found.notes == ()
+        trajectory = parse_trajectory(text, ARM)
+        np.testing.assert_allclose(trajectory.q, Q, atol=1e-8, err_msg=str(titles))
+        assert "--columns" in trajectory.notes[0]
+        trajectory = parse_trajectory(table(titles[:3], *U.T), ARM)
+        np.testing.assert_allclose(trajectory.q, U, atol=1e-8, err_msg=str(titles))
+        assert trajectory.notes == ()
 
 
 def test_names_of_the_arm_in_any_place(tmp_path):
@@ -108,24 +108,24 @@ def test_names_of_the_arm_in_any_place(tmp_path):
         text = table(titles, *Q.T[::-1])
         np.testing.assert_allclose(parse_trajectory(text, ARM).q, Q, atol=1e-8, err_msg=form)
         (tmp_path / "run.csv").write_text(text)
-        found = read_run_log(tmp_path / "run.csv", ARM)
-        assert isinstance(found, Recording)
-        np.testing.assert_allclose(found.q, Q, atol=1e-8, err_msg=form)
+        recording = read_run_log(tmp_path / "run.csv", ARM)
+        assert isinstance(recording, Recording)
+        np.testing.assert_allclose(recording.q, Q, atol=1e-8, err_msg=form)
 
 
 def test_names_with_a_prefix():
     titles = ["t", *(f"/joint_states/left_{x}/position" for x in reversed(ARM))]
-    found = parse_trajectory(table(titles, *Q.T[::-1]), ARM)
-    np.testing.assert_allclose(found.q, Q, atol=1e-8)
-    assert len(found.notes) == 1 and "left_shoulder_pan_joint" in found.notes[0]
+    trajectory = parse_trajectory(table(titles, *Q.T[::-1]), ARM)
+    np.testing.assert_allclose(trajectory.q, Q, atol=1e-8)
+    assert len(trajectory.notes) == 1 and "left_shoulder_pan_joint" in trajectory.notes[0]
     names = ("panda_joint1", "panda_joint2")
     swapped = table(["t", *(f"left_{x} command" for x in reversed(names))], *Q.T[::-1])
     np.testing.assert_allclose(parse_trajectory(swapped, names).q, Q, atol=1e-8)
     right = [x.replace("left", "right") for x in titles[1:]]
     text = table([*titles, *right], *Q.T[::-1], *U.T)
     refusals(lambda x: parse_trajectory(x, ARM), [(text, "both may be ... --columns '-=*right_*'")])
-    found = parse_trajectory(text, ARM, columns="-=*right_*")
-    np.testing.assert_allclose(found.q, Q, atol=1e-8)
+    trajectory = parse_trajectory(text, ARM, columns="-=*right_*")
+    np.testing.assert_allclose(trajectory.q, Q, atol=1e-8)
 
 
 def test_columns_without_a_partner_are_left_out_with_a_note(tmp_path):
@@ -185,9 +185,9 @@ def test_times_in_two_columns_keep_their_nanoseconds():
         text = table([",".join(names), "u1", "q1"], U[:, 0], Q[:, 0], time=time)
         assert text.startswith(",".join(names))
         np.testing.assert_allclose(parse_log(text).t, T + 0.9, rtol=0, atol=1e-12)
-        found = parse_trajectory(text)
-        np.testing.assert_allclose(found.t, T + 0.9, rtol=0, atol=1e-12)
-        assert found.resolution["t"] == pytest.approx(unit)
+        trajectory = parse_trajectory(text)
+        np.testing.assert_allclose(trajectory.t, T + 0.9, rtol=0, atol=1e-12)
+        assert trajectory.resolution["t"] == pytest.approx(unit)
 
 
 def test_what_looks_like_another_unit_is_asked_about():
@@ -198,19 +198,19 @@ def test_what_looks_like_another_unit_is_asked_about():
         for read in (parse_log, parse_trajectory):
             with pytest.raises(InvalidInput, match=rf"--columns 't \[{unit}\]=time'"):
                 read(text)
-            found = read(text, columns=f"t [{unit}]=time")
-            np.testing.assert_allclose(found.t, T, atol=1e-12)
+            parsed = read(text, columns=f"t [{unit}]=time")
+            np.testing.assert_allclose(parsed.t, T, atol=1e-12)
             # As the user says.
             assert read(text, columns="t [s]=time").t[1] == time[1]
     for factor, unit in ((1e3, "ms"), (1e6, "us"), (1e9, "ns")):
-        late = [f"{factor * (1_700_000_000 + x):.0f}" for x in T]
-        refusals(parse_log, [(table(titles, *U.T, *Q.T, time=late), f"'t [{unit}]=time'")])
+        unix_times = [f"{factor * (1_700_000_000 + x):.0f}" for x in T]
+        refusals(parse_log, [(table(titles, *U.T, *Q.T, time=unix_times), f"'t [{unit}]=time'")])
     text = table(titles, *degrees)
     for read in (parse_log, parse_trajectory):
         with pytest.raises(InvalidInput, match=r"turns: .* --columns .*meas_# \[deg\]=meas_#"):
             read(text)
-        found = read(text, columns="cmd_# [deg]=cmd_#,meas_# [deg]=meas_#")
-        q = found.measured if read is parse_log else found.q
+        parsed = read(text, columns="cmd_# [deg]=cmd_#,meas_# [deg]=meas_#")
+        q = parsed.measured if read is parse_log else parsed.q
         np.testing.assert_allclose(q, np.radians(120 * Q), atol=1e-7)
         assert read(text, columns="cmd_# [rad]=cmd_#,meas_# [rad]=meas_#") is not None
 
@@ -226,15 +226,15 @@ def test_repeated_and_rounded_times():
     titles = ["t", "u1", "q1"]
     text = repeated(table(titles, U[:, 0], Q[:, 0]), (40, 20, 20))
     for read in (parse_log, parse_trajectory):
-        found = read(text)
-        np.testing.assert_allclose(found.t, T, atol=1e-9)
-        assert any("3 rows" in x for x in found.notes)
+        parsed = read(text)
+        np.testing.assert_allclose(parsed.t, T, atol=1e-9)
+        assert any("3 rows" in x for x in parsed.notes)
         # Even steps that were rounded, also downwards.
         for start in (3.0, 3.005, 2.995):
             rounded = [f"{x:.2f}" for x in T + start]
-            found = read(table(titles, U[:, 0], Q[:, 0], time=rounded))
-            np.testing.assert_allclose(np.diff(found.t), 0.008, atol=1e-9)
-            assert any("rounded to 0.01 s" in x for x in found.notes)
+            parsed = read(table(titles, U[:, 0], Q[:, 0], time=rounded))
+            np.testing.assert_allclose(np.diff(parsed.t), 0.008, atol=1e-9)
+            assert any("rounded to 0.01 s" in x for x in parsed.notes)
         # Steps that are not even are not guessed.
         uneven = [f"{x:.1f}" for x in np.cumsum(0.008 + 0.03 * (np.arange(COUNT) % 7 == 0) ** 2)]
         uneven[30:] = [f"{float(x) + 5:.1f}" for x in uneven[30:]]
@@ -257,9 +257,9 @@ def test_rows_of_other_topics_are_left_out():
     text = table([*titles[:2], titles[3], titles[2]], *Q.T).replace(f",{OTHER}", ",")
     lines = text.splitlines()
     lines[20:20] = [f"{T[18] + 0.001:.6f},,,9", f"{T[18] + 0.002:.6f},,,9"]
-    found = parse_trajectory("\n".join(lines))
-    np.testing.assert_allclose(found.q, Q, atol=1e-8)
-    assert "2 rows" in found.notes[0] and "order" in found.notes[1]
+    trajectory = parse_trajectory("\n".join(lines))
+    np.testing.assert_allclose(trajectory.q, Q, atol=1e-8)
+    assert "2 rows" in trajectory.notes[0] and "order" in trajectory.notes[1]
     # Half a row is a fault.
     lines[20] = f"{T[18] + 0.001:.6f},1,,9"
     refusals(parse_trajectory, [("\n".join(lines), "line 21, ... position[1]': '' is not")])

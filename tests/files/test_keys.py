@@ -68,16 +68,16 @@ def read(data):
 
 
 def test_a_mapping_of_keys_becomes_the_dataclass():
-    found = read({"gains": "25 1/s", "slip": "10 %", "wheels": [{"speed": "50 mm/s"}]})
-    assert isinstance(found, Driven)
-    assert (found.gains, found.slip, found.mode, found.teeth) == (25.0, 0.1, "soft", 12)
-    assert found.wheels == (Wheel(speed=0.05),)
+    vehicle = read({"gains": "25 1/s", "slip": "10 %", "wheels": [{"speed": "50 mm/s"}]})
+    assert isinstance(vehicle, Driven)
+    assert (vehicle.gains, vehicle.slip, vehicle.mode, vehicle.teeth) == (25.0, 0.1, "soft", 12)
+    assert vehicle.wheels == (Wheel(speed=0.05),)
     assert read({"gains": [1, "2 1/s"]}).gains == [1.0, 2.0]
     # Where the default is made anew, null is that default.
     np.testing.assert_array_equal(read({"gains": 1, "axis": None}).axis, np.zeros(3))
     # What is given is told from defaults, in the order of the fields.
-    given = read_keys(SpecifiedKeys(Driven), {"slip": 0.5, "speed": None}, "cart.yaml")
-    assert list(given.items()) == [("speed", None), ("slip", 0.5)]
+    specified = read_keys(SpecifiedKeys(Driven), {"slip": 0.5, "speed": None}, "cart.yaml")
+    assert list(specified.items()) == [("speed", None), ("slip", 0.5)]
     assert read_keys(SpecifiedKeys(Driven), {}, "cart.yaml") == {}
     assert read_keys(SpecifiedKeys(Driven, null=True), {"gains": None}, "cart.yaml") == {
         "gains": None
@@ -131,11 +131,11 @@ def texts_with_units(data):
 def test_readers_make_the_same_of_it():
     for name, text in TEXTS.items():
         data = load(text, name)
-        found = in_si(data, CellModel)
-        assert texts_with_units(data) and texts_with_units(found) == []
-        models = [read_keys(MappingKeys(CellModel), x, name) for x in (data, found)]
+        values = in_si(data, CellModel)
+        assert texts_with_units(data) and texts_with_units(values) == []
+        models = [read_keys(MappingKeys(CellModel), x, name) for x in (data, values)]
         assert jsonable(asdict(models[0])) == jsonable(asdict(models[1]))
-        assert in_si(found, CellModel) == found
+        assert in_si(values, CellModel) == values
     # What is no such quantity stays.
     data = {"limits": {"speed": "5 mm", "unknown": "5 mm"}, "corners": "sharp", "none": [1]}
     assert in_si(data, CellModel) == data

@@ -63,8 +63,8 @@ VALUES = """
 
 def test_values_go_before_those_of_the_job_and_of_its_runs():
     values(read, VALUES)
-    found = read("{corners.tolerance: 0.0002}", "corners: sharp")
-    assert found["plain"].rounding.tolerance == 2e-4
+    runs = read("{corners.tolerance: 0.0002}", "corners: sharp")
+    assert runs["plain"].rounding.tolerance == 2e-4
     job = parse_job(yaml.safe_dump(JOB), patch=parse_set("process.resume_at=1 cm"))
     assert prepare(job.program, job.process).length == pytest.approx(0.06)
 
@@ -79,18 +79,18 @@ def test_a_shape_goes_to_every_run_that_can_have_it():
     of_job = {**JOB["runs"], "paper": {"timing": {"method": "paper"}}}
     del of_job["slow"]
     of_job = yaml.safe_dump({"runs": of_job}, default_flow_style=True)
-    found = read(FREE, of_job)
+    runs = read(FREE, of_job)
     free = {"shape": "free", "line_tolerance": 1e-4, "zone": 0.01, "iterations": 4}
-    assert found["own"].rounding == Rounding(tolerance=1e-3, **free)
+    assert runs["own"].rounding == Rounding(tolerance=1e-3, **free)
     angle = pytest.approx(np.radians(1))
-    assert found["plain"].rounding.angular_tolerance == angle
-    assert found["plain"].rounding.free and found["plain"].rounding.tolerance == 2e-3
-    assert found["sharp"].rounding is None
-    assert not found["paper"].rounding.free and found["paper"].rounding.zone is None
+    assert runs["plain"].rounding.angular_tolerance == angle
+    assert runs["plain"].rounding.free and runs["plain"].rounding.tolerance == 2e-3
+    assert runs["sharp"].rounding is None
+    assert not runs["paper"].rounding.free and runs["paper"].rounding.zone is None
     # Without corners of the job there are those of --tolerance.
     sharp = yaml.safe_dump({**yaml.safe_load(of_job), "corners": "sharp"})
-    found = read("{corners.shape: free, corners.tolerance: 0.0003}", sharp)
-    assert found["plain"].rounding == Rounding(shape="free", tolerance=3e-4)
+    runs = read("{corners.shape: free, corners.tolerance: 0.0003}", sharp)
+    assert runs["plain"].rounding == Rounding(shape="free", tolerance=3e-4)
     # A free shape becomes arcs again, and has no corners with a tangent or a curvature.
     free = (
         "runs: {one: {corners: {shape: free, tolerance: 1 mm, line_tolerance: 0.1 mm, zone: 9 mm}}}"
@@ -99,8 +99,8 @@ def test_a_shape_goes_to_every_run_that_can_have_it():
     same = read("{corners.shape: free}", free)["one"].rounding
     assert same.free and same.zone == pytest.approx(9e-3)
     curved = "{corners: {tolerance: 1 mm, continuity: curvature}, runs: {one: {}}}"
-    found = read("{corners.shape: free}", curved)["one"].rounding
-    assert found == Rounding(shape="free", tolerance=1e-3)
+    runs = read("{corners.shape: free}", curved)["one"].rounding
+    assert runs == Rounding(shape="free", tolerance=1e-3)
 
 
 BAD = """
@@ -134,16 +134,16 @@ runs:
   free: {corners: {shape: free, tolerance: 1 mm}}
   sharp: {corners: sharp}
 """
-    found = {
+    continuities = {
         name: x.continuity for name, x in read("{corners.continuity: curvature}", of_job).items()
     }
-    assert found == {"plain": "curvature", "paper": "tangent", "free": None, "sharp": None}
+    assert continuities == {"plain": "curvature", "paper": "tangent", "free": None, "sharp": None}
 
 
-def test_a_drawing_is_placed_and_its_layers_keep_what_the_job_says_of_them(tmp_path):
+def test_a_drawing_is_placed_and_its_layers_keep_their_settings_in_the_job(tmp_path):
     (tmp_path / "part.csv").write_text("x,y,layer\n0,0,a\n40,0,a\n0,9,b\n40,9,b\n")
-    own = {"frame": {"position": [0.3, 0.2, 0]}, "layers": {"a": {"speed": 0.02}, "b": {}}}
-    cell = {**JOB, "path": {**own, "units": "mm"}}
+    path_keys = {"frame": {"position": [0.3, 0.2, 0]}, "layers": {"a": {"speed": 0.02}, "b": {}}}
+    cell = {**JOB, "path": {**path_keys, "units": "mm"}}
     (tmp_path / "cell.yaml").write_text(yaml.safe_dump(cell))
 
     def placed(text="{}"):
@@ -163,7 +163,7 @@ def test_a_drawing_is_placed_and_its_layers_keep_what_the_job_says_of_them(tmp_p
 
 
 def test_a_text_sets_a_key_to_a_value_of_a_job_file():
-    for text, wanted in (
+    for text, expected in (
         ("corners.tolerance=0.2 mm", {("corners", "tolerance"): "0.2 mm"}),
         (" limits.speed = 0.2", {("limits", "speed"): 0.2}),
         ("path.columns=x [mm],y [mm],-", {("path", "columns"): "x [mm],y [mm],-"}),
@@ -171,13 +171,13 @@ def test_a_text_sets_a_key_to_a_value_of_a_job_file():
         ("runs.a.corners={tolerance: 1 mm}", {("runs", "a", "corners"): {"tolerance": "1 mm"}}),
         ("path.frame.position=[1, 2, 3]", {("path", "frame", "position"): [1, 2, 3]}),
     ):
-        assert parse_set(text) == wanted
+        assert parse_set(text) == expected
     table = [("units", "write one such as limits.speed=0.2 m/s"), ("a..b=1", "'a..b' is no key")]
     refusals(parse_set, [*table, ("a=[1", "a is not valid YAML")])
 
 
 def test_a_value_goes_to_the_run_that_has_it_else_to_the_job():
-    for text, run, wanted in (
+    for text, run, expected in (
         ("limits.speed", "own", "runs.own.limits.speed"),
         ("limits.speed", "plain", "limits.speed"),
         ("limits.centripetal_acceleration", "own", "limits.centripetal_acceleration"),
@@ -189,7 +189,7 @@ def test_a_value_goes_to_the_run_that_has_it_else_to_the_job():
         ("servo.kp", "own", "servo.kp"),
         ("runs.own.duration", "plain", "runs.own.duration"),
     ):
-        assert ".".join(locate_key(key_of(text), JOB, run)) == wanted
+        assert ".".join(locate_key(key_of(text), JOB, run)) == expected
     assert locate_key(key_of("path.points.0.1"), JOB) == ("path", "points", 0, 1)
     new = apply_patch(JOB, patch("{limits.speed: 1, timing.reserve: 0.1}"), "own")
     assert new["limits"] == JOB["limits"] and "timing" not in new["runs"]["plain"]
@@ -200,9 +200,9 @@ def test_a_value_goes_to_the_run_that_has_it_else_to_the_job():
 
 def test_what_goes_with_another_choice_is_left_out():
     job = "runs: {a: {timing: {method: paper, knots: 50, reserve: 0.1}}, b: {}}"
-    found = read("{timing.method: optimal}", job)
-    assert [x.timing.method for x in found.values()] == ["optimal"] * 2
-    assert found["a"].timing.reserve == 0.1
+    runs = read("{timing.method: optimal}", job)
+    assert [x.timing.method for x in runs.values()] == ["optimal"] * 2
+    assert runs["a"].timing.reserve == 0.1
     # But nothing that is given beside it.
     words = "runs.a.timing ... knots goes with the method paper, not optimal"
     both = "{timing.knots: 40, timing.method: optimal}"

@@ -42,8 +42,8 @@ def placed():
     return ac.place(parse_job(SQUARE), ac.PlaceSearch(over=over, refined=False))
 
 
-def written(found, text=SQUARE, **options):
-    return placed_job_text(found, text, folder=Path(), to=Path(), **options)
+def written(placement, text=SQUARE, **options):
+    return placed_job_text(placement, text, folder=Path(), to=Path(), **options)
 
 
 def duration(job):
@@ -56,22 +56,22 @@ def test_the_table_has_a_row_per_place(placed):
         (0.0, 0.0), (0.0, 0.2), (0.45, 0.0), (0.45, 0.2), (0.9, 0.0), (0.9, 0.2)
     ]  # fmt: skip
     assert {x["refused by"] for x in rows[2:]} == {"reach"}
-    known = [x["duration [s]"] for x in rows[:2]]
-    assert f"{placed.best.verdict.duration}" in known
+    durations = [x["duration [s]"] for x in rows[:2]]
+    assert f"{placed.best.verdict.duration}" in durations
     assert all(float(x["at least [s]"]) > 0.3 for x in rows[:2])
 
 
 def test_the_job_file_gets_a_work_frame_and_keeps_its_comments():
     over = {"x": (-0.1, -0.1, 1), "tilt": (0.1, 0.1, 1)}
-    found = ac.place(parse_job(SQUARE), ac.PlaceSearch(over=over, refined=False))
-    text = written(found)
-    kept = [x for x in text.splitlines() if x in SQUARE.splitlines()]
-    assert kept == [x for x in SQUARE.splitlines() if not x.startswith("arm: ")]
-    new = [x for x in text.splitlines() if x not in kept]
+    placement = ac.place(parse_job(SQUARE), ac.PlaceSearch(over=over, refined=False))
+    text = written(placement)
+    common_lines = [x for x in text.splitlines() if x in SQUARE.splitlines()]
+    assert common_lines == [x for x in SQUARE.splitlines() if not x.startswith("arm: ")]
+    new = [x for x in text.splitlines() if x not in common_lines]
     assert new[0] == "arm:" and all(x.startswith("  ") for x in new[1:])
     again = parse_job(text)
-    assert duration(again) == pytest.approx(found.best.verdict.duration, rel=1e-5)
-    bases = [x.arm.chain.base.matrix for x in (again, found.placed())]
+    assert duration(again) == pytest.approx(placement.best.verdict.duration, rel=1e-5)
+    bases = [x.arm.chain.base.matrix for x in (again, placement.placed())]
     np.testing.assert_allclose(*bases, atol=1e-12)
     position = yaml.safe_load(text)["arm"]["work"]["position"]
     assert position == [round(x, 12) for x in position]
@@ -81,12 +81,12 @@ def test_the_path_of_an_arm_in_the_plane_gets_a_frame():
     text = PLANE
     for _ in range(2):
         # The second time on top of the first.
-        found = ac.place(
+        placement = ac.place(
             parse_job(text), ac.PlaceSearch(over={"yaw": (0.2, 0.2, 1)}, refined=False)
         )
-        text = written(found, text)
+        text = written(placement, text)
         again = parse_job(text)
-        assert duration(again) == pytest.approx(found.best.verdict.duration, rel=1e-5)
+        assert duration(again) == pytest.approx(placement.best.verdict.duration, rel=1e-5)
     (first, last) = parse_job(text).program.path.vertices
     assert np.arctan2(*(last - first)[::-1]) == pytest.approx(0.4)
     np.testing.assert_allclose((first + last) / 2, [0.33, 0.2], atol=1e-12)
@@ -107,8 +107,8 @@ def test_options_that_replaced_values_are_in_the_file(placed):
 def test_a_base_that_moves_among_obstacles_writes_no_job():
     far = Obstacle(name="far", shape=Sphere(radius=0.1), place=ac.Frame(position=[0, 0, 3]))
     job = replace(parse_job(SQUARE), scene=Scene(obstacles=(far,)))
-    found = ac.place(job, ac.PlaceSearch(over={"x": (0.0, 0.0, 1)}, what="base", refined=False))
-    refusals(written, [(found, "stay where they are when it moves")])
+    placement = ac.place(job, ac.PlaceSearch(over={"x": (0.0, 0.0, 1)}, what="base", refined=False))
+    refusals(written, [(placement, "stay where they are when it moves")])
 
 
 @needs_dynamics
@@ -117,11 +117,11 @@ def test_a_part_in_the_plane_takes_its_obstacles_along():
         "scene: {spheres: [{name: pin, radius: 1 mm, at: [0.3, 0.3, 0], fixed_to: part}]}\n"
     )
     job = parse_job(text)
-    found = ac.place(
+    placement = ac.place(
         job, ac.PlaceSearch(over={"x": (0.0, 0.05, 2), "yaw": (0.1, 0.1, 1)}, refined=False)
     )
-    again = parse_job(written(found, text))
+    again = parse_job(written(placement, text))
     (there,) = again.scene.obstacles
-    (moved,) = found.placed().scene.obstacles
+    (moved,) = placement.placed().scene.obstacles
     np.testing.assert_allclose(there.place.position, moved.place.position, atol=1e-12)
     assert np.linalg.norm(moved.place.position - [0.3, 0.3, 0]) > 1e-3

@@ -34,8 +34,8 @@ def refused(words, folder, names=("report.html",), **options):
 
 def contents(folder):
     """All files, hidden ones too, without the list of files."""
-    found = {str(x.relative_to(folder)) for x in folder.rglob("*") if not x.is_dir()}
-    return {x for x in found if FilePath(x).name != MANIFEST}
+    names = {str(x.relative_to(folder)) for x in folder.rglob("*") if not x.is_dir()}
+    return {x for x in names if FilePath(x).name != MANIFEST}
 
 
 def test_a_first_result_appears_at_once_and_leaves_nothing_else(tmp_path, monkeypatch):
@@ -211,8 +211,8 @@ def test_files_that_cannot_be_moved_back_stay_in_the_hidden_folder(tmp_path, mon
         fail_at(patch, range(2, 99), OSError(5, "Input/output error"))
         refused("Input/output error", tmp_path)
     old = tmp_path / ".armcontour-next" / ".old"
-    found = {x: (place / x).read_text() for place in (tmp_path, old) for x in contents(place)}
-    assert found["report.html"] == "text of report.html" and "summary.json" in found
+    texts = {x: (place / x).read_text() for place in (tmp_path, old) for x in contents(place)}
+    assert texts["report.html"] == "text of report.html" and "summary.json" in texts
     # The next run names them and leaves them there, too.
     for force in (False, True):
         with pytest.raises(InvalidInput, match="killed.*move the files in .*remove"):
@@ -241,10 +241,10 @@ def test_an_earlier_result_has_the_derivatives_that_its_run_had(method, tmp_path
         )
         folder.place("a/planned.csv", partial(write_planned, samples=samples, joint_names=names))
     for derivatives in (1, 2):
-        found = read_run(tmp_path / "out").set_points(derivatives=derivatives)
+        from_file = read_run(tmp_path / "out").set_points(derivatives=derivatives)
         expected = make_table(set_points, name="x", derivatives=derivatives)
-        np.testing.assert_array_equal(found.t, expected.t)
-        np.testing.assert_allclose(found.dq, expected.dq, atol=2e-9)
+        np.testing.assert_array_equal(from_file.t, expected.t)
+        np.testing.assert_allclose(from_file.dq, expected.dq, atol=2e-9)
     # Set-points have 12 decimals in a result, the derivatives of a spline follow.
     atol = 1e-11 if method == "none" else 2e-6
-    np.testing.assert_allclose(found.ddq, expected.ddq, atol=atol)
+    np.testing.assert_allclose(from_file.ddq, expected.ddq, atol=atol)

@@ -79,14 +79,14 @@ def test_exports_come_back(tmp_path, mac, arm, form):
     names, file = ("shoulder", "elbow"), tmp_path / f"a.{form.removeprefix('ros-')}"
     table = SetPointTable(name="arm", joint_names=names, cycle=4e-3, t=t, q=q, dq=2 * q, ddq=3 * q)
     FORMATS[form]().write(table, file)
-    found = read_trajectory(file)
-    assert found.joints == names
-    np.testing.assert_allclose(found.t, table.t, rtol=0, atol=1e-12)
+    trajectory = read_trajectory(file)
+    assert trajectory.joints == names
+    np.testing.assert_allclose(trajectory.t, table.t, rtol=0, atol=1e-12)
     for name in ("q", "dq", "ddq"):
-        np.testing.assert_allclose(getattr(found, name), getattr(table, name), atol=1e-12)
+        np.testing.assert_allclose(getattr(trajectory, name), getattr(table, name), atol=1e-12)
     # By name, in the order of the arm; other joints of the file are not looked at.
     turned = read_trajectory(file, ["elbow", "shoulder"])
-    np.testing.assert_array_equal(turned.q, found.q[:, ::-1])
+    np.testing.assert_array_equal(turned.q, trajectory.q[:, ::-1])
     assert read_trajectory(file, ["elbow"]).q.shape == (6, 1)
     wrist = [(["wrist"], "the joints 'shoulder', 'elbow', but 'wrist'")]
     refusals(lambda x: read_trajectory(file, x), wrist)
@@ -139,14 +139,14 @@ def test_goals_and_messages_of_moveit_and_what_echo_prints(read):
         "joint_trajectory: I\nmulti_dof_joint_trajectory: {joint_names: []}",
         "model_id: arm\ntrajectory:\n- joint_trajectory: I\ntrajectory_start: {}",
     ):
-        found = read(text.replace("I", INNER))
-        assert found.joints == ("a",) and found.q.tolist() == [[1.5]]
-    found = read(ECHO)
-    np.testing.assert_allclose(found.t, [1 + 5e-9, 2.5], rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(found.q, [[0.125], [2.125]])
-    assert found.dq is None
-    assert found.resolution["q"] == pytest.approx(1e-3)
-    assert found.resolution["t"] == pytest.approx(1e-9)
+        trajectory = read(text.replace("I", INNER))
+        assert trajectory.joints == ("a",) and trajectory.q.tolist() == [[1.5]]
+    trajectory = read(ECHO)
+    np.testing.assert_allclose(trajectory.t, [1 + 5e-9, 2.5], rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(trajectory.q, [[0.125], [2.125]])
+    assert trajectory.dq is None
+    assert trajectory.resolution["q"] == pytest.approx(1e-3)
+    assert trajectory.resolution["t"] == pytest.approx(1e-9)
 
 
 def test_a_bag_of_moveit(tmp_path):
@@ -233,9 +233,9 @@ def test_names_with_a_prefix_and_new_names(tmp_path):
     chosen = read_trajectory(tmp_path / "a.yaml", ["x", "b"], columns="x=right_a")
     assert chosen.q.tolist() == [[3.0, 1.0]]
     bag = _bag(tmp_path / "bag", {"/joint_states": _states()})
-    found = read_trajectory(bag, ["arm/shoulder", "arm/elbow"])
-    np.testing.assert_array_equal(found.q, Q[:, [2, 0]])
-    assert len(found.notes) == 1
+    trajectory = read_trajectory(bag, ["arm/shoulder", "arm/elbow"])
+    np.testing.assert_array_equal(trajectory.q, Q[:, [2, 0]])
+    assert len(trajectory.notes) == 1
     log = _bag(tmp_path / "log", {"/c": _controller("reference", "feedback")}, {CONTROLLER: NEW})
     assert read_log(log, columns="*_joint=*").joint_names == tuple(f"{x}_joint" for x in NAMES)
 
@@ -258,11 +258,11 @@ def test_yaml_of_something_else(read):
 def test_joint_states(tmp_path, plugin):
     bag = _bag(tmp_path / "bag", {"/joint_states": _states()}, plugin=plugin)
     for place in (bag, next(x for x in bag.iterdir() if x.suffix in (".mcap", ".db3"))):
-        found = read_trajectory(place, ["shoulder", "elbow"])
-        np.testing.assert_allclose(found.t, T, rtol=0, atol=1e-12)
-        np.testing.assert_array_equal(found.q, Q[:, [2, 0]])
-        np.testing.assert_array_equal(found.dq, 2 * Q[:, [2, 0]])
-        assert found.ddq is None
+        trajectory = read_trajectory(place, ["shoulder", "elbow"])
+        np.testing.assert_allclose(trajectory.t, T, rtol=0, atol=1e-12)
+        np.testing.assert_array_equal(trajectory.q, Q[:, [2, 0]])
+        np.testing.assert_array_equal(trajectory.dq, 2 * Q[:, [2, 0]])
+        assert trajectory.ddq is None
 
 
 def test_the_state_of_a_controller_is_a_log(tmp_path):

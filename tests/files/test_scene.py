@@ -47,10 +47,10 @@ scene:
 
 def test_every_kind_of_obstacle_is_read(tmp_path):
     (tmp_path / "clamp.obj").write_text(TETRAHEDRON)
-    found = job(SCENE, folder=tmp_path).scene
+    scene = job(SCENE, folder=tmp_path).scene
     kinds = [Box, Cylinder, Sphere, Capsule, HalfSpace, HalfSpace, Mesh]
-    assert [type(x.shape) for x in found.obstacles] == kinds
-    vise, post, _, hose, _, wall, clamp = found.obstacles
+    assert [type(x.shape) for x in scene.obstacles] == kinds
+    vise, post, _, hose, _, wall, clamp = scene.obstacles
     np.testing.assert_allclose(vise.shape.size, [0.1, 0.2, 0.05])
     np.testing.assert_allclose(vise.place.position, [0.4, 0, 0.01])
     np.testing.assert_allclose(vise.place.rotation[:, 0], [0, 1, 0], atol=1e-15)
@@ -58,7 +58,7 @@ def test_every_kind_of_obstacle_is_read(tmp_path):
     assert post.margin == 0.01 and post.allow == ("tool", "wrist_3_link")
     assert hose.fixed_to == "part" and vise.fixed_to == "base"
     assert clamp.name == "clamp" and clamp.shape.size == pytest.approx(0.1)
-    assert (found.margins.environment, found.margins.own) == (0.008, 0.002)
+    assert (scene.margins.environment, scene.margins.own) == (0.008, 0.002)
 
 
 def test_what_is_fixed_to_the_part_moves_with_the_drawing(tmp_path):
@@ -69,9 +69,9 @@ def test_what_is_fixed_to_the_part_moves_with_the_drawing(tmp_path):
     frame = "  frame: {position: [0.4, 0, 0.1], rpy: [0, 0, 90 deg]}\n"
     (tmp_path / "cell.yaml").write_text(text.replace(points, frame))
     scene = read_cell(tmp_path / "cell.yaml", tmp_path / "line.csv").scene
-    (found,) = scene.obstacles
-    np.testing.assert_allclose(found.place.position, [0.4, 0.05, 0.1], atol=1e-15)
-    np.testing.assert_allclose(found.place.rotation[:, 0], [0, 1, 0], atol=1e-15)
+    (obstacle,) = scene.obstacles
+    np.testing.assert_allclose(obstacle.place.position, [0.4, 0.05, 0.1], atol=1e-15)
+    np.testing.assert_allclose(obstacle.place.rotation[:, 0], [0, 1, 0], atol=1e-15)
 
 
 def test_links_of_an_arm_and_its_tool_get_shapes():
@@ -128,14 +128,14 @@ def test_a_wrong_body_is_named_in_one_sentence():
 def test_built_in_cells_in_space_stand_on_a_table(tmp_path):
     (tmp_path / "line.csv").write_text("x,y,z\n0,0,0\n0.05,0,0\n")
     for name in set(cell_names()) - {"pmk3s"}:
-        found = read_cell(name, tmp_path / "line.csv")
-        assert found.scene is not None and found.arm.shapes is not None
-        part, table = found.scene.obstacles
+        cell = read_cell(name, tmp_path / "line.csv")
+        assert cell.scene is not None and cell.arm.shapes is not None
+        part, table = cell.scene.obstacles
         assert isinstance(table.shape, HalfSpace) and part.fixed_to == "part"
         # The surface of the part is where the drawing lies.
         top = part.place.position + part.place.rotation @ [0, 0, 0.005]
-        assert top[2] == pytest.approx(found.program.path(0.0)[2])
-        last = {x.name for x in found.arm.shapes.shapes if x.link == found.arm.dof}
+        assert top[2] == pytest.approx(cell.program.path(0.0)[2])
+        last = {x.name for x in cell.arm.shapes.shapes if x.link == cell.arm.dof}
         assert set(part.allow) == {"tool", *last}
 
 
@@ -157,12 +157,12 @@ CELL = """<robot name="cell">
 def test_links_of_a_cell_are_obstacles_where_they_stand(tmp_path):
     file = tmp_path / "cell.urdf"
     file.write_text(CELL)
-    found = {x.name: x for x in read_scene_file(file)}
+    bodies = {x.name: x for x in read_scene_file(file)}
     places = {"table": (0.5, 0, -0.05), "table 2": (0.5, 0.9, -0.5), "door": (0.5, 1, 0.5)}
-    assert list(found) == list(places)
+    assert list(bodies) == list(places)
     for name, place in places.items():
-        np.testing.assert_allclose(found[name].place.position, place, atol=1e-12)
-    np.testing.assert_allclose(found["door"].place.rotation[:, 0], [0, 1, 0], atol=1e-12)
+        np.testing.assert_allclose(bodies[name].place.position, place, atol=1e-12)
+    np.testing.assert_allclose(bodies["door"].place.rotation[:, 0], [0, 1, 0], atol=1e-12)
     table = [
         ('<robot name="cell"><link name="world"/></robot>', "no collision elements"),
         (CELL.replace('radius="0.05"', 'radius="-1"'), "cell.urdf ... radius"),
@@ -205,12 +205,12 @@ def test_a_box_is_read_from_every_format(tmp_path):
         ("box.obj", obj().encode()),
     ):
         (tmp_path / name).write_bytes(content)
-        found = read_mesh(tmp_path / name)
-        assert len(found.points) == 8 and len(found.triangles) == 12
-        found_corners = np.array(sorted(np.round(found.points, 7).tolist()))
+        mesh = read_mesh(tmp_path / name)
+        assert len(mesh.points) == 8 and len(mesh.triangles) == 12
+        found_corners = np.array(sorted(np.round(mesh.points, 7).tolist()))
         np.testing.assert_allclose(found_corners, np.array(sorted(CORNERS.tolist())), atol=1e-7)
         # The volume by the divergence theorem: all triangles look outwards, and none is missing.
-        a, b, c = found.points[found.triangles.T]
+        a, b, c = mesh.points[mesh.triangles.T]
         volume = abs(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6
         assert volume == pytest.approx(0.2 * 0.3 * 0.4, rel=1e-6)
 

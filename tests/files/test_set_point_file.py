@@ -70,14 +70,17 @@ def test_without_a_history_it_is_the_taught_data_of_the_job(job, plan, tmp_path)
     np.savetxt(file, table, "%.4f", ",", header="t [ms],q1 [deg],q2 [deg]", comments="")
     assert read_set_points(file, job, plan) is plan.set_points
     # An export begins at zero.
-    late = dataclasses.replace(plan, set_points=changed(plan, by=0.0, start_time=-0.008))
-    export(late.set_points, tmp_path / "export.csv", arm=job.arm)
-    assert read_set_points(tmp_path / "export.csv", job, late) is late.set_points
+    delayed_plan = dataclasses.replace(plan, set_points=changed(plan, by=0.0, start_time=-0.008))
+    export(delayed_plan.set_points, tmp_path / "export.csv", arm=job.arm)
+    assert read_set_points(tmp_path / "export.csv", job, delayed_plan) is delayed_plan.set_points
     # With a history it is the lesson, to the last bit.
     lesson = learned(plan)
-    found = read_set_points(put(tmp_path, job, lesson, lesson), job, plan)
-    assert isinstance(found, LearningResult) and len(found.runs) == 1
-    assert found.q.tobytes() == lesson.q.tobytes() and found.start_time == lesson.start_time
+    lesson_read = read_set_points(put(tmp_path, job, lesson, lesson), job, plan)
+    assert isinstance(lesson_read, LearningResult) and len(lesson_read.runs) == 1
+    assert (
+        lesson_read.q.tobytes() == lesson.q.tobytes()
+        and lesson_read.start_time == lesson.start_time
+    )
 
 
 def changed(plan, where=slice(None), by=1e-6, **fields):
@@ -148,13 +151,13 @@ def same(first, second):
 def test_a_lesson_comes_back_to_the_last_bit(plan, tmp_path):
     lesson = made(plan)
     write_lesson(tmp_path / "a.npz", lesson)
-    found = read_lesson(tmp_path / "a.npz", plan.trajectory)
-    same(lesson, found)
-    write_lesson(tmp_path / "b.npz", found)
+    lesson_read = read_lesson(tmp_path / "a.npz", plan.trajectory)
+    same(lesson, lesson_read)
+    write_lesson(tmp_path / "b.npz", lesson_read)
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
-    with np.load(tmp_path / "a.npz") as found:
-        np.testing.assert_array_equal(found["q"], lesson.q)
-        np.testing.assert_array_equal(found["run 2: error"], lesson.runs[1].error)
+    with np.load(tmp_path / "a.npz") as lesson_read:
+        np.testing.assert_array_equal(lesson_read["q"], lesson.q)
+        np.testing.assert_array_equal(lesson_read["run 2: error"], lesson.runs[1].error)
 
 
 def other(first=False, **values):
@@ -213,18 +216,18 @@ def study():
 
 
 @pytest.fixture(scope="module")
-def found(study):
+def study_data(study):
     return json.loads(data_json(study.to_data()))
 
 
-def test_the_summary_of_a_study(found, study):
-    arm, plain, tried = found["arm"], found["runs"]["plain"], found["runs"]["tried"]
+def test_the_summary_of_a_study(study_data, study):
+    arm, plain, tried = study_data["arm"], study_data["runs"]["plain"], study_data["runs"]["tried"]
     assert arm["joints"][0] == "shoulder_pan_joint" and arm["masses_known"]
     assert arm["assumed"] == load_arm("ur5e").chain.assumed
     for torque in (plain["torque"], tried["experiment"]["torque"]):
         assert torque["assumed"] == arm["assumed"]
     for name, result in study.runs.items():
-        start = found["runs"][name]["start"]
+        start = study_data["runs"][name]["start"]
         assert list(start) == list(study.job.arm.joint_names)
         assert list(start.values()) == result.trajectory(0.0).tolist()
     torque = plain["torque"]
@@ -236,13 +239,13 @@ def test_the_summary_of_a_study(found, study):
     assert tried["angular_speed"] > 0.1
     assert 0 < tried["orientation_error"]["rms"] < tried["orientation_error"]["max"] < 0.02
     assert tried["corners"][0]["angular_error"] == pytest.approx(np.radians(0.05), rel=1e-6)
-    units = {x: found["units"][x] for x in ("angular_error", "torque.peak", "start")}
+    units = {x: study_data["units"][x] for x in ("angular_error", "torque.peak", "start")}
     assert units == {"angular_error": "rad", "torque.peak": "N m", "start": "rad"}
 
 
-def written(tmp_path, write, *given):
+def written(tmp_path, write, *arguments):
     """What a function writes to a file."""
-    write(tmp_path / "written.csv", *given)
+    write(tmp_path / "written.csv", *arguments)
     return (tmp_path / "written.csv").read_text(encoding="utf-8")
 
 

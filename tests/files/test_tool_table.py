@@ -80,8 +80,8 @@ def test_tools_that_are_alike_run_in_one_job_with_a_rest_between_them(read):
     (changed,) = (x.t for x in plan.events if x.name == "tool" and x.value == 2.0)
     (rest,) = (x for x in plan.spans if x.kind == "dwell")
     assert rest.t[1] - rest.t[0] == pytest.approx(2.0, abs=1e-12)
-    off = [x.t for x in plan.events if (x.name, x.value) == ("spindle", False)]
-    assert (off[0], changed) == pytest.approx((rest.t[0], rest.t[0]), abs=1e-12)
+    switch_times = [x.t for x in plan.events if (x.name, x.value) == ("spindle", False)]
+    assert (switch_times[0], changed) == pytest.approx((rest.t[0], rest.t[0]), abs=1e-12)
     on = [x.t for x in plan.events if (x.name, x.value) == ("spindle", True)]
     assert on == pytest.approx([0.0, rest.t[1]], abs=1e-12)
 

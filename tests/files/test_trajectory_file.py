@@ -34,11 +34,11 @@ def test_names_and_units_of_columns():
         "t_s,q1_rad,q2_rad",
         "t,shoulder [rad],elbow",
     ):
-        found = parse_trajectory(header + ROWS, ["shoulder", "elbow"])
-        np.testing.assert_array_equal(found.t, [0, 0.5])
-        np.testing.assert_array_equal(found.q, [[0.1, 0.2], [0.3, 0.4]])
-        assert found.dq is None and found.ddq is None
-        assert not found.q.flags.writeable
+        trajectory = parse_trajectory(header + ROWS, ["shoulder", "elbow"])
+        np.testing.assert_array_equal(trajectory.t, [0, 0.5])
+        np.testing.assert_array_equal(trajectory.q, [[0.1, 0.2], [0.3, 0.4]])
+        assert trajectory.dq is None and trajectory.ddq is None
+        assert not trajectory.q.flags.writeable
 
 
 def test_all_columns_in_any_order_with_comments_and_other_units():
@@ -50,12 +50,12 @@ def test_all_columns_in_any_order_with_comments_and_other_units():
     180,90,4,45,90,1,2
     """
     for separator in (",", ";", "\t", " , "):
-        found = parse_trajectory(text.replace(",", separator))
-        np.testing.assert_allclose(found.t, [0, 4e-3])
-        np.testing.assert_allclose(found.q, [[np.pi / 2, np.pi / 4]] * 2)
-        np.testing.assert_allclose(found.dq, [[np.pi / 2, 1]] * 2)
-        np.testing.assert_allclose(found.ddq, [[2, np.pi]] * 2)
-        assert found.resolution["t"] == pytest.approx(1e-3)
+        trajectory = parse_trajectory(text.replace(",", separator))
+        np.testing.assert_allclose(trajectory.t, [0, 4e-3])
+        np.testing.assert_allclose(trajectory.q, [[np.pi / 2, np.pi / 4]] * 2)
+        np.testing.assert_allclose(trajectory.dq, [[np.pi / 2, 1]] * 2)
+        np.testing.assert_allclose(trajectory.ddq, [[2, np.pi]] * 2)
+        assert trajectory.resolution["t"] == pytest.approx(1e-3)
 
 
 def test_resolution_is_that_of_the_printed_digits():
@@ -69,8 +69,8 @@ def test_resolution_is_that_of_the_printed_digits():
         ([".5", "1.", "+2.25"], 1e-2),
     ):
         rows = "".join(f"{i},{x},0\n" for i, x in enumerate(texts))
-        found = parse_trajectory("t,q1,q2\n" + rows)
-        assert found.resolution["q"] == pytest.approx(resolution, rel=1e-6), texts
+        trajectory = parse_trajectory("t,q1,q2\n" + rows)
+        assert trajectory.resolution["q"] == pytest.approx(resolution, rel=1e-6), texts
         in_degrees = parse_trajectory("t,q1 [deg],q2 [deg]\n" + rows)
         assert in_degrees.resolution["q"] == pytest.approx(np.deg2rad(resolution), rel=1e-6), texts
 
@@ -138,8 +138,8 @@ def test_usual_steps_and_large_times_are_read():
     # Nanoseconds with nine decimals, milliseconds since 1970, and quotes around every cell.
     fast = parse_trajectory("t,q1\n1.000000001,1\n1.000000002,1\n1.000000003,1\n")
     np.testing.assert_allclose(np.diff(fast.t), 1e-9, rtol=1e-6)
-    late = parse_trajectory("t [ms],q1\n1700000000001,1\n1700000000002,1\n")
-    np.testing.assert_allclose(np.diff(late.t), 1e-3, rtol=1e-3)
+    trajectory = parse_trajectory("t [ms],q1\n1700000000001,1\n1700000000002,1\n")
+    np.testing.assert_allclose(np.diff(trajectory.t), 1e-3, rtol=1e-3)
     quoted = parse_trajectory('"t","q1 [deg]"\n"0","1"\n"1","2"\n')
     np.testing.assert_allclose(np.rad2deg(quoted.q[:, 0]), [1, 2])
     # Lines are converted by the thousand; the message still names the one.
@@ -183,19 +183,19 @@ def test_limits_with_units_and_limits_that_are_none(tmp_path, arm):
 
 def test_columns_that_are_not_known_or_named_beside_the_file(read):
     # Logs of robots have currents, tool poses, states.
-    found = parse_trajectory("t,state,q1,q2,i1 [A]\n0,ready,1,2,\n1,ready,1,2,nan\n")
-    np.testing.assert_array_equal(found.q, [[1, 2], [1, 2]])
-    assert found.left_out == ("state", "i1 [A]") and found.joints == ("q1", "q2")
+    trajectory = parse_trajectory("t,state,q1,q2,i1 [A]\n0,ready,1,2,\n1,ready,1,2,nan\n")
+    np.testing.assert_array_equal(trajectory.q, [[1, 2], [1, 2]])
+    assert trajectory.left_out == ("state", "i1 [A]") and trajectory.joints == ("q1", "q2")
     for names in ("t [ms],-,q1 [deg],dq1", " t [ms], - ,q1_deg,dq 1 [rad/s]"):
         for header in ("", "a,b,c,d\n", "# a comment\n"):
-            found = parse_trajectory(header + "0,x,90,1\n4,x,45,2\n", columns=names)
-            np.testing.assert_allclose(found.t, [0, 4e-3])
-            np.testing.assert_allclose(found.q, [[np.pi / 2], [np.pi / 4]])
-            np.testing.assert_allclose(found.dq, [[1], [2]])
-            assert found.left_out == ()
+            trajectory = parse_trajectory(header + "0,x,90,1\n4,x,45,2\n", columns=names)
+            np.testing.assert_allclose(trajectory.t, [0, 4e-3])
+            np.testing.assert_allclose(trajectory.q, [[np.pi / 2], [np.pi / 4]])
+            np.testing.assert_allclose(trajectory.dq, [[1], [2]])
+            assert trajectory.left_out == ()
     text = "Zeit;Achse 1 für Prüfung\n0;0.5\n1;1.5\n"
-    found = read(text.encode("latin-1"), "KRCIpo.csv", columns="t,q1")
-    assert found.t.tolist() == [0.0, 1.0] and found.q.tolist() == [[0.5], [1.5]]
+    trajectory = read(text.encode("latin-1"), "KRCIpo.csv", columns="t,q1")
+    assert trajectory.t.tolist() == [0.0, 1.0] and trajectory.q.tolist() == [[0.5], [1.5]]
 
 
 BAD_NAMES = """
@@ -255,9 +255,9 @@ def test_joints_with_the_names_of_the_arm_are_put_in_its_order(tmp_path):
     np.testing.assert_allclose(log.command, U, atol=1e-9)
     np.testing.assert_allclose(log.measured, Q, atol=1e-9)
     titles = "t,elbow_joint measured,shoulder_joint measured"
-    found = read_run_log(written(tmp_path, titles, T, Q[:, ::-1]), ARM)
-    assert isinstance(found, Recording)
-    np.testing.assert_allclose(found.q, Q, atol=1e-9)
+    recording = read_run_log(written(tmp_path, titles, T, Q[:, ::-1]), ARM)
+    assert isinstance(recording, Recording)
+    np.testing.assert_allclose(recording.q, Q, atol=1e-9)
 
 
 def test_joints_with_other_names_stay_in_their_order(tmp_path):
@@ -272,11 +272,11 @@ def test_joints_with_other_names_stay_in_their_order(tmp_path):
         "time [ms],q1,q2",
         "t [ms],shoulder_joint measured,elbow q",
     ):
-        found = read_run_log(written(tmp_path, titles, 1e3 * T, Q), ARM)
-        assert isinstance(found, Recording)
-        assert found.command is None and found.source == "run.csv"
-        np.testing.assert_allclose(found.q, Q, atol=1e-9)
-        np.testing.assert_allclose(found.t, T, atol=1e-12)
+        recording = read_run_log(written(tmp_path, titles, 1e3 * T, Q), ARM)
+        assert isinstance(recording, Recording)
+        assert recording.command is None and recording.source == "run.csv"
+        np.testing.assert_allclose(recording.q, Q, atol=1e-9)
+        np.testing.assert_allclose(recording.t, T, atol=1e-12)
     # Numbers of joints may be of any length.
     large = "9" * 5000
     with pytest.raises(InvalidInput):
@@ -295,5 +295,5 @@ def test_logs_that_are_refused(tmp_path):
     refusals(lambda x: read_run_log(written(tmp_path, *x), ARM), table)
     # Whole turns are undone on demand.
     file = written(tmp_path, "t,q1,q2", T, np.mod(20 * Q, 2 * np.pi))
-    found = read_run_log(file, ARM, unwrap=True)
-    np.testing.assert_allclose(np.diff(found.q, axis=0), np.diff(20 * Q, axis=0), atol=1e-8)
+    recording = read_run_log(file, ARM, unwrap=True)
+    np.testing.assert_allclose(np.diff(recording.q, axis=0), np.diff(20 * Q, axis=0), atol=1e-8)

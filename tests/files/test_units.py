@@ -115,8 +115,8 @@ def test_a_quantity_is_written_as_another_one():
         (-0.0, "5 mm", LENGTH, "0 mm"),
         (0.002, "sharp", LENGTH, "2 mm"),
     ):
-        found = write_like(value, old, kind)
-        assert (found, type(found)) == (written, type(written)), (value, old)
+        quantity = write_like(value, old, kind)
+        assert (quantity, type(quantity)) == (written, type(written)), (value, old)
 
 
 @given(st.floats(-1e4, 1e4), st.sampled_from(["1 mm", "2.5 m", "3 um", 0.5, "7 thou"]))
@@ -144,13 +144,13 @@ def test_the_unit_of_a_quantity_is_the_one_written():
 SI = {"t": "s", "q": "rad", "dq": "rad/s", "x": "m", "name": None}
 
 
-def titles(*given):
+def titles(*names):
     def title_of(name, has_unit):
         key, _, suffix = name.partition("_")
         return Title(key, SI[key], suffix or None) if key in SI else None
 
     # A single title may have blanks.
-    line = ";".join(given if len(given) > 1 else [*given, "-"])
+    line = ";".join(names if len(names) > 1 else [*names, "-"])
     return read_table(line, "a.csv", title_of, example="t,q")
 
 
@@ -167,8 +167,8 @@ def test_units_become_factors():
     ):
         table = titles("other", title, "something [V]")
         assert table.unknown == ("other", "something [V]")
-        ((found, column),) = table.columns.items()
-        assert (found, column.index, column.title) == (key, 1, title)
+        ((key_read, column),) = table.columns.items()
+        assert (key_read, column.index, column.title) == (key, 1, title)
         assert column.factor == pytest.approx(factor, rel=1e-12), title
 
 

@@ -18,11 +18,11 @@ def each(names, table):
         fixtures = [x for x in signature.parameters.values() if x.name not in names]
 
         @functools.wraps(test)
-        def run(**given):
+        def run(**fixtures):
             for number, row in enumerate(table):
                 values = (row,) if len(names) == 1 else row
                 try:
-                    test(**given, **dict(zip(names, values, strict=True)))
+                    test(**fixtures, **dict(zip(names, values, strict=True)))
                 except BaseException as fault:
                     fault.add_note(f"row {number} of {', '.join(names)}: {row!r:.500}")
                     raise
@@ -41,9 +41,9 @@ def refused(*rows, kind=ac.InvalidInput):
         try:
             with pytest.raises(kind) as caught:
                 call()
-            error, said = caught.value, str(caught.value)
-            assert type(error) is kind and said.endswith(".") and "\n" not in said
-            assert not [x for x in words if x not in said], said
+            error, message = caught.value, str(caught.value)
+            assert type(error) is kind and message.endswith(".") and "\n" not in message
+            assert not [x for x in words if x not in message], message
             for name, value in data.items():
                 if not isinstance(value, str):
                     value = pytest.approx(value, rel=1e-6, abs=1e-12)

@@ -70,8 +70,8 @@ def test_planes_in_space_demands_places_and_corners_beside_arcs():
     # The places of corners are their middles.
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (2, 1)])
     rounded = round_with_parabolas(path, tolerance=[0.02, 0.05])
-    off = np.linalg.norm(rounded(rounded.place(path.breaks)) - path.vertices, axis=1)
-    np.testing.assert_allclose(off, [0, 0.02, 0.05, 0], atol=1e-12)
+    distances = np.linalg.norm(rounded(rounded.place(path.breaks)) - path.vertices, axis=1)
+    np.testing.assert_allclose(distances, [0, 0.02, 0.05, 0], atol=1e-12)
     # Corners beside arcs are those of round_corners.
     path = path_of(ac.Arc.through((0, 0), (1, 0.3), (2, 0)), line((2, 0), (3, 0)))
     parabola, same = (x(path, tolerance=0.01) for x in (round_with_parabolas, ac.round_corners))
@@ -79,8 +79,8 @@ def test_planes_in_space_demands_places_and_corners_beside_arcs():
     np.testing.assert_array_equal(parabola.corners.error, same.corners.error)
     # A parabola too tight to draw stays a corner.
     for less, reason in ((5e-4, "no room"), (1e-3, None)):
-        found = round_with_parabolas(corner(np.pi - less), tolerance=0.005)
-        assert found.corners.reason.tolist() == [reason] and (len(found) == 2) == bool(reason)
+        rounding = round_with_parabolas(corner(np.pi - less), tolerance=0.005)
+        assert rounding.corners.reason.tolist() == [reason] and (len(rounding) == 2) == bool(reason)
 
 
 def test_short_lines_shrink_parabolas_and_stops_are_those_of_arcs():
@@ -112,8 +112,8 @@ def test_a_tool_that_turns_or_follows_the_tangent_keeps_its_angular_tolerance():
     rounded = round_with_parabolas(path, tolerance=0.05, angular_tolerance=0.02)
     s = np.linspace(0, rounded.length, 2001)
     along = rounded.orientation(s)[:, :, 0]
-    off = np.arccos(np.clip(np.sum(along * rounded(s, 1), axis=1), -1, 1))
-    assert len(rounded.stops) == 0 and off.max() <= 0.02
+    angles = np.arccos(np.clip(np.sum(along * rounded(s, 1), axis=1), -1, 1))
+    assert len(rounded.stops) == 0 and angles.max() <= 0.02
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([2, 3]))
@@ -127,9 +127,9 @@ def test_random_polylines_keep_both_sides_of_the_tolerance(seed, dimension):
     assert (c.error <= tolerance * (1 + 1e-12)).all()
     # Own lines only: what a crossing line would hide.
     for i in np.flatnonzero(~c.stopped):
-        own = ac.Path.polyline(points[i : i + 3])
+        corner_path = ac.Path.polyline(points[i : i + 3])
         s = np.linspace(c.start[i], c.end[i], 301)
-        assert own.project(rounded(s)).distance.max() <= c.error[i] + 1e-13
+        assert corner_path.project(rounded(s)).distance.max() <= c.error[i] + 1e-13
         gap = np.linalg.norm(rounded((c.start[i] + c.end[i]) / 2) - c.point[i])
         assert gap == pytest.approx(c.error[i], rel=1e-9)
     assert len(rounded.stops) == c.stopped.sum()

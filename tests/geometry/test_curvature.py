@@ -145,10 +145,10 @@ def test_speeds_tags_and_tolerances_of_segments_stay_on_their_sides():
     path = ac.Path(segments=fine)
     smooth = smooth_curvature(path, tolerance=1e-4)
     s = np.linspace(0, smooth.length, 20_001)
-    off = path.project(smooth(s))
-    near = np.abs(off.s - path.breaks[1]) < 0.01
-    assert 0.9e-4 < off.distance[near].max() < 1e-4 + 1e-9
-    assert off.distance[off.s > path.breaks[1] + 0.03].max() < 1e-6 + 1e-9
+    projection = path.project(smooth(s))
+    near = np.abs(projection.s - path.breaks[1]) < 0.01
+    assert 0.9e-4 < projection.distance[near].max() < 1e-4 + 1e-9
+    assert projection.distance[projection.s > path.breaks[1] + 0.03].max() < 1e-6 + 1e-9
     path = slot()
     events = tuple(ac.Event(name=f"e{i}", s=s) for i, s in enumerate((0.01, 0.05, 0.08, 0.15)))
     contour = ac.Contour(path=path, events=events, work=(0.02, 0.14))
@@ -160,23 +160,25 @@ def test_speeds_tags_and_tolerances_of_segments_stay_on_their_sides():
 @each("kind", ["fixed", "turning", "following"])
 def test_the_tool_orientation_is_kept_and_does_not_jump(kind):
     space = slot().lifted()
-    given = {
+    paths = {
         "fixed": lambda: space.oriented(DOWN),
         "following": lambda: space.following_tangent((0, 0, 1)),
         "turning": lambda: space.oriented(
             Rotation.from_rotvec(space.breaks[:, None] * [0.1, 0.2, 3.0]).as_matrix() @ DOWN
         ),
     }
-    path = given[kind]()
+    path = paths[kind]()
     smooth = smooth_curvature(path, tolerance=1e-4)
-    o, at = smooth.orientation, smooth.orientation.breaks[1:-1]
+    o, breaks = smooth.orientation, smooth.orientation.breaks[1:-1]
     size = np.abs(o.rates(np.linspace(0, smooth.length, 999))).max(axis=(1, 2))
-    for before, after, most in zip(o.rates(at, side="left"), o.rates(at), size, strict=True):
-        assert np.abs(before - after).max(initial=0.0) <= 1e-10 * most
+    for before, after, bound in zip(
+        o.rates(breaks, side="left"), o.rates(breaks), size, strict=True
+    ):
+        assert np.abs(before - after).max(initial=0.0) <= 1e-10 * bound
     assert len(smooth.stops) == 0
     s = np.linspace(0, 1, 999)
-    off = smooth.orientation(s * smooth.length) - path.orientation(s * path.length)
-    assert np.abs(off).max() < {"fixed": 1e-14, "turning": 1e-3, "following": 0.1}[kind]
+    differences = smooth.orientation(s * smooth.length) - path.orientation(s * path.length)
+    assert np.abs(differences).max() < {"fixed": 1e-14, "turning": 1e-3, "following": 0.1}[kind]
 
 
 def corner(turn, bends, lengths, sides=(0.3, 2.0), dimension=3):
@@ -217,37 +219,37 @@ def test_both_paths_are_within_the_tolerance_of_each_other(
 ):
     bends = [0.0 if i == line else 1 / radius for i, radius in enumerate(radii)]
     path = corner(turn, bends, lengths, sides, dimension)
-    found = ac.round_corners(path, tolerance=tolerance, continuity="curvature")
-    c = found.corners
+    smooth = ac.round_corners(path, tolerance=tolerance, continuity="curvature")
+    c = smooth.corners
     assert c.reason[0] is None
     assert c.error[0] <= tolerance * (1 + 1e-12)
     vertex = path.starts[1]
     s = np.linspace(c.start[0], c.end[0], 1001)
-    assert found.project(vertex[None]).distance[0] == pytest.approx(c.error[0], abs=1.1e-9)
-    at = path.breaks[1] + np.linspace(-c.tangent[0], c.tangent[0], 1001)
-    away = path.project(found(s)).distance.max(), found.project(path(at)).distance.max()
+    assert smooth.project(vertex[None]).distance[0] == pytest.approx(c.error[0], abs=1.1e-9)
+    positions = path.breaks[1] + np.linspace(-c.tangent[0], c.tangent[0], 1001)
+    away = path.project(smooth(s)).distance.max(), smooth.project(path(positions)).distance.max()
     assert max(away) <= tolerance * (1 + 1e-3) + 1.1e-9
-    if found.segments.bent.any():
-        assert jumps(found, 1).max() < 1e-11
-        assert jumps(found).max() < 1e-9
-        assert np.abs(np.linalg.norm(found(s, 1), axis=1) - 1).max() < UNEVEN
-    assert len(found.stops) == 0
+    if smooth.segments.bent.any():
+        assert jumps(smooth, 1).max() < 1e-11
+        assert jumps(smooth).max() < 1e-9
+        assert np.abs(np.linalg.norm(smooth(s, 1), axis=1) - 1).max() < UNEVEN
+    assert len(smooth.stops) == 0
 
 
 def test_the_tolerance_is_used_unless_a_corner_speed_ends_the_search_early():
     def rounded(path, tolerance, **values):
         return ac.round_corners(path, tolerance=tolerance, continuity="curvature", **values)
 
-    found = rounded(corner(1.2, (0.0, 20.0), (0.1, 0.1)), 2e-3)
-    assert found.segments.bent.any() and not found.corners.shrunk[0]
-    assert found.corners.error[0] == pytest.approx(2e-3, rel=1e-6)
+    smooth = rounded(corner(1.2, (0.0, 20.0), (0.1, 0.1)), 2e-3)
+    assert smooth.segments.bent.any() and not smooth.corners.shrunk[0]
+    assert smooth.corners.error[0] == pytest.approx(2e-3, rel=1e-6)
     path = corner(0.4, (0.0, 2.0), (0.1, 0.1), dimension=2)
     wide, slow = rounded(path, 5e-3), rounded(path, 5e-3, speed=0.1, acceleration=2.0)
     assert 0.005 <= slow.corners.radius[0] * (1 + 1e-9) < wide.corners.radius[0]
     assert slow.corners.tangent[0] < wide.corners.tangent[0]
     # Sharp turns beside arcs keep their pairs of arcs.
-    found = rounded(corner(3.0, (0.0, 5.0), (0.1, 0.1), dimension=2), 1e-3)
-    assert found.corners.reason[0] is None and not found.segments.bent.any()
+    smooth = rounded(corner(3.0, (0.0, 5.0), (0.1, 0.1), dimension=2), 1e-3)
+    assert smooth.corners.reason[0] is None and not smooth.segments.bent.any()
 
 
 def test_corners_beside_transitions_are_rounded():
@@ -258,7 +260,7 @@ def test_corners_beside_transitions_are_rounded():
         [cut, ac.Path.polyline([cut(cut.length), cut(cut.length) + [0.0, 0.05]])]
     )
     for continuity in ("tangent", "curvature"):
-        found = ac.round_corners(beside, tolerance=1e-5, continuity=continuity)
-        assert found.corners.reason.tolist() == [None]
-        assert found.corners.error[0] <= 1e-5 * (1 + 1e-9)
-        assert len(found.stops) == 0
+        smooth = ac.round_corners(beside, tolerance=1e-5, continuity=continuity)
+        assert smooth.corners.reason.tolist() == [None]
+        assert smooth.corners.error[0] <= 1e-5 * (1 + 1e-9)
+        assert len(smooth.stops) == 0

@@ -49,14 +49,14 @@ held = each("path", list(HELD.values()))
 SHARES = np.linspace(0, 1, 778)[1:-1]
 
 
-def alike(path, other, s, at, *, direction=1):
+def alike(path, other, s, other_s, *, direction=1):
     """Two paths have the same points, tangents and orientation at these places of theirs."""
-    np.testing.assert_allclose(path(s), other(at), atol=1e-12)
-    np.testing.assert_allclose(path(s, 1), direction * other(at, 1), atol=1e-9)
-    np.testing.assert_allclose(path(s, 2), other(at, 2), rtol=1e-8, atol=1e-7)
+    np.testing.assert_allclose(path(s), other(other_s), atol=1e-12)
+    np.testing.assert_allclose(path(s, 1), direction * other(other_s, 1), atol=1e-9)
+    np.testing.assert_allclose(path(s, 2), other(other_s, 2), rtol=1e-8, atol=1e-7)
     assert (path.orientation is None) == (other.orientation is None)
     if path.orientation is not None:
-        np.testing.assert_allclose(path.orientation(s), other.orientation(at), atol=1e-9)
+        np.testing.assert_allclose(path.orientation(s), other.orientation(other_s), atol=1e-9)
 
 
 @held
@@ -66,29 +66,29 @@ def test_a_part_is_the_path_between_two_places(path, cut):
     begin, end = np.array(cut) * path.length
     if end - begin <= 1e-6:
         return
-    found = cut_path(path, begin, end)
-    assert found.length == pytest.approx(end - begin, abs=3e-9)
-    s = SHARES * found.length
-    alike(found, path, s, begin + s)
+    part = cut_path(path, begin, end)
+    assert part.length == pytest.approx(end - begin, abs=3e-9)
+    s = SHARES * part.length
+    alike(part, path, s, begin + s)
 
 
 def test_a_part_keeps_what_is_asked_of_its_segments():
-    found = cut_path(PLANE, 0.5, 1.1)
-    assert found.tags == ("in", None) and found.speeds[0] == 0.1
-    assert np.isnan(found.speeds[1]) and found.tolerances[1] == 1e-3
-    np.testing.assert_allclose(found.lengths, [0.5, 0.1])
+    part = cut_path(PLANE, 0.5, 1.1)
+    assert part.tags == ("in", None) and part.speeds[0] == 0.1
+    assert np.isnan(part.speeds[1]) and part.tolerances[1] == 1e-3
+    np.testing.assert_allclose(part.lengths, [0.5, 0.1])
     for path in HELD.values():  # the whole is a part
-        found = cut_path(path, 0.0, path.length)
-        np.testing.assert_array_equal(found.lengths, path.lengths)
-        np.testing.assert_array_equal(found.starts, path.starts)
+        part = cut_path(path, 0.0, path.length)
+        np.testing.assert_array_equal(part.lengths, path.lengths)
+        np.testing.assert_array_equal(part.starts, path.starts)
 
 
 @held
 def test_parts_put_together_are_the_path(path):
     cuts = np.array([0, 0.31, 0.62, 1]) * path.length
-    found = join_paths([cut_path(path, a, b) for a, b in zip(cuts, cuts[1:], strict=False)])
-    assert found.length == pytest.approx(path.length, rel=1e-12)
-    alike(found, path, SHARES * path.length, SHARES * path.length)
+    joined = join_paths([cut_path(path, a, b) for a, b in zip(cuts, cuts[1:], strict=False)])
+    assert joined.length == pytest.approx(path.length, rel=1e-12)
+    alike(joined, path, SHARES * path.length, SHARES * path.length)
     assert join_paths([path]) is path
 
 
@@ -121,24 +121,24 @@ FLAT = Frame(position=[1, 2, 0], rotation=Rotation.from_rotvec([0, 0, 0.9]).as_m
 
 @each("path, scale", [(x, scale) for x in HELD.values() for scale in (1.0, 0.25)])
 def test_a_placed_path_is_seen_from_where_its_frame_stands(path, scale):
-    found = path.placed(FRAME, scale=scale)
+    placed = path.placed(FRAME, scale=scale)
     s = SHARES * path.length
-    seen = (FRAME.rotation @ (scale * path.lifted()(s)).T).T + FRAME.position
-    assert found.length == pytest.approx(scale * path.length, rel=1e-12)
-    np.testing.assert_allclose(found(scale * s), seen, atol=1e-12)
+    expected = (FRAME.rotation @ (scale * path.lifted()(s)).T).T + FRAME.position
+    assert placed.length == pytest.approx(scale * path.length, rel=1e-12)
+    np.testing.assert_allclose(placed(scale * s), expected, atol=1e-12)
     if path.orientation is not None:
         turned = FRAME.rotation @ path.orientation(s)
-        np.testing.assert_allclose(found.orientation(scale * s), turned, atol=1e-9)
+        np.testing.assert_allclose(placed.orientation(scale * s), turned, atol=1e-9)
 
 
 def test_a_path_in_the_plane_stays_there_where_its_frame_does():
     assert FLAT.is_planar_transform and not FRAME.is_planar_transform
-    found, s = PLANE.placed(FLAT, scale=2.0), SHARES * PLANE.length
-    assert found.dimension == 2
-    seen = 2 * PLANE(s) @ FLAT.rotation[:2, :2].T + FLAT.position[:2]
-    np.testing.assert_allclose(found(2 * s), seen, atol=1e-12)
-    np.testing.assert_array_equal(found.tags, PLANE.tags)
-    np.testing.assert_array_equal(found.speeds, PLANE.speeds)
+    placed, s = PLANE.placed(FLAT, scale=2.0), SHARES * PLANE.length
+    assert placed.dimension == 2
+    expected = 2 * PLANE(s) @ FLAT.rotation[:2, :2].T + FLAT.position[:2]
+    np.testing.assert_allclose(placed(2 * s), expected, atol=1e-12)
+    np.testing.assert_array_equal(placed.tags, PLANE.tags)
+    np.testing.assert_array_equal(placed.speeds, PLANE.speeds)
     # In space and back.
     there = PLANE.lifted()
     assert there.dimension == 3 and there.lifted() is there and drop_z(PLANE) is PLANE
@@ -147,21 +147,21 @@ def test_a_path_in_the_plane_stays_there_where_its_frame_does():
     assert drop_z(there).tags == PLANE.tags
     # A flattened path is its shadow: what only goes up and down is gone.
     up = ac.Path.polyline([(0, 0, 0), (0, 0, 1), (1, 0, 1), (1, 1, 2), (1, 1, 0)])
-    found = drop_z(up)
-    np.testing.assert_allclose(found.vertices, [(0, 0), (1, 0), (1, 1)], atol=1e-15)
-    np.testing.assert_allclose(found.lengths, [1, 1])
+    placed = drop_z(up)
+    np.testing.assert_allclose(placed.vertices, [(0, 0), (1, 0), (1, 1)], atol=1e-15)
+    np.testing.assert_allclose(placed.lengths, [1, 1])
 
 
 @held
 def test_a_reversed_path_runs_the_same_way_back(path):
-    found, s = path.reversed(), SHARES * path.length
-    alike(found, path, s, path.length - s, direction=-1)
-    assert found.tags == path.tags[::-1]
-    np.testing.assert_array_equal(found.speeds, path.speeds[::-1])
-    np.testing.assert_array_equal(found.tolerances, path.tolerances[::-1])
-    np.testing.assert_allclose(found.stops, (path.length - path.stops)[::-1], atol=1e-12)
-    np.testing.assert_array_equal(found.waypoints, len(path) - path.waypoints[::-1])
-    alike(found.reversed(), path, s, s)
+    reversed_path, s = path.reversed(), SHARES * path.length
+    alike(reversed_path, path, s, path.length - s, direction=-1)
+    assert reversed_path.tags == path.tags[::-1]
+    np.testing.assert_array_equal(reversed_path.speeds, path.speeds[::-1])
+    np.testing.assert_array_equal(reversed_path.tolerances, path.tolerances[::-1])
+    np.testing.assert_allclose(reversed_path.stops, (path.length - path.stops)[::-1], atol=1e-12)
+    np.testing.assert_array_equal(reversed_path.waypoints, len(path) - path.waypoints[::-1])
+    alike(reversed_path.reversed(), path, s, s)
 
 
 # What rounding makes of an even turning differs a little with the direction.
@@ -177,9 +177,9 @@ def test_a_path_can_be_rounded_before_it_is_reversed_or_after(name):
 
 
 def test_reversed_circles_and_placed_rounded_paths():
-    found = path_of(ac.Arc.circle((1, 0), (0, 0))).reversed()
-    np.testing.assert_allclose(found(np.pi / 2), (0, -1), atol=1e-15)
-    np.testing.assert_allclose(found([0, found.length]), [(1, 0), (1, 0)], atol=1e-15)
+    circle = path_of(ac.Arc.circle((1, 0), (0, 0))).reversed()
+    np.testing.assert_allclose(circle(np.pi / 2), (0, -1), atol=1e-15)
+    np.testing.assert_allclose(circle([0, circle.length]), [(1, 0), (1, 0)], atol=1e-15)
     rounded = ac.round_corners(ac.Path.polyline([[0, 0], [1, 0], [1, 1]]), tolerance=1e-2)
     moved = rounded.placed(Frame(position=[1.0, 2.0, 0.0]), scale=2.0)
     assert type(moved) is type(rounded.lifted()) is ac.Path
@@ -197,18 +197,20 @@ def test_a_part_of_a_path_that_follows_its_tangent_is_rounded_as_the_whole():
     np.testing.assert_allclose(cut.orientation(s), path.orientation(s + begin), atol=2e-3)
     whole = ac.round_corners(path, **fine)
     again = cut_path(whole, 0.03, 0.11)
-    at = np.linspace(0, again.length, 40)
-    np.testing.assert_allclose(again.orientation(at), whole.orientation(at + 0.03), atol=1e-12)
+    positions = np.linspace(0, again.length, 40)
+    np.testing.assert_allclose(
+        again.orientation(positions), whole.orientation(positions + 0.03), atol=1e-12
+    )
     assert again.orientation.f[0, 0] == 0.0
 
 
-@each("off", [-0.9e-9, -1e-11, 0.0, 1e-11, 0.9e-9])
-def test_a_part_that_begins_beside_a_joint_can_be_rounded_with_its_orientation(off):
+@each("offset", [-0.9e-9, -1e-11, 0.0, 1e-11, 0.9e-9])
+def test_a_part_that_begins_beside_a_joint_can_be_rounded_with_its_orientation(offset):
     path = ac.Path.polyline([[0, 0, 0], [0.05, 0.05, 0], [0.1, 0, 0], [0.2, 0, 0]])
     turning = path.pointing([[0, 0, -1], [0.1, 0, -1], [0, 0.1, -1], [0, 0, -1]])
     for cut in (
-        cut_path(turning, turning.breaks[1] + off, turning.length),
-        cut_path(turning, 0.0, turning.breaks[2] + off),
+        cut_path(turning, turning.breaks[1] + offset, turning.length),
+        cut_path(turning, 0.0, turning.breaks[2] + offset),
     ):
         np.testing.assert_array_equal(cut.orientation.breaks, cut.breaks)
         ac.round_corners(cut, tolerance=1e-3, angular_tolerance=0.1)
@@ -268,12 +270,12 @@ def test_a_smooth_corner_has_the_stated_curvature(turn):
 
     s = np.linspace(0, size, 60)
     start = [-c.tangent[0], 0, 0]
-    found = solve_ivp(change, (0, size), start, t_eval=s, rtol=1e-12, atol=1e-14).y[:2].T
+    integrated = solve_ivp(change, (0, size), start, t_eval=s, rtol=1e-12, atol=1e-14).y[:2].T
     # Off by the quintics, far below any tolerance.
-    assert np.abs(path(c.start[0] + s) - found).max() < 2e-7 * size
+    assert np.abs(path(c.start[0] + s) - integrated).max() < 2e-7 * size
     bend = np.linalg.norm(path(c.start[0] + s, 2), axis=1)
-    wanted = (1 - (2 * s / size - 1) ** 2) ** 2 / c.radius[0]
-    assert np.abs(bend - wanted).max() < 1e-4 / c.radius[0]
+    curvature = (1 - (2 * s / size - 1) ** 2) ** 2 / c.radius[0]
+    assert np.abs(bend - curvature).max() < 1e-4 / c.radius[0]
 
 
 def test_no_point_of_a_smooth_corner_is_farther_from_the_lines_than_its_middle(smooth):
@@ -285,9 +287,9 @@ def test_no_point_of_a_smooth_corner_is_farther_from_the_lines_than_its_middle(s
 
 def test_neighbours_share_their_line_as_arcs_do_and_some_corners_stay_sharp():
     path = ac.Path.polyline([(0, 0), (0.1, 0), (0.1, 0.01), (0.2, 0.01)])
-    found = ac.round_corners(path, tolerance=0.02, continuity="curvature").corners
-    np.testing.assert_allclose(found.tangent, 0.005, rtol=1e-12)
-    assert found.shrunk.all() and found.reason.tolist() == [None, None]
+    corners = ac.round_corners(path, tolerance=0.02, continuity="curvature").corners
+    np.testing.assert_allclose(corners.tangent, 0.005, rtol=1e-12)
+    assert corners.shrunk.all() and corners.reason.tolist() == [None, None]
     points = [(0, 0), (0.1, 0), (0, 0), (0, 0.1), (1e-9, 0.1 + 2e-9), (0.1, 0.1)]
     for continuity in ("tangent", "curvature"):
         sharp = ac.round_corners(ac.Path.polyline(points), tolerance=1e-3, continuity=continuity)
@@ -298,18 +300,18 @@ def test_neighbours_share_their_line_as_arcs_do_and_some_corners_stay_sharp():
 def test_nearest_points_are_on_the_curve(smooth):
     s = places(smooth, 999)
     normal = smooth(s, 1) @ [[0, 1], [-1, 0]]
-    for off in (0.0, 2e-4):
-        found = smooth.project(smooth(s) + off * normal)
-        np.testing.assert_allclose(found.distance, off, atol=1.1e-9)
-        np.testing.assert_allclose(found.s, s, atol=2e-8)
-    assert found.s.max() <= smooth.length
+    for distance in (0.0, 2e-4):
+        projection = smooth.project(smooth(s) + distance * normal)
+        np.testing.assert_allclose(projection.distance, distance, atol=1.1e-9)
+        np.testing.assert_allclose(projection.s, s, atol=2e-8)
+    assert projection.s.max() <= smooth.length
 
 
 def test_placed_lifted_and_dropped_it_is_the_same(smooth):
     s, frame = places(smooth), Frame.rpy((0.1, 0.2, 0.3), (0.4, 0.5, 0.6))
     space = smooth.placed(frame, scale=2.0)
-    wanted = 2 * np.pad(smooth(s), ((0, 0), (0, 1))) @ frame.rotation.T + frame.position
-    np.testing.assert_allclose(space(2 * s), wanted, atol=1e-14)
+    expected = 2 * np.pad(smooth(s), ((0, 0), (0, 1))) @ frame.rotation.T + frame.position
+    np.testing.assert_allclose(space(2 * s), expected, atol=1e-14)
     assert jumps(space, 2).max() < 1e-12
     np.testing.assert_allclose(drop_z(smooth.lifted())(s), smooth(s), rtol=1e-12, atol=1e-18)
     with pytest.raises(ac.InvalidInput, match="curve that leaves the plane"):
@@ -325,8 +327,8 @@ def test_the_extent_is_that_of_dense_points(smooth):
 
 
 def test_columns_that_do_not_fit_are_refused(smooth):
-    def with_quintics(given):
-        return lambda: ac.Path(segments=smooth.segments.replace(quintics=given))
+    def with_quintics(quintics):
+        return lambda: ac.Path(segments=smooth.segments.replace(quintics=quintics))
 
     broken = smooth.segments.quintics.copy()
     broken[1, 2] = np.nan

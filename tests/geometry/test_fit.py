@@ -42,8 +42,8 @@ def bezier(*points):
 def judged(curve, breaks, tolerance, *, corners=0, places=3001):
     """The path, once it is near the curve both ways, on it at its breaks, and tangent."""
     path = fitted(curve, breaks, tolerance)
-    at = np.linspace(breaks[0], breaks[-1], places)
-    dense = curve(at, 0)
+    parameter = np.linspace(breaks[0], breaks[-1], places)
+    dense = curve(parameter, 0)
     assert path.project(dense).distance.max() <= tolerance
     assert path.project(curve(np.array(breaks, dtype=float), 0)).distance.max() < 2e-9
     step = np.linalg.norm(np.diff(dense, axis=0), axis=1).max()

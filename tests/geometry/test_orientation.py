@@ -73,11 +73,11 @@ def test_rates_are_the_derivatives_of_the_rotations(name):
 
 
 def test_waypoints_get_their_rotations_and_the_tool_turns_evenly_between():
-    given = turns(5)
-    orientation = PATH.oriented(given).orientation
-    np.testing.assert_allclose(orientation(PATH.breaks), given, atol=1e-14)
+    rotations = turns(5)
+    orientation = PATH.oriented(rotations).orientation
+    np.testing.assert_allclose(orientation(PATH.breaks), rotations, atol=1e-14)
     middle = (PATH.breaks[:-1] + PATH.breaks[1:]) / 2
-    half = Rotation.from_matrix(given[:-1]), Rotation.from_matrix(given[1:])
+    half = Rotation.from_matrix(rotations[:-1]), Rotation.from_matrix(rotations[1:])
     step = (half[1] * half[0].inv()).as_rotvec()
     expected = (Rotation.from_rotvec(step / 2) * half[0]).as_matrix()
     np.testing.assert_allclose(orientation(middle), expected, atol=1e-14)
@@ -103,8 +103,8 @@ def test_the_tool_stops_where_its_rate_of_turning_jumps():
     # rate of the last digits.
     points = [(0, 0, 0), (0.1, 0, 0), (0.1 + 2e-9, 0, 0), (0.2, 0, 0)]
     same = Rotation.from_rotvec([0.3, 0.2, 0.1])
-    given = np.array([same.as_matrix(), (same * same * same.inv()).as_matrix()] * 2)
-    path = ac.Path.polyline(points).oriented(given)
+    rotations = np.array([same.as_matrix(), (same * same * same.inv()).as_matrix()] * 2)
+    path = ac.Path.polyline(points).oriented(rotations)
     assert len(path.stops) == 0 and not path.orientation.first.any()
 
 
@@ -117,13 +117,13 @@ def test_a_jump_is_an_angle_and_repeated_points_take_one_orientation_each():
     tilted = exp(np.array([[0, 0, 0.0], [0.3, 0, 0]]))
     free = Orientation.even(np.ones(2), tilted, np.zeros((2, 3)), axis_only=True)
     np.testing.assert_allclose(free.jumps, [0.3])
-    given = turns(4)
-    given[2] = given[1]
+    rotations = turns(4)
+    rotations[2] = rotations[1]
     path = ac.Path.polyline(REPEATED)
-    by_point = path.oriented(given).orientation
-    by_kept = path.oriented(given[[0, 1, 3]]).orientation
+    by_point = path.oriented(rotations).orientation
+    by_kept = path.oriented(rotations[[0, 1, 3]]).orientation
     np.testing.assert_array_equal(by_point.starts, by_kept.starts)
-    np.testing.assert_allclose(by_point(path.length), given[3], atol=1e-14)
+    np.testing.assert_allclose(by_point(path.length), rotations[3], atol=1e-14)
 
 
 def test_orientations_that_cannot_be_are_refused():
@@ -219,11 +219,11 @@ def test_breaks_of_the_orientation_are_those_of_the_path_to_the_last_digit():
     random = np.random.default_rng(8)
     path = ac.Path.polyline(np.cumsum(random.normal(size=(1000, 3)), axis=0))
     path = path.oriented(Rotation.from_rotvec(0.3 * random.normal(size=(1000, 3))))
-    found = ac.round_corners(path, tolerance=0.05, angular_tolerance=0.3)
-    apart = np.setdiff1d(found.orientation.breaks, found.breaks)
-    near = np.abs(apart[:, None] - found.breaks).min(axis=1)
+    rounded = ac.round_corners(path, tolerance=0.05, angular_tolerance=0.3)
+    apart = np.setdiff1d(rounded.orientation.breaks, rounded.breaks)
+    near = np.abs(apart[:, None] - rounded.breaks).min(axis=1)
     assert len(near) == 0 or near.min() > 1e-9
-    assert found.orientation.breaks[-1] == found.length
+    assert rounded.orientation.breaks[-1] == rounded.length
 
 
 @each("axis_only", [False, True])
@@ -255,13 +255,13 @@ def bends(axes):
 def test_errors_go_and_turns_stay(closed):
     points, true, axes = ring(400, 3e-3, closed=closed)
     largest = angle_between(axes, true).max()
-    found = smooth_axes(points, axes, largest)
-    assert angle_between(found, axes).max() <= largest
+    smoothed = smooth_axes(points, axes, largest)
+    assert angle_between(smoothed, axes).max() <= largest
     # The true axes are among those that are allowed, so that the smoothest bend no more.
-    assert bends(found) < 1.05 * bends(true) < 0.1 * bends(axes)
+    assert bends(smoothed) < 1.05 * bends(true) < 0.1 * bends(axes)
     if closed:
-        np.testing.assert_array_equal(found[0], found[-1])
-        before, after = found[-1] - found[-2], found[1] - found[0]
+        np.testing.assert_array_equal(smoothed[0], smoothed[-1])
+        before, after = smoothed[-1] - smoothed[-2], smoothed[1] - smoothed[0]
         assert np.linalg.norm(after - before) < 3 * bends(true)
 
 
@@ -273,16 +273,16 @@ def test_no_axis_turns_by_more_than_the_angle(n, noise, tolerance, closed, seed)
     points, _, axes = ring(max(n, 5) if closed else n, noise, closed=closed, seed=seed)
     # Rows at uneven distances.
     points[1] += 0.9 * (points[2] - points[1])
-    found = smooth_axes(points, axes, tolerance)
-    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, rtol=1e-12)
-    assert angle_between(found, axes).max() <= tolerance
+    smoothed = smooth_axes(points, axes, tolerance)
+    np.testing.assert_allclose(np.linalg.norm(smoothed, axis=1), 1.0, rtol=1e-12)
+    assert angle_between(smoothed, axes).max() <= tolerance
 
 
 def test_what_is_not_to_be_smoothed_is_kept():
     points, true, axes = ring(20, 0.0)
     for few, tolerance in ((2, 0.1), (20, 0.0)):
-        found = smooth_axes(points[:few], true[:few], tolerance)
-        np.testing.assert_allclose(found, true[:few], atol=1e-15)
+        smoothed = smooth_axes(points[:few], true[:few], tolerance)
+        np.testing.assert_allclose(smoothed, true[:few], atol=1e-15)
     refused(
         (lambda: smooth_axes(np.zeros((20, 3)), axes, 0.1), "points that differ"),
         (lambda: smooth_axes(points, 0 * axes, 0.1), "with a length"),

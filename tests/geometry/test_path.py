@@ -105,13 +105,13 @@ def test_arc_length_is_the_parameter_and_shapes_follow_the_argument(path):
 
 def test_both_sides_of_a_joint_stops_turns_and_vertices():
     path = winding_path()
-    at = path.breaks[4]  # where the circle is left for an oblique line
+    s = path.breaks[4]  # where the circle is left for an oblique line
     leaving = np.array([0.7, 0.5]) / np.hypot(0.7, 0.5)
-    np.testing.assert_allclose(path(at, 1, side="left"), (0, 1), atol=1e-12)
-    np.testing.assert_allclose(path(at, 1, side="right"), leaving, atol=1e-12)
-    np.testing.assert_allclose(path(at, 2, side="left"), (1 / R, 0), atol=1e-12)
-    np.testing.assert_array_equal(path(at, 2, side="right"), (0, 0))
-    np.testing.assert_allclose(path(at, side="left"), path(at, side="right"), atol=1e-14)
+    np.testing.assert_allclose(path(s, 1, side="left"), (0, 1), atol=1e-12)
+    np.testing.assert_allclose(path(s, 1, side="right"), leaving, atol=1e-12)
+    np.testing.assert_allclose(path(s, 2, side="left"), (1 / R, 0), atol=1e-12)
+    np.testing.assert_array_equal(path(s, 2, side="right"), (0, 0))
+    np.testing.assert_allclose(path(s, side="left"), path(s, side="right"), atol=1e-14)
     for end in (0.0, path.length):  # there both sides are the inner one
         np.testing.assert_array_equal(path(end, 1, side="left"), path(end, 1, side="right"))
     np.testing.assert_allclose(path.turns, [0, 0, 0, np.arctan2(0.7, 0.5)], atol=1e-12)
@@ -343,8 +343,8 @@ def test_an_arc_through_three_points(seed, dimension, first, share):
     path = path_of(ac.Arc.through(*points))
     assert path.length == pytest.approx(radius * first, rel=1e-9)
     assert path.curvatures[0] == pytest.approx(1 / radius, rel=1e-9)
-    at = path(np.array([0, share, 1]) * path.length)
-    np.testing.assert_allclose(at, points, atol=1e-9 * (1 + radius))
+    points_on_arc = path(np.array([0, share, 1]) * path.length)
+    np.testing.assert_allclose(points_on_arc, points, atol=1e-9 * (1 + radius))
 
 
 def test_the_circle_is_the_one_through_the_points_and_a_flat_arc_keeps_its_ends():
@@ -356,8 +356,8 @@ def test_the_circle_is_the_one_through_the_points_and_a_flat_arc_keeps_its_ends(
     arc = ac.Arc.through(*points)
     np.testing.assert_allclose(arc.center, center, atol=1e-12)
     path = path_of(arc)
-    off = np.linalg.norm(path(np.linspace(0, path.length, 100)) - center, axis=1)
-    np.testing.assert_allclose(off, np.linalg.norm(a - center), rtol=1e-12)
+    radii = np.linalg.norm(path(np.linspace(0, path.length, 100)) - center, axis=1)
+    np.testing.assert_allclose(radii, np.linalg.norm(a - center), rtol=1e-12)
     # A sagitta of a micrometre on a metre.
     path = path_of(ac.Arc.through((0, 0), (0.5, 1e-6), (1, 0)))
     np.testing.assert_allclose(path(path.length), (1, 0), atol=1e-9)

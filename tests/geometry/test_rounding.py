@@ -55,17 +55,17 @@ def test_both_cases_are_capped_by_the_tolerance_and_tiny_turns_keep_their_digits
     loose = ac.round_corners(path, **case_one, tolerance=100.0).corners
     np.testing.assert_array_equal(loose.radius, free.radius)
     # (10): r (1 - cos h) / cos h is r h² / 2 for small h; printed, it cancels to nothing.
-    found = corner_error(np.array([2.0]), np.array([1e-9]))
-    assert found[0] == pytest.approx(1e-18, rel=1e-12)
+    error = corner_error(np.array([2.0]), np.array([1e-9]))
+    assert error[0] == pytest.approx(1e-18, rel=1e-12)
 
 
 def test_values_of_joints_and_segments_cap_the_corners():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0, 1), (0, 2)])
-    found = ac.round_corners(path, tolerance=[0.01, 0.0, 0.02]).corners
-    np.testing.assert_allclose(found.error, [0.01, 0, 0.02], atol=1e-15)
-    np.testing.assert_array_equal(found.stopped, [False, True, False])
-    np.testing.assert_array_equal(found.vertex, [1, 2, 3])
-    np.testing.assert_array_equal(found.point, [(1, 0), (1, 1), (0, 1)])
+    corners = ac.round_corners(path, tolerance=[0.01, 0.0, 0.02]).corners
+    np.testing.assert_allclose(corners.error, [0.01, 0, 0.02], atol=1e-15)
+    np.testing.assert_array_equal(corners.stopped, [False, True, False])
+    np.testing.assert_array_equal(corners.vertex, [1, 2, 3])
+    np.testing.assert_array_equal(corners.point, [(1, 0), (1, 1), (0, 1)])
     points = (0, 0), (1, 0), (1, 1), (0, 1)
     values = {"speed": 0.2}, {"speed": 0.1, "tolerance": 2e-3}, {"tolerance": 1e-3}
     lines = (line(a, b, tag="x", **x) for a, b, x in zip(points, points[1:], values, strict=False))
@@ -106,16 +106,16 @@ def bridge():
 def test_a_corner_beside_an_arc_becomes_two_tangent_arcs():
     path, tolerance = bridge(), 0.05
     rounded = ac.round_corners(path, tolerance=tolerance, acceleration=0.09)
-    found = rounded.corners
-    assert len(rounded.stops) == 0 and not found.shrunk.any()
-    assert found.reason.tolist() == [None, None]
-    np.testing.assert_allclose(found.error, tolerance, rtol=1e-6)
-    np.testing.assert_allclose(rounded.project(found.point).distance, found.error, rtol=1e-9)
+    corners = rounded.corners
+    assert len(rounded.stops) == 0 and not corners.shrunk.any()
+    assert corners.reason.tolist() == [None, None]
+    np.testing.assert_allclose(corners.error, tolerance, rtol=1e-6)
+    np.testing.assert_allclose(rounded.project(corners.point).distance, corners.error, rtol=1e-9)
     assert (rounded.turns <= 1e-9).all()
-    assert found.radius[0] == pytest.approx(1 / rounded.curvatures[1:3].max(), rel=1e-12)
-    np.testing.assert_allclose(found.speed, np.sqrt(0.09 * found.radius))
+    assert corners.radius[0] == pytest.approx(1 / rounded.curvatures[1:3].max(), rel=1e-12)
+    np.testing.assert_allclose(corners.speed, np.sqrt(0.09 * corners.radius))
     # The path is symmetric, and so are its corners.
-    np.testing.assert_allclose(found.tangent[0], found.tangent[1], rtol=1e-6)
+    np.testing.assert_allclose(corners.tangent[0], corners.tangent[1], rtol=1e-6)
     np.testing.assert_allclose(rounded(rounded.length / 2), (2, 1), atol=1e-9)
 
 
@@ -123,25 +123,25 @@ def test_beside_an_arc_a_corner_is_that_between_lines_or_the_smallest_blend():
     turn, big = 1.2, 1e7
     normal = np.array([-np.sin(turn), np.cos(turn)])
     bent = path_of(line((-1, 0), (0, 0)), arc((0, 0), big * normal, 1 / big))
-    found = ac.round_corners(bent, tolerance=1e-3).corners
+    corners = ac.round_corners(bent, tolerance=1e-3).corners
     straight = ac.round_corners(corner(turn), tolerance=1e-3).corners
     for name in ("radius", "tangent", "error", "start", "end"):
         rest = 9.0 if name in ("start", "end") else 0.0
         expected = getattr(straight, name)[0] - rest
-        assert getattr(found, name)[0] == pytest.approx(expected, rel=1e-5)
+        assert getattr(corners, name)[0] == pytest.approx(expected, rel=1e-5)
     path, v, a = bridge(), 0.03, 0.09
-    found = ac.round_corners(path, speed=v, acceleration=a).corners
-    np.testing.assert_allclose(found.radius, v**2 / a, rtol=1e-6)
-    np.testing.assert_allclose(found.speed, v, rtol=1e-6)
-    assert not found.shrunk.any()
+    corners = ac.round_corners(path, speed=v, acceleration=a).corners
+    np.testing.assert_allclose(corners.radius, v**2 / a, rtol=1e-6)
+    np.testing.assert_allclose(corners.speed, v, rtol=1e-6)
+    assert not corners.shrunk.any()
     capped = ac.round_corners(path, speed=v, acceleration=a, tolerance=1e-4).corners
     assert (capped.error <= 1e-4).all() and (capped.speed < v).all()
 
 
 def test_corners_beside_arcs_share_their_arc_and_their_lines():
-    found = ac.round_corners(bridge(), tolerance=[10.0, 10.0]).corners
-    assert found.shrunk.all()
-    np.testing.assert_allclose(found.tangent, 1.0)  # all of either line
+    corners = ac.round_corners(bridge(), tolerance=[10.0, 10.0]).corners
+    assert corners.shrunk.all()
+    np.testing.assert_allclose(corners.tangent, 1.0)  # all of either line
     # An arc of 0.2 m between two lines leaves either corner one half.
     end = np.array([2 - np.cos(0.2), np.sin(0.2)])
     short = path_of(line((0, 0), (1, 0)), arc((1, 0), (2, 0), -0.2), line(end, end + (1, 0)))
@@ -151,8 +151,8 @@ def test_corners_beside_arcs_share_their_arc_and_their_lines():
 
 def test_why_the_tool_stops_and_how_often():
     path = path_of(line((0, 0), (1, 0)), arc((1, 0), (2, 0), -0.2))
-    found = ac.round_corners(path, tolerance=0.0).corners
-    assert found.stopped.all() and found.reason.tolist() == ["tolerance zero"]
+    corners = ac.round_corners(path, tolerance=0.0).corners
+    assert corners.stopped.all() and corners.reason.tolist() == ["tolerance zero"]
     path = ac.Path.polyline([(0, 0), (1, 0), (1 + 2e-9, 0), (1 + 2e-9, 1), (0, 1)])
     tiny = ac.round_corners(path, tolerance=[1e-3, 1e-10, 1e-3]).corners
     assert tiny.reason.tolist() == ["no room", None]
@@ -166,19 +166,19 @@ def test_why_the_tool_stops_and_how_often():
     assert count_full_stops(bridge()) == {"rounding off": 2}
 
 
-def test_full_stops_of_a_shaped_path_say_why_they_are():
+def test_full_stops_of_a_shaped_path_are_counted_by_reason():
     lines = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (2, 1), (1.5, 1)]).segments
     outcome = ShapingOutcome(start="stops", durations={"stops": 1.0, "shaped": 1.0})
-    for own, found in (
+    for own_tolerance, reasons in (
         (np.nan, {"faster than a curve": 2, "turn-back": 1}),
         (0.0, {"faster than a curve": 1, "tolerance zero": 1, "turn-back": 1}),
     ):
-        tolerances = np.array([own, np.nan, np.nan, np.nan])
+        tolerances = np.array([own_tolerance, np.nan, np.nan, np.nan])
         objective = ac.Path(segments=dataclasses.replace(lines, tolerances=tolerances))
         places = [[0.0, 0.0], [objective.length, objective.length]]
-        asked = {"places": places, "tolerance": 0.01, "outcome": outcome}
-        stopping = ShapedPath(segments=lines, objective=objective, **asked)
-        assert count_full_stops(stopping) == found
+        fields = {"places": places, "tolerance": 0.01, "outcome": outcome}
+        stopping = ShapedPath(segments=lines, objective=objective, **fields)
+        assert count_full_stops(stopping) == reasons
 
 
 def test_a_tool_that_follows_the_tangent_keeps_to_it_over_corners_beside_arcs():
@@ -201,13 +201,13 @@ def test_the_orientation_is_rounded_over_corners_beside_arcs(axis_only):
     for rounded, allowed in ((loose, 1.0), (tight, 2e-3)):
         assert len(rounded.stops) == 0
         middle = (rounded.corners.start + rounded.corners.end) / 2
-        at = path.orientation(path.breaks[rounded.corners.vertex])
+        vertex_rotations = path.orientation(path.breaks[rounded.corners.vertex])
         there = rounded.orientation(middle)
         if axis_only:
-            cosine = np.sum(there[:, :, 2] * at[:, :, 2], axis=1)
+            cosine = np.sum(there[:, :, 2] * vertex_rotations[:, :, 2], axis=1)
             angle = np.arccos(np.clip(cosine, -1, 1))
         else:
-            angle = Rotation.from_matrix(there @ at.transpose(0, 2, 1)).magnitude()
+            angle = Rotation.from_matrix(there @ vertex_rotations.transpose(0, 2, 1)).magnitude()
         assert angle.max() <= allowed
         np.testing.assert_allclose(rounded.corners.angular_error, angle, atol=1e-7)
 
@@ -231,15 +231,15 @@ def test_arcs_that_leave_the_plane_are_rounded_too():
 def test_arcs_that_meet_share_their_line_and_ends_can_be_used_up():
     # A square zigzag of side 1 with room for tangents of 0.5 only.
     path = ac.Path.polyline([(-9, 0), (0, 0), (0, 1), (9, 1)])
-    found = ac.round_corners(path, tolerance=10.0).corners
-    assert found.shrunk.all()
-    np.testing.assert_allclose(found.tangent, 0.5)
-    np.testing.assert_allclose(found.radius, 0.5)  # r tan(45°)
+    corners = ac.round_corners(path, tolerance=10.0).corners
+    assert corners.shrunk.all()
+    np.testing.assert_allclose(corners.tangent, 0.5)
+    np.testing.assert_allclose(corners.radius, 0.5)  # r tan(45°)
     # A small neighbour leaves its room to a large one.
     small = 0.1 * (np.sqrt(2) - 1)  # an arc with r = 0.1 at a right angle
-    found = ac.round_corners(path, tolerance=[small, 10.0]).corners
-    np.testing.assert_allclose(found.tangent, [0.1, 0.9])
-    assert found.shrunk.tolist() == [False, True]
+    corners = ac.round_corners(path, tolerance=[small, 10.0]).corners
+    np.testing.assert_allclose(corners.tangent, [0.1, 0.9])
+    assert corners.shrunk.tolist() == [False, True]
     path = ac.Path.polyline([(-0.3, 0), (0, 0), (0, 9)])
     rounded = ac.round_corners(path, tolerance=10.0)
     np.testing.assert_allclose(rounded.corners.tangent, 0.3)
@@ -286,13 +286,13 @@ def test_a_circle_stays_as_it_is(continuity):
     flat = path_of(arc((0.1, 0.0), (0.0, 0.0), 2 * np.pi))
     spatial = ac.Path.polyline([(0, 0, 0), (1, 0, 0)])
     for path in (flat, spatial, spatial.pointing([0, 0, -1]), spatial.oriented(np.eye(3))):
-        found = ac.round_corners(path, tolerance=1e-3, continuity=continuity)
+        circle = ac.round_corners(path, tolerance=1e-3, continuity=continuity)
         s = np.linspace(0, path.length, 9)
-        np.testing.assert_array_equal(found(s), path(s))
-        np.testing.assert_array_equal(found.place(s), s)
-        assert len(found.corners) == 0 and len(found) == len(path) == 1
-        assert not count_full_stops(found)
+        np.testing.assert_array_equal(circle(s), path(s))
+        np.testing.assert_array_equal(circle.place(s), s)
+        assert len(circle.corners) == 0 and len(circle) == len(path) == 1
+        assert not count_full_stops(circle)
         if path.orientation is not None:
-            np.testing.assert_array_equal(found.orientation(s), path.orientation(s))
-            assert found.orientation.axis_only == path.orientation.axis_only
+            np.testing.assert_array_equal(circle.orientation(s), path.orientation(s))
+            assert circle.orientation.axis_only == path.orientation.axis_only
     refused((lambda: ac.round_corners(flat, tolerance=-1.0), "corner error tolerance"))

@@ -67,15 +67,15 @@ def test_the_curvature_is_that_of_the_curve_and_not_of_its_arcs(shaped):
     arcs = shaped.curvatures[shaped.locate(s)]
     assert np.abs(arcs - 40 * s).max() > 0.05
     # Points of the arcs and of the curve are less than a micrometre apart.
-    off = np.linalg.norm(shaped(s) - ac.Path(segments=shaped.segments)(s), axis=1)
-    assert 0 < off.max() < 1e-6
+    distances = np.linalg.norm(shaped(s) - ac.Path(segments=shaped.segments)(s), axis=1)
+    assert 0 < distances.max() < 1e-6
 
 
 def test_both_sides_of_a_break_agree(shaped):
     s = shaped.breaks[1:-1]
     for order in range(3):
-        left, right = shaped(s, order, side="left"), shaped(s, order)
-        np.testing.assert_allclose(left, right, atol=1e-6 * 40**order)
+        before, right = shaped(s, order, side="left"), shaped(s, order)
+        np.testing.assert_allclose(before, right, atol=1e-6 * 40**order)
 
 
 def test_a_traced_curve_has_its_curvature_in_the_joints(shaped, arm):
@@ -92,8 +92,8 @@ def test_a_traced_curve_has_its_curvature_in_the_joints(shaped, arm):
 
 
 def test_places_lead_from_the_objective_to_the_path(shaped):
-    found = shaped.place([0.0, shaped.objective.length / 2, shaped.objective.length])
-    np.testing.assert_allclose(found, [0, shaped.breaks[30], shaped.length], atol=1e-12)
+    places_on_path = shaped.place([0.0, shaped.objective.length / 2, shaped.objective.length])
+    np.testing.assert_allclose(places_on_path, [0, shaped.breaks[30], shaped.length], atol=1e-12)
     scale = np.array([shaped.objective.length, shaped.length])
     back = [[0, 0], [0.1, 0.2], [0.05, 0.25], [1, 1]]
     for places in (scale * [[0, 0], [1, 0.1]], scale * back, [0, 1]):

@@ -23,19 +23,23 @@ def shaped(objective, tolerance=0.005):
     bare = ac.Path(segments=objective.segments)
     path = round_with_parabolas(bare, tolerance=tolerance)
     c = path.corners
-    at = objective.breaks[c.vertex]
-    s = np.unique(np.concatenate([[0.0], at - c.tangent, at, at + c.tangent, [objective.length]]))
+    vertices = objective.breaks[c.vertex]
+    s = np.unique(
+        np.concatenate(
+            [[0.0], vertices - c.tangent, vertices, vertices + c.tangent, [objective.length]]
+        )
+    )
     return path, np.stack([s, np.maximum.accumulate(path.place(s))], axis=1)
 
 
 def off_place(path, objective, places, n=3001):
     """Angles between the tool and its orientation at the place on the objective."""
     s = np.linspace(0, path.length, n)
-    given = path.orientation(s)
-    wanted = objective.orientation(np.interp(s, places[:, 1], places[:, 0]))
+    actual = path.orientation(s)
+    expected = objective.orientation(np.interp(s, places[:, 1], places[:, 0]))
     if objective.orientation.axis_only:
-        return angle_between(given[:, :, 2], wanted[:, :, 2])
-    return np.linalg.norm(log(given @ np.swapaxes(wanted, 1, 2)), axis=1)
+        return angle_between(actual[:, :, 2], expected[:, :, 2])
+    return np.linalg.norm(log(actual @ np.swapaxes(expected, 1, 2)), axis=1)
 
 
 def off_tangent(path, n=3001):
@@ -46,43 +50,43 @@ def off_tangent(path, n=3001):
 
 def test_no_orientation_and_a_constant_one_are_kept():
     path, places = shaped(BASE)
-    same, off = orient_shaped(path, BASE, places)
-    assert same is path and off == 0
+    same, error = orient_shaped(path, BASE, places)
+    assert same is path and error == 0
     objective = BASE.pointing((0, 1, -1))
-    found, off = orient_shaped(path, objective, places)
-    assert type(found) is type(path) and found.orientation.fixed
-    assert off < 1e-12 and len(found.stops) == 0
-    np.testing.assert_array_equal(found.orientation.starts[0], objective.orientation.starts[0])
+    oriented, error = orient_shaped(path, objective, places)
+    assert type(oriented) is type(path) and oriented.orientation.fixed
+    assert error < 1e-12 and len(oriented.stops) == 0
+    np.testing.assert_array_equal(oriented.orientation.starts[0], objective.orientation.starts[0])
 
 
 @each("objective, tolerance", [(x, y) for x in (POINTING, ORIENTED) for y in (1e-4, 1e-2, 0.1)])
 def test_a_turning_tool_is_near_its_place_and_never_stops(objective, tolerance):
     path, places = shaped(objective)
-    found, off = orient_shaped(path, objective, places, tolerance)
-    assert len(found.stops) == 0 and len(path.breaks) > 40
+    oriented, error = orient_shaped(path, objective, places, tolerance)
+    assert len(oriented.stops) == 0 and len(path.breaks) > 40
     # It uses its tolerance, as far as half of a line goes.
-    assert 0.8 * tolerance < off <= tolerance
-    assert off_place(found, objective, places).max() <= off * 1.03
-    ends = found.orientation([0, found.length])
+    assert 0.8 * tolerance < error <= tolerance
+    assert off_place(oriented, objective, places).max() <= error * 1.03
+    ends = oriented.orientation([0, oriented.length])
     np.testing.assert_allclose(ends, objective.orientation([0, objective.length]), atol=1e-12)
 
 
 @each("objective", [POINTING, ORIENTED])
 def test_without_a_tolerance_blends_go_with_the_corners(objective):
     path, places = shaped(objective, tolerance=0.002)
-    found, off = orient_shaped(path, objective, places)
-    assert len(found.stops) == 0
+    oriented, error = orient_shaped(path, objective, places)
+    assert len(oriented.stops) == 0
     rounded = round_with_parabolas(objective, tolerance=0.002)
     # The rate sets in along with the places, which are faster on the shorter way.
-    assert 0.8 < off / rounded.corners.angular_error.max() < 1
+    assert 0.8 < error / rounded.corners.angular_error.max() < 1
 
 
 def test_straight_vertices_tolerance_zero_corners_and_rounded_objectives():
     # A straight vertex needs a tolerance.
     path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0)]).pointing(AXES[:3])
     places = np.array([(0, 0), (2, 2)])
-    found, off = orient_shaped(path, path, places, 0.01)
-    assert len(found.stops) == 0 and off == pytest.approx(0.01, rel=0.2)
+    oriented, error = orient_shaped(path, path, places, 0.01)
+    assert len(oriented.stops) == 0 and error == pytest.approx(0.01, rel=0.2)
     rounded = round_with_parabolas(ORIENTED, tolerance=0.005)
     whole = np.array([(0, 0), (rounded.length, rounded.length)])
     refused(
@@ -91,45 +95,47 @@ def test_straight_vertices_tolerance_zero_corners_and_rounded_objectives():
     )
     # Tolerance zero stops where the rate jumps; at a corner of the path nothing is blended.
     path, places = shaped(ORIENTED)
-    found, off = orient_shaped(path, ORIENTED, places, 0.0)
-    np.testing.assert_allclose(found.stops, path.place(BASE.breaks[1:-1]), atol=1e-12)
-    assert off < 1e-4
+    oriented, error = orient_shaped(path, ORIENTED, places, 0.0)
+    np.testing.assert_allclose(oriented.stops, path.place(BASE.breaks[1:-1]), atol=1e-12)
+    assert error < 1e-4
     whole = np.array([(0, 0), (BASE.length, BASE.length)])
-    found, off = orient_shaped(BASE, ORIENTED, whole, 0.05)
-    assert off < 1e-12
-    np.testing.assert_array_equal(found.stops, BASE.breaks[1:-1])
+    oriented, error = orient_shaped(BASE, ORIENTED, whole, 0.05)
+    assert error < 1e-12
+    np.testing.assert_array_equal(oriented.stops, BASE.breaks[1:-1])
 
 
 @each("tolerance", [1e-3, 0.02])
 def test_a_tool_that_follows_the_tangent_follows_that_of_the_path(tolerance):
     objective = BASE.following_tangent((0, 0, 1))
     path, places = shaped(objective)
-    found, off = orient_shaped(path, objective, places, tolerance)
-    assert found.orientation.follows and len(found.stops) == 0
-    assert off_tangent(found).max() <= off + 1e-9 <= tolerance + 2e-9
+    oriented, error = orient_shaped(path, objective, places, tolerance)
+    assert oriented.orientation.follows and len(oriented.stops) == 0
+    assert off_tangent(oriented).max() <= error + 1e-9 <= tolerance + 2e-9
     # The corners are rounded in their planes, so that the tool arrives as on the objective.
-    ends = found.orientation([0, found.length])
+    ends = oriented.orientation([0, oriented.length])
     np.testing.assert_allclose(ends, objective.orientation([0, objective.length]), atol=1e-9)
 
 
 def test_a_path_out_of_the_corners_planes_does_not_turn_the_tool_about_the_tangent():
     objective = BASE.following_tangent((0, 0, 1))
     # Through points beside the lines, by turns to all sides.
-    at = np.linspace(0, BASE.length, 25)
-    beside = BASE(at) + 0.004 * np.random.default_rng(2).normal(size=(25, 3))
+    places_along = np.linspace(0, BASE.length, 25)
+    beside = BASE(places_along) + 0.004 * np.random.default_rng(2).normal(size=(25, 3))
     path = ac.Path.spline(np.vstack([POINTS[:1], beside[1:-1], POINTS[-1:]]), tolerance=1e-4)
-    places = np.stack([at, path.breaks[path.waypoints]], axis=1)
-    found, off = orient_shaped(path, objective, places, 0.02)
-    assert len(found.stops) == 0
-    assert off_tangent(found).max() <= off + 1e-9 < 0.0202
+    places = np.stack([places_along, path.breaks[path.waypoints]], axis=1)
+    oriented, error = orient_shaped(path, objective, places, 0.02)
+    assert len(oriented.stops) == 0
+    assert off_tangent(oriented).max() <= error + 1e-9 < 0.0202
     start = exp(shortest(objective.tangents[0], path.tangents[0])) @ objective.orientation(0.0)
-    np.testing.assert_allclose(found.orientation(0.0), start, atol=1e-12)
+    np.testing.assert_allclose(oriented.orientation(0.0), start, atol=1e-12)
     middle = (objective.breaks[1:] + objective.breaks[:-1]) / 2
     s = np.interp(middle, places[:, 0], places[:, 1])
     tilt = exp(shortest(objective(middle, 1), path(s, 1)))
-    least = tilt @ objective.orientation(middle)
-    twist = np.linalg.norm(log(found.orientation(s) @ np.swapaxes(least, 1, 2)), axis=1)
-    drift = carry_frame(path.segments, start)(s) @ np.swapaxes(least, 1, 2)
+    nearest_rotation = tilt @ objective.orientation(middle)
+    twist = np.linalg.norm(
+        log(oriented.orientation(s) @ np.swapaxes(nearest_rotation, 1, 2)), axis=1
+    )
+    drift = carry_frame(path.segments, start)(s) @ np.swapaxes(nearest_rotation, 1, 2)
     assert np.linalg.norm(log(drift), axis=1).max() > 0.1
     assert twist.max() < 0.02
 
@@ -147,10 +153,10 @@ def test_random_places_keep_the_tolerance_without_stops(seed, axis_only):
     uneven = np.append(0.0, np.cumsum(steps))
     both = np.stack([places[:, 0], uneven * path.length / uneven[-1]], axis=1)
     tolerance = 10.0 ** rng.uniform(-3, -1)
-    found, off = orient_shaped(path, objective, both, tolerance)
-    assert len(found.stops) == 0
-    assert off_place(found, objective, both, 401).max() <= off * 1.05
-    assert off <= tolerance
+    oriented, error = orient_shaped(path, objective, both, tolerance)
+    assert len(oriented.stops) == 0
+    assert off_place(oriented, objective, both, 401).max() <= error * 1.05
+    assert error <= tolerance
 
 
 def test_a_whole_turn_of_the_path_keeps_to_its_tangent():
@@ -159,10 +165,10 @@ def test_a_whole_turn_of_the_path_keeps_to_its_tangent():
 
     objective, path = circle(0, 0, 1).following_tangent((0, 0, 1)), circle(0, 0.05, 1)
     places = np.array([(0, 0), (objective.length, path.length)])
-    found, off = orient_shaped(path, objective, places, 0.01)
-    assert len(found.stops) == 0 and off <= 0.01
-    assert off_tangent(found).max() <= off + 1e-9
+    oriented, error = orient_shaped(path, objective, places, 0.01)
+    assert len(oriented.stops) == 0 and error <= 0.01
+    assert off_tangent(oriented).max() <= error + 1e-9
     # Half way round the path goes 0.05 to the other side: so does the tool.
     s = [path.length / 2]
     tilt = exp(shortest(objective(s, 1), path(s, 1))) @ objective.orientation(s)
-    assert np.linalg.norm(log(found.orientation(s) @ np.swapaxes(tilt, 1, 2))) < 0.01
+    assert np.linalg.norm(log(oriented.orientation(s) @ np.swapaxes(tilt, 1, 2))) < 0.01

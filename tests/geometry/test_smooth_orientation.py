@@ -29,9 +29,12 @@ def smooth(request):
 
 def test_the_derivative_of_the_angular_rate_does_not_jump(smooth):
     o = smooth.orientation
-    at, size = o.breaks[1:-1], np.abs(o.rates(np.linspace(0, smooth.length, 999))).max(axis=(1, 2))
+    breaks, size = (
+        o.breaks[1:-1],
+        np.abs(o.rates(np.linspace(0, smooth.length, 999))).max(axis=(1, 2)),
+    )
     for k in range(2):
-        jump = o.rates(at, side="left")[k] - o.rates(at)[k]
+        jump = o.rates(breaks, side="left")[k] - o.rates(breaks)[k]
         assert np.abs(jump).max() < 1e-11 * size[k]
     assert len(smooth.stops) == 0
 
@@ -63,12 +66,12 @@ def test_the_angular_tolerance_is_kept_and_used(kind, allowed):
     rounded = ac.round_corners(
         path, tolerance=0.04, continuity="curvature", angular_tolerance=allowed
     )
-    c, wanted = rounded.corners, path.orientation.starts[1:3]
-    found = rounded.orientation((c.start + c.end) / 2)
-    off = np.linalg.norm(log(found @ np.swapaxes(wanted, 1, 2)), axis=1)
+    c, expected = rounded.corners, path.orientation.starts[1:3]
+    rotations = rounded.orientation((c.start + c.end) / 2)
+    errors = np.linalg.norm(log(rotations @ np.swapaxes(expected, 1, 2)), axis=1)
     if kind == "axis":
-        off = angle_between(found[:, :, 2], wanted[:, :, 2])
-    np.testing.assert_allclose(off, c.angular_error, atol=1e-12)
-    assert (off <= allowed + 1e-12).all()
+        errors = angle_between(rotations[:, :, 2], expected[:, :, 2])
+    np.testing.assert_allclose(errors, c.angular_error, atol=1e-12)
+    assert (errors <= allowed + 1e-12).all()
     # At the larger tolerance neighbours leave each other no room to use it.
-    assert off.max() > 0.8 * allowed or allowed == 0.1
+    assert errors.max() > 0.8 * allowed or allowed == 0.1

@@ -27,10 +27,10 @@ CURVES = {
 
 def scipys(points, closed):
     points = np.array(points, dtype=float)
-    at = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    parameter = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     if closed:
         points[-1] = points[0]
-    return CubicSpline(at, points, bc_type="periodic" if closed else "natural"), at
+    return CubicSpline(parameter, points, bc_type="periodic" if closed else "natural"), parameter
 
 
 @each("tolerance", [1e-4, 1e-7])
@@ -38,8 +38,8 @@ def scipys(points, closed):
 def test_paths_stay_within_their_tolerance_of_the_spline(name, tolerance):
     points, closed = CURVES[name]
     path = ac.Path.spline(points, tolerance=tolerance, closed=closed)
-    curve, at = scipys(points, closed)
-    dense = curve(np.linspace(at[0], at[-1], 2001))
+    curve, parameter = scipys(points, closed)
+    dense = curve(np.linspace(parameter[0], parameter[-1], 2001))
     # Compared at nine places of every interval: between them it may be a little more.
     assert path.project(dense).distance.max() <= 1.1 * tolerance
     assert path.project(np.array(points, dtype=float)).distance.max() < 1e-12
@@ -70,8 +70,8 @@ def test_arcs_of_a_spline_become_more_with_the_cube_root_of_the_tolerance():
         arcs, places = draw_with_arcs(path, tolerance)
         s = np.linspace(0, arcs.length, 4001)
         assert path.project(arcs(s)).distance.max() <= 1.1 * tolerance + 1e-9
-        at = np.interp(s, *places.T[::-1])
-        assert np.linalg.norm(path(at) - arcs(s), axis=1).max() < 3 * tolerance + 1e-6
+        arc_places = np.interp(s, *places.T[::-1])
+        assert np.linalg.norm(path(arc_places) - arcs(s), axis=1).max() < 3 * tolerance + 1e-6
         assert not arcs.segments.bent.any() and arcs.turns.max() < 1e-9
         counts.append(len(arcs))
     # Pairs of arcs are of third order: a thousandth of the tolerance, ten times as many.
@@ -83,20 +83,20 @@ def test_the_curvature_of_a_spline_is_that_of_scipys_and_does_not_jump(name):
     points, closed = CURVES[name]
     path = ac.Path.spline(points, closed=closed)
     inner = path.breaks[1:-1]
-    left, right = (path(inner, 2, side=side) for side in ("left", "right"))
+    before, right = (path(inner, 2, side=side) for side in ("left", "right"))
     size = np.linalg.norm(path(inner, 2), axis=1).max()
-    assert np.linalg.norm(left - right, axis=1).max() < 1e-12 * size
+    assert np.linalg.norm(before - right, axis=1).max() < 1e-12 * size
     if closed:
         np.testing.assert_allclose(
             path(0.0, 2), path(path.length, 2, side="left"), atol=1e-9 * size
         )
-    curve, at = scipys(points, closed)
-    first, second = curve(at[1:-1], 1), curve(at[1:-1], 2)
+    curve, parameter = scipys(points, closed)
+    first, second = curve(parameter[1:-1], 1), curve(parameter[1:-1], 2)
     tangent = first / np.linalg.norm(first, axis=1, keepdims=True)
     across = second - np.sum(second * tangent, axis=1, keepdims=True) * tangent
     bend = across / np.sum(first**2, axis=1, keepdims=True)
-    found = path(path.breaks[path.waypoints][1:-1], 2)
-    np.testing.assert_allclose(found, bend, rtol=1e-9, atol=1e-9 * size)
+    curvature = path(path.breaks[path.waypoints][1:-1], 2)
+    np.testing.assert_allclose(curvature, bend, rtol=1e-9, atol=1e-9 * size)
     # The parameter is the arc length within a millionth.
     speed = np.linalg.norm(path(np.linspace(0, path.length, 9001), 1), axis=1)
     assert np.abs(speed - 1).max() < 1e-6
@@ -105,8 +105,8 @@ def test_the_curvature_of_a_spline_is_that_of_scipys_and_does_not_jump(name):
 def test_a_tool_that_follows_a_spline_in_space_never_has_to_stop():
     path = ac.Path.spline(WAYPOINTS).following_tangent([0, 0, 1])
     assert len(path.stops) == 0 and len(path) > 10
-    at = path.breaks[1:-1]
-    np.testing.assert_allclose(path.orientation(at)[:, :, 0], path(at, 1), atol=1e-9)
+    breaks = path.breaks[1:-1]
+    np.testing.assert_allclose(path.orientation(breaks)[:, :, 0], path(breaks, 1), atol=1e-9)
     s = np.linspace(0, path.length, 999)
     axes, tangents = path.orientation(s)[:, :, 0], path(s, 1)
     assert np.linalg.norm(axes - tangents, axis=1).max() < 1e-3
@@ -122,12 +122,12 @@ def test_orientations_keep_their_places_on_the_arcs_of_a_spline():
     for path in turning:
         arcs, places = draw_with_arcs(path)
         s = np.linspace(0, path.length, 777)
-        off = path.orientation(s) - arcs.orientation(np.interp(s, *places.T))
-        assert np.abs(off).max() < (0.01 if path.orientation.follows else 1e-5)
+        differences = path.orientation(s) - arcs.orientation(np.interp(s, *places.T))
+        assert np.abs(differences).max() < (0.01 if path.orientation.follows else 1e-5)
         assert arcs.orientation.jumps.max(initial=0) < 1e-9
         if not path.orientation.follows:
-            kept = arcs.breaks[arcs.waypoints][1:-1]
-            np.testing.assert_allclose(arcs.stops, kept if len(path.stops) else [])
+            waypoints = arcs.breaks[arcs.waypoints][1:-1]
+            np.testing.assert_allclose(arcs.stops, waypoints if len(path.stops) else [])
 
 
 def test_repeated_points_are_merged_and_demands_and_points_on_a_line_are_kept():
@@ -165,43 +165,45 @@ def test_an_orientation_per_point_is_spread_over_the_arcs_between(closed):
     if closed:
         points, turns = np.vstack([points, points[:1]]), TURNS[[0, 1, 2, 3, 0]]
     plain = ac.Path.spline(points, closed=closed)
-    at = plain.breaks[plain.waypoints]
-    assert len(plain) > 20 and len(at) == len(points)
-    np.testing.assert_allclose(plain(at), points, atol=1e-12)
+    waypoints = plain.breaks[plain.waypoints]
+    assert len(plain) > 20 and len(waypoints) == len(points)
+    np.testing.assert_allclose(plain(waypoints), points, atol=1e-12)
     path = plain.oriented(turns)
-    np.testing.assert_allclose(path.orientation(at), turns.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(path.orientation(waypoints), turns.as_matrix(), atol=1e-12)
     # Between two points it turns evenly over arc length.
     s = np.linspace(0, path.length, 999)
-    k = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(at) - 2)
-    share = (s - at[k]) / np.diff(at)[k]
+    k = np.clip(np.searchsorted(waypoints, s, side="right") - 1, 0, len(waypoints) - 2)
+    share = (s - waypoints[k]) / np.diff(waypoints)[k]
     steps = (turns[1:] * turns[:-1].inv()).as_rotvec()
     expected = Rotation.from_rotvec(share[:, None] * steps[k]) * turns[k]
     np.testing.assert_allclose(path.orientation(s), expected.as_matrix(), atol=1e-12)
-    np.testing.assert_allclose(path.stops, at[1:-1])
+    np.testing.assert_allclose(path.stops, waypoints[1:-1])
     rounded = ac.round_corners(path, tolerance=1e-3, angular_tolerance=0.01)
     assert len(rounded.stops) == 0
-    off = rounded.orientation(at[1:-1]) @ np.swapaxes(turns.as_matrix()[1:-1], 1, 2)
-    assert Rotation.from_matrix(off).magnitude().max() <= 0.01 + 1e-9
+    differences = rounded.orientation(waypoints[1:-1]) @ np.swapaxes(turns.as_matrix()[1:-1], 1, 2)
+    assert Rotation.from_matrix(differences).magnitude().max() <= 0.01 + 1e-9
 
 
 def test_a_direction_per_point_of_a_spline():
     axes = TURNS.as_matrix()[:, :, 2]
     path = ac.Path.spline(WAYPOINTS).pointing(axes)
-    at = path.breaks[path.waypoints]
-    np.testing.assert_allclose(path.orientation(at)[:, :, 2], axes, atol=1e-12)
-    np.testing.assert_allclose(path.orientation(at, side="left")[:, :, 2], axes, atol=1e-12)
+    waypoints = path.breaks[path.waypoints]
+    np.testing.assert_allclose(path.orientation(waypoints)[:, :, 2], axes, atol=1e-12)
+    np.testing.assert_allclose(path.orientation(waypoints, side="left")[:, :, 2], axes, atol=1e-12)
     assert path.orientation.jumps.max() < 1e-12
-    np.testing.assert_allclose(path.stops, at[1:-1])
+    np.testing.assert_allclose(path.stops, waypoints[1:-1])
 
 
 def test_messages_count_the_points_of_a_spline():
     repeated = np.insert(WAYPOINTS, 2, WAYPOINTS[1], axis=0)
     path = ac.Path.spline(repeated)
     assert path.merged == (2,)
-    given = path.oriented(TURNS[[0, 1, 1, 2, 3]]).orientation
-    at = path.breaks[path.waypoints]
-    np.testing.assert_allclose(given(at), TURNS.as_matrix(), atol=1e-12)
-    np.testing.assert_allclose(path.oriented(TURNS).orientation(at), given(at), atol=1e-15)
+    orientation = path.oriented(TURNS[[0, 1, 1, 2, 3]]).orientation
+    breaks = path.breaks[path.waypoints]
+    np.testing.assert_allclose(orientation(breaks), TURNS.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(
+        path.oriented(TURNS).orientation(breaks), orientation(breaks), atol=1e-15
+    )
     half = Rotation.from_rotvec([[0, 0, 0]] * 3 + [[np.pi, 0, 0]] * 2)
     more, polyline = Rotation.identity(len(path) + 1), ac.Path.polyline(repeated)
     refused(

@@ -21,9 +21,17 @@ CORNER = [(0, 0), (0.1, 0), (0.1, 0.1)]
 def places_of(rounded):
     """Arc lengths on the objective and on its rounded path that belong together."""
     c = rounded.corners
-    at = rounded.objective.breaks[c.vertex]
+    vertices = rounded.objective.breaks[c.vertex]
     s = np.unique(
-        np.concatenate([[0.0], at - c.tangent, at, at + c.tangent, [rounded.objective.length]])
+        np.concatenate(
+            [
+                [0.0],
+                vertices - c.tangent,
+                vertices,
+                vertices + c.tangent,
+                [rounded.objective.length],
+            ]
+        )
     )
     return np.stack([s, np.maximum.accumulate(rounded.place(s))], axis=1)
 
@@ -45,12 +53,12 @@ def distance_from_lines(points, vertices):
 def sampled_distance(path, objective, places, reach, n=400):
     """Distances of points of a path from their own parts of the objective, and their segments."""
     s = np.linspace(0, path.length, n)
-    at = np.interp(s, places[:, 1], places[:, 0])
-    found = []
-    for point, a in zip(path(s), at, strict=True):
+    objective_s = np.interp(s, places[:, 1], places[:, 0])
+    distances = []
+    for point, a in zip(path(s), objective_s, strict=True):
         part = cut_path(objective, max(a - reach, 0.0), min(a + reach, objective.length))
-        found.append(part.project([point]).distance[0])
-    return np.array(found), path.locate(s)
+        distances.append(part.project([point]).distance[0])
+    return np.array(distances), path.locate(s)
 
 
 SHARP = [(0, 0), (0.1, 0), (0.2, 0), (0.2, 0.1)]
@@ -92,8 +100,8 @@ def test_the_paths_own_tolerances_cap_both_sides():
 def test_windows_hold_the_pieces_within_reach():
     path = ac.Path.polyline([(0, 0), (1, 0), (2, 1), (3, 1)])
     tube = Tube.around(path, 1e-3)
-    found = tube.windows([0.5, 0.95, 1.5, path.length], [0.1, 0.1, 9.0, 0.5])
-    np.testing.assert_array_equal(found, [(0, 0), (0, 1), (0, 2), (2, 2)])
+    windows = tube.windows([0.5, 0.95, 1.5, path.length], [0.1, 0.1, 9.0, 0.5])
+    np.testing.assert_array_equal(windows, [(0, 0), (0, 1), (0, 2), (2, 2)])
 
 
 @each("dimension", [2, 3])
@@ -118,11 +126,11 @@ def test_no_tolerance_reaches_out_of_its_zone():
     room = tube.margin(points, everything)
     np.testing.assert_allclose(room, [-0.09, -0.09, 0.1, 0.005], atol=1e-14)
     # A path that swings out before the zone begins is refused, one that does so after it is not.
-    for begin, kept in ((0.65, False), (0.71, True)):
+    for begin, proven in ((0.65, False), (0.71, True)):
         line = ac.Path.polyline([(0, 0), (begin, 0), (0.9, 0.15), (1, 0.3), (1, 1)])
         s = np.array([0, begin, *line.breaks[2:4], line.length])
         places = np.stack([[0, begin, 0.95, 1.3, 2.0], s], axis=1)
-        assert tube.prove(line, places, 0.3).ok is kept
+        assert tube.prove(line, places, 0.3).ok is proven
 
 
 def test_stopping_at_every_vertex_keeps_tolerance_zero():
@@ -240,8 +248,8 @@ def test_no_sample_exceeds_the_bounds(seed, dimension, bent):
     assert proof.ok or proof.violated or proof.excess < 2e-6 * tolerance
     if not proof.ok and len(proof.vertices) and proof.vertices.max() < proof.sampled_excess:
         ends = max(proof.place - reach, 0), min(proof.place + reach, objective.length)
-        found = cut_path(objective, *ends).project(path([proof.s])).distance[0]
-        assert found - tolerance == pytest.approx(proof.sampled_excess, abs=1e-9)
+        worst_distance = cut_path(objective, *ends).project(path([proof.s])).distance[0]
+        assert worst_distance - tolerance == pytest.approx(proof.sampled_excess, abs=1e-9)
 
 
 @each("dimension", [2, 3])
@@ -271,9 +279,9 @@ def test_the_bulge_bounds_what_the_ends_do_not_show(dimension):
             for k, x in ((0, u), (1, v))
         )
         line = (p - q)[:1] + t[:, None] * ((p - q)[-1:] - (p - q)[:1])
-        off = np.linalg.norm(p - q - line, axis=1).max()
-        assert off <= bulge * (1 + 1e-9) + 1e-15
-        nearest = min(nearest, bulge - off)
+        distance = np.linalg.norm(p - q - line, axis=1).max()
+        assert distance <= bulge * (1 + 1e-9) + 1e-15
+        nearest = min(nearest, bulge - distance)
     assert nearest < 1e-6
 
 
@@ -283,8 +291,8 @@ def test_the_vertices_are_those_of_a_dense_sample():
     rounded = ac.round_corners(path, tolerance=0.2)
     places = places_of(rounded)
     proof = Tube.around(path, 0.1).prove(rounded, places, 0.5)
-    at = path.breaks[1:-1]
-    for i, s in enumerate(at):
+    breaks = path.breaks[1:-1]
+    for i, s in enumerate(breaks):
         low, high = np.interp([s - 0.5, s + 0.5], places[:, 0], places[:, 1])
         gaps = np.linalg.norm(rounded(np.linspace(low, high, 20001)) - path(s), axis=1)
         assert proof.vertices[i] == pytest.approx(gaps.min() - 0.1, abs=1e-7)
@@ -344,14 +352,14 @@ def test_pairs_are_those_of_the_tree(places, points, near):
 @given(POINTS, POINTS, st.integers(1, 5), st.sampled_from([1.0, 2.5, np.inf]))
 def test_the_nearest_points_are_as_near_as_those_of_the_tree(places, points, count, within):
     count = min(count, len(points))
-    for found in both_ways(lambda: nearest_points(places, points, count, within)):
-        assert found.shape == (len(places), count)
+    for indices in both_ways(lambda: nearest_points(places, points, count, within)):
+        assert indices.shape == (len(places), count)
         distances = np.linalg.norm(places[:, None] - points[None], axis=2)
-        wanted = np.sort(distances, axis=1)[:, :count]
-        wanted = np.where(wanted < within, wanted, np.inf)
+        expected = np.sort(distances, axis=1)[:, :count]
+        expected = np.where(expected < within, expected, np.inf)
         padded = np.append(distances, np.full((len(places), 1), np.inf), axis=1)
         # Of points that are equally far any may be found.
-        assert np.allclose(np.take_along_axis(padded, found, axis=1), wanted)
+        assert np.allclose(np.take_along_axis(padded, indices, axis=1), expected)
 
 
 @given(POINTS, st.floats(0.5, 4.0))
@@ -412,22 +420,22 @@ def test_a_printed_rounded_rectangle_is_tangent_again(decimals):
     step = 10.0 ** -(decimals + 3)
     path = rounded_rectangle(step)
     assert (path.turns > 1e-9).sum() >= 5
-    found = repair_tangents(path, np.sqrt(0.5) * step)
-    assert (found.path.turns <= 1e-9).all() and seam_kink(found.path) <= 1e-9
-    assert found.count == (path.turns > 1e-9).sum() + (seam_kink(path) > 1e-9)
-    assert found.kink == pytest.approx(max(path.turns.max(), seam_kink(path)), rel=1e-6)
+    repair = repair_tangents(path, np.sqrt(0.5) * step)
+    assert (repair.path.turns <= 1e-9).all() and seam_kink(repair.path) <= 1e-9
+    assert repair.count == (path.turns > 1e-9).sum() + (seam_kink(path) > 1e-9)
+    assert repair.kink == pytest.approx(max(path.turns.max(), seam_kink(path)), rel=1e-6)
     # Both ways, the paths are as near as it says, and nearer than printing moves a point.
-    assert found.deviation <= np.sqrt(0.5) * step
-    s = np.linspace(0, found.path.length, 2001)
-    there = path.project(found.path(s)).distance.max()
-    back = found.path.project(path(np.linspace(0, path.length, 2001))).distance.max()
-    assert max(there, back) <= found.deviation * 1.001 + 1e-15
-    assert max(there, back) >= found.deviation * 0.5
+    assert repair.deviation <= np.sqrt(0.5) * step
+    s = np.linspace(0, repair.path.length, 2001)
+    there = path.project(repair.path(s)).distance.max()
+    back = repair.path.project(path(np.linspace(0, path.length, 2001))).distance.max()
+    assert max(there, back) <= repair.deviation * 1.001 + 1e-15
+    assert max(there, back) >= repair.deviation * 0.5
     # Ends stay, and so do places along the path.
-    np.testing.assert_allclose(found.path.vertices[[0, -1]], path.vertices[[0, -1]], atol=1e-15)
-    at = np.linspace(0, path.length, 301)
-    np.testing.assert_allclose(found.path(found.place(at)), path(at), atol=2 * step)
-    assert found.after[-1] == pytest.approx(found.path.length, rel=1e-14)
+    np.testing.assert_allclose(repair.path.vertices[[0, -1]], path.vertices[[0, -1]], atol=1e-15)
+    positions = np.linspace(0, path.length, 301)
+    np.testing.assert_allclose(repair.path(repair.place(positions)), path(positions), atol=2 * step)
+    assert repair.after[-1] == pytest.approx(repair.path.length, rel=1e-14)
 
 
 def test_exact_paths_are_left_alone_and_corners_stay_exactly():
@@ -441,11 +449,11 @@ def test_exact_paths_are_left_alone_and_corners_stay_exactly():
     assert repair_tangents(short, PRINTED) is None
     # One corner and one printed vertex: only that one changes.
     path = ac.Path.polyline([(0, 0), (0.03, 4e-7), (0.07, 0), (0.07, 0.04)])
-    found = repair_tangents(path, PRINTED)
-    assert found.count == 1
-    np.testing.assert_allclose(found.path.turns.max(), path.turns[1], rtol=1e-9)
-    np.testing.assert_array_equal(found.path.vertices[-2:], path.vertices[-2:])
-    assert found.deviation < 4e-7
+    repair = repair_tangents(path, PRINTED)
+    assert repair.count == 1
+    np.testing.assert_allclose(repair.path.turns.max(), path.turns[1], rtol=1e-9)
+    np.testing.assert_array_equal(repair.path.vertices[-2:], path.vertices[-2:])
+    assert repair.deviation < 4e-7
 
 
 def test_tolerances_of_segments_bound_it():
@@ -461,23 +469,23 @@ def test_tolerances_of_segments_bound_it():
 )
 def test_printed_tangent_arcs_are_tangent_again(parts, decimals):
     step = 10.0 ** -(decimals + 3)
-    here, heading = np.array([0.31, 0.12]), 0.37
-    segments, start = [], np.round(here / step) * step
+    position, heading = np.array([0.31, 0.12]), 0.37
+    segments, start = [], np.round(position / step) * step
     for radius, angle in parts:
         turn = np.copysign(max(abs(angle), 0.3), angle)
-        center = here + radius * np.sign(turn) * np.array([-np.sin(heading), np.cos(heading)])
+        center = position + radius * np.sign(turn) * np.array([-np.sin(heading), np.cos(heading)])
         c, s = np.cos(turn), np.sin(turn)
-        here = center + np.array([[c, -s], [s, c]]) @ (here - center)
+        position = center + np.array([[c, -s], [s, c]]) @ (position - center)
         heading += turn
-        end = np.round(here / step) * step
+        end = np.round(position / step) * step
         segments.append(printed_arc(start, end, np.round(center / step) * step))
         start = end
     path = path_of(*segments)
-    found = repair_tangents(path, np.sqrt(0.5) * step)
-    if found is None:
+    repair = repair_tangents(path, np.sqrt(0.5) * step)
+    if repair is None:
         assert (path.turns <= 1e-9).all()
         return
-    assert (found.path.turns <= 1e-9).all()
-    assert found.deviation <= np.sqrt(0.5) * step
-    s = np.linspace(0, found.path.length, 401)
-    assert path.project(found.path(s)).distance.max() <= found.deviation * 1.001 + 1e-14
+    assert (repair.path.turns <= 1e-9).all()
+    assert repair.deviation <= np.sqrt(0.5) * step
+    s = np.linspace(0, repair.path.length, 401)
+    assert path.project(repair.path(s)).distance.max() <= repair.deviation * 1.001 + 1e-14

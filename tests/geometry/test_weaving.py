@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from tests.geometry.tables import each, line, path_of, refused
 
 from armcontour.geometry import Arc, Path, SegmentLimits, round_corners
-from armcontour.geometry.weave import weave_path
+from armcontour.geometry.weave import weave_seam
 
 WIDTH, PITCH = 4e-3, 5e-3
 SLOW = {"speed": 0.01, "tolerance": 1e-4, "tag": "weld"}
@@ -17,6 +17,10 @@ LINE = path_of(line([0.1, 0.2], [0.15, 0.2], **SLOW))
 # A line and a quarter of a circle, tangent to each other.
 BEND = Arc(start=[0.03, 0.0], center=[0.03, 0.02], angle=np.pi / 2)
 BENT = path_of(line([0.0, 0.0], [0.03, 0.0], **SLOW), BEND)
+
+
+def weave_path(path, **options):
+    return weave_seam(path, **options)[0]
 
 
 def offset(share, waves):
@@ -28,13 +32,13 @@ def offset(share, waves):
 def exact(path, count):
     """Points of the woven seams LINE and BENT, from their geometry alone."""
     share = np.linspace(0, 1, count)
-    off = offset(share, path.length / PITCH)
+    lateral = offset(share, path.length / PITCH)
     s = share * path.length
     if path is LINE:
-        return np.column_stack([0.1 + s, 0.2 + off])
+        return np.column_stack([0.1 + s, 0.2 + lateral])
     angle = np.maximum(s - 0.03, 0) / 0.02
-    x = np.minimum(s, 0.03) + (0.02 - off) * np.sin(angle)
-    return np.column_stack([x, 0.02 - (0.02 - off) * np.cos(angle)])
+    x = np.minimum(s, 0.03) + (0.02 - lateral) * np.sin(angle)
+    return np.column_stack([x, 0.02 - (0.02 - lateral) * np.cos(angle)])
 
 
 @each("tolerance", [1e-5, 1e-6])
@@ -44,8 +48,8 @@ def test_a_sine_is_within_its_tolerance_and_has_no_corner(path, tolerance):
     points = exact(path, 400_001)
     assert woven.project(points[::20]).distance.max() <= tolerance
     # Samples of the sine are 0.3 um apart or less.
-    own = woven(np.linspace(0, woven.length, 20_001))
-    assert cKDTree(points).query(own)[0].max() <= tolerance + 2e-7
+    points_on_woven = woven(np.linspace(0, woven.length, 20_001))
+    assert cKDTree(points).query(points_on_woven)[0].max() <= tolerance + 2e-7
     assert len(woven.stops) == 0
     for s in (0.0, 1.0):
         tangents = path(s * path.length, 1, side="left"), woven(s * woven.length, 1, side="left")
@@ -134,8 +138,8 @@ def test_waypoints_are_woven_as_the_curve_that_they_stand_for(radius, spacing):
     path = Path.polyline(points, segment_limits=SegmentLimits(**SLOW))
     woven = weave_path(path, width=WIDTH, frequency=2.0)
     x, y = woven(np.linspace(0, woven.length, 40_001)).T
-    off = y if np.isinf(radius) else radius - np.hypot(x, y - radius)
-    width, frequency = waves(path, woven, off)
+    lateral = y if np.isinf(radius) else radius - np.hypot(x, y - radius)
+    width, frequency = waves(path, woven, lateral)
     assert len(width) > 30 and len(woven.stops) == 0
     np.testing.assert_allclose(width, WIDTH, rtol=5e-3)
     np.testing.assert_allclose(frequency, 2.0, rtol=0.02)
@@ -160,10 +164,10 @@ def test_a_saddle_is_woven_perpendicular_to_the_tool(spacing):
     points = woven(np.linspace(0, woven.length, 20_001))
     near = cKDTree(seam).query(points)[1]
     tangent, out = np.gradient(seam, dense, axis=0)[near], axis(dense[near])
-    left = np.cross(-out, tangent)
-    left /= np.linalg.norm(left, axis=1)[:, None]
-    off = np.sum((points - seam[near]) * left, axis=1)
-    width, frequency = waves(path, woven, off)
+    normal = np.cross(-out, tangent)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    lateral = np.sum((points - seam[near]) * normal, axis=1)
+    width, frequency = waves(path, woven, lateral)
     np.testing.assert_allclose(width, WIDTH, rtol=3e-3)
     np.testing.assert_allclose(frequency, 0.01 / PITCH, rtol=0.01)
     assert np.abs(np.sum((points - seam[near]) * out, axis=1)).max() < 1e-2 * WIDTH

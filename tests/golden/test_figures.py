@@ -43,48 +43,48 @@ class Bench:
     def T_with_stops(self):  # noqa: N802  # likewise
         return ac.plan(self.objective, self.arm, self.limits, ac.Paper(knots=600)).duration
 
-    def corner(self, i, what):
+    def corner(self, i, quantity):
         corners = self.rounded.corners
         stretch = [x for x in self.mac.stretches if x.kind == "corner"][i]
         return {
             "turn": np.degrees(corners.turn[i]), "radius": corners.radius[i] * MM,
             "speed": stretch.speed * MM, "time": stretch.t[1] - stretch.t[0],
             "demand1": stretch.demand[0], "demand2": stretch.demand[1],
-        }[what]  # fmt: skip
+        }[quantity]  # fmt: skip
 
-    def middle(self, what):
+    def middle(self, quantity):
         (stretch,) = (x for x in self.mac.stretches if x.kind == "AVC")
-        return stretch.demand[int(what[-1]) - 1]
+        return stretch.demand[int(quantity[-1]) - 1]
 
-    def conventional(self, what):
-        if what == "T":
+    def conventional(self, quantity):
+        if quantity == "T":
             return self.conventional_plan.duration
-        end_time = self.conventional_plan.duration if what == "rms_of_the_motion" else 12.06
-        done = self.executed("conventional", "even", "none", 2e-4, None)
-        found = ac.evaluate(done, self.objective, end_time=end_time)
-        error = found.contour_error
+        end_time = self.conventional_plan.duration if quantity == "rms_of_the_motion" else 12.06
+        execution = self.executed("conventional", "even", "none", 2e-4, None)
+        evaluation = ac.evaluate(execution, self.objective, end_time=end_time)
+        error = evaluation.contour_error
         rms = {"rms": error.rms * MM, "rms_of_the_motion": error.rms * MM}
-        return {**rms, "settled": found.settled, "max": error.max * MM}[what]
+        return {**rms, "settled": evaluation.settled, "max": error.max * MM}[quantity]
 
     def share_of_time(self):
         return 100 * self.T() / self.conventional("settled")
 
-    def proposed(self, gains, what):
-        return self.figure(gains, "pole_placement", 2e-4, None, what)
+    def proposed(self, gains, quantity):
+        return self.figure(gains, "pole_placement", 2e-4, None, quantity)
 
-    def none(self, gains, what):
-        return self.figure(gains, "none", 2e-4, None, what)
+    def none(self, gains, quantity):
+        return self.figure(gains, "none", 2e-4, None, quantity)
 
-    def figure(self, gains, compensation, cycle, poles, what):
-        done = self.executed("paper", gains, compensation, cycle, poles)
-        found = ac.evaluate(done, self.rounded, limits=self.limits)
-        if what == "tracking_share":
-            return 100 * found.tracking_error.rms * MM / self.none(gains, "tracking")
+    def figure(self, gains, compensation, cycle, poles, quantity):
+        execution = self.executed("paper", gains, compensation, cycle, poles)
+        evaluation = ac.evaluate(execution, self.rounded, limits=self.limits)
+        if quantity == "tracking_share":
+            return 100 * evaluation.tracking_error.rms * MM / self.none(gains, "tracking")
         return {
-            "rms": found.contour_error.rms * MM, "max": found.contour_error.max * MM,
-            "tracking": found.tracking_error.rms * MM, "speed_ratio": found.speed_ratio,
-            "demand_ratio": found.demand_ratio.max(),
-        }[what]  # fmt: skip
+            "rms": evaluation.contour_error.rms * MM, "max": evaluation.contour_error.max * MM,
+            "tracking": evaluation.tracking_error.rms * MM, "speed_ratio": evaluation.speed_ratio,
+            "demand_ratio": evaluation.demand_ratio.max(),
+        }[quantity]  # fmt: skip
 
     def _executed(self, timing, gains, compensation, cycle, poles):
         servo = ac.ServoModel(kp={"even": (25.0, 25.0), "uneven": (25.0, 20.0)}[gains], kv=150.0)
@@ -109,16 +109,16 @@ def parameters():
 
 @pytest.mark.parametrize("figure", list(parameters()))
 def test_figure(bench, figure):
-    found = bench.measure(figure["quantity"])
+    value = bench.measure(figure["quantity"])
     if figure.get("relation", "equal") == "at_most":
-        assert found <= figure["value"], figure["why_this_tolerance"]
+        assert value <= figure["value"], figure["why_this_tolerance"]
     else:
-        assert abs(found - figure["value"]) <= figure["tolerance"], (
-            f"{found:.6g} {figure['unit']}, not {figure['value']}"
+        assert abs(value - figure["value"]) <= figure["tolerance"], (
+            f"{value:.6g} {figure['unit']}, not {figure['value']}"
         )
 
 
-def test_every_figure_says_where_it_is_from_and_how_near_it_must_be():
+def test_every_figure_states_its_source_and_its_tolerance():
     assert len({x["id"] for x in FIGURES}) == len(FIGURES)
     for figure in FIGURES:
         assert FIELDS <= set(figure) <= FIELDS | OPTIONAL, figure["id"]

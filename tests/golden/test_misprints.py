@@ -111,9 +111,9 @@ class TestCorners:
         heading = np.array([np.cos(alpha1), np.sin(alpha1)])
         printed = r * np.sin(beta)[:, None] * heading
         # Every printed point is on the tangent through R, and none but R on the circle.
-        left = np.array([-heading[1], heading[0]])
-        assert_allclose(printed @ left, 0, atol=1e-17)
-        centre = turn * r * left
+        normal = np.array([-heading[1], heading[0]])
+        assert_allclose(printed @ normal, 0, atol=1e-17)
+        centre = turn * r * normal
         assert (np.abs(np.linalg.norm(printed[1:] - centre, axis=1) - r) > 1e-7).all()
         x = r * (np.sin(beta) * np.cos(alpha1) - turn * (1 - np.cos(beta)) * np.sin(alpha1))
         y = r * (np.sin(beta) * np.sin(alpha1) + turn * (1 - np.cos(beta)) * np.cos(alpha1))
@@ -132,8 +132,8 @@ def printed_lap_time(velocity, step, limit):
 def one_lap(velocity, step, limit=LIMIT):
     """Time and acceleration of one lap of one joint, by the library."""
     way = np.sign(step) or np.sign(velocity) or 1.0
-    given = np.array([[0.0], [step]]), np.array([[way], [way]])
-    h, _, _, acceleration, *_ = run_laps(*given, abs(velocity), np.array([limit]))
+    states = np.array([[0.0], [step]]), np.array([[way], [way]])
+    h, _, _, acceleration, *_ = run_laps(*states, abs(velocity), np.array([limit]))
     return float(h[0]), float(acceleration[0, 0])
 
 
@@ -172,9 +172,9 @@ class TestLaps:
     def test_eq19_largest_of_the_smallest_times_can_break_a_limit(self):
         limit, velocity, step = 1.0, 1.0, 0.1
         assert velocity**2 > 2 * limit * step  # joint 1 cannot stop within its lap
-        own = one_lap(velocity, step, limit)[0]
+        time_alone = one_lap(velocity, step, limit)[0]
         slower = one_lap(0.0, 0.5, limit)[0]
-        printed = max(own, slower)
+        printed = max(time_alone, slower)
         assert abs(2 * (step - velocity * printed) / printed**2) > limit
         root = np.sqrt(velocity**2 - 2 * limit * step)
         for time, feasible in (
@@ -186,9 +186,9 @@ class TestLaps:
             needed = abs(2 * (step - velocity * time) / time**2)
             assert bool(needed <= limit) is feasible
         # The library stops there, and names the joint and what it would need.
-        given = np.array([[0.0, 0.0], [step, 0.5]]), np.array([[velocity, 0.0], [velocity, 1.0]])
-        *_, done, joint, needed = run_laps(*given, 1.0, np.array([limit, limit]))
-        assert (done, joint) == (0, 0)
+        states = np.array([[0.0, 0.0], [step, 0.5]]), np.array([[velocity, 0.0], [velocity, 1.0]])
+        *_, laps_done, joint, needed = run_laps(*states, 1.0, np.array([limit, limit]))
+        assert (laps_done, joint) == (0, 0)
         assert_allclose(needed, 1.8, rtol=1e-12)
 
     def test_eq19_line_on_which_a_joint_turns_round_is_refused(self, arm):
@@ -236,13 +236,13 @@ class TestLaps:
         _, plain = plain_laps(knots)
         joint_path = ac.trace(rounded, arm)
         slopes = joint_path(np.linspace(0, rounded.breaks[1] * (1 - 1e-15), 201), 1)
-        _, _, _, shipped, done, *_ = run_laps(knots, slopes, 0.0, np.array([LIMIT, LIMIT]))
+        _, _, _, shipped, laps_done, *_ = run_laps(knots, slopes, 0.0, np.array([LIMIT, LIMIT]))
 
         def zigzag(acceleration):
             """Largest second difference of joint 1, which does not set the laps' times."""
             return np.abs(np.diff(acceleration[100:, 0], 2)).max()
 
-        assert done == 200
+        assert laps_done == 200
         # The differences change sign at every lap: +, -, +, -.
         assert (np.diff(np.sign(np.diff(plain[100:, 0]))) != 0).all()
         assert zigzag(plain) > 0.05
@@ -260,8 +260,8 @@ class TestLaps:
         gaps = []
         for count in (100, 200, 400):
             s = np.linspace(0, rounded.breaks[1] * (1 - 1e-15), count + 1)
-            given = joint_path(s), joint_path(s, 1)
-            h, _, begin, acceleration, *_ = run_laps(*given, 0.01, np.array([LIMIT, LIMIT]))
+            states = joint_path(s), joint_path(s, 1)
+            h, _, begin, acceleration, *_ = run_laps(*states, 0.01, np.array([LIMIT, LIMIT]))
             end = begin + acceleration * h[:, None]
             jumps = np.abs(end[:-1] - begin[1:])
             assert jumps[:, 1].max() < 1e-15  # joint 2 sets the laps' times
@@ -367,9 +367,9 @@ class TestCompensator:
         for j in range(2):
             _, printed, _ = signal.lsim((numerator, denominator), moved[:, j], t)
             ours = set_points.q[:-1, j] - start[j]
-            at = np.interp(set_points.t[:-1], t, printed)
-            assert_allclose(-at, ours, atol=2e-6)
-            assert np.abs(at - ours).max() > 0.1
+            printed_q = np.interp(set_points.t[:-1], t, printed)
+            assert_allclose(-printed_q, ours, atol=2e-6)
+            assert np.abs(printed_q - ours).max() > 0.1
 
     @pytest.mark.parametrize("poles", [(-150.0, -150.0, -150.0), (-60.0, -100.0, -40.0)])
     def test_eq26_mended_numerator_factors(self, poles):
@@ -441,8 +441,8 @@ class TestMiddlePathAcceleration:
     def test_eq27_gives_the_joint_acceleration_only_with_both(self, arm):
         for mended in ({}, {"p22": True}, {"q22": True}):
             assert np.abs(self.joint_acceleration(**mended) - self.acceleration).max() > 0.005
-        found = self.joint_acceleration(p22=True, q22=True)
-        assert_allclose(found, self.acceleration, atol=1e-6)
+        acceleration = self.joint_acceleration(p22=True, q22=True)
+        assert_allclose(acceleration, self.acceleration, atol=1e-6)
         library = arm.joint_acceleration(self.theta, self.rate, self.tool_motion()[1])
         assert_allclose(library, self.acceleration, atol=1e-6)
 

@@ -56,8 +56,8 @@ REPAIRED = ("too wide", "late", "soft")
 def run_of(data, folder):
     (folder / "holes.svg").write_text(SVG)
     job = parse_job(yaml.safe_dump(data), folder=folder)
-    (found,) = ac.run(job).runs.values()
-    return job, found
+    (run,) = ac.run(job).runs.values()
+    return job, run
 
 
 def changed(data, edits, run="one"):
@@ -72,11 +72,11 @@ def test_each_change_gains_what_is_stated(name, tmp_path):
     data = {**CORNER, **JOBS[name]}
     job, result = run_of(data, tmp_path)
     assert result.kept is not (name in REPAIRED)
-    found = advise(job, result)
-    assert 0 < len(found.improvements) <= 3
-    saved = [x.saved for x in found.improvements]
+    advice = advise(job, result)
+    assert 0 < len(advice.improvements) <= 3
+    saved = [x.saved for x in advice.improvements]
     assert saved == sorted(saved, reverse=True)
-    for x in found.improvements:
+    for x in advice.improvements:
         _, after = run_of(changed(data, x.edits), tmp_path)
         assert after.trajectory.duration == pytest.approx(x.duration, rel=1e-12)
         assert x.saved == pytest.approx(result.trajectory.duration - x.duration, rel=1e-12)
@@ -94,17 +94,17 @@ def test_a_drawing_with_wide_corners_is_repaired_by_its_tolerance(tmp_path):
     data = yaml.safe_load(text) | {"corners": {"tolerance": "10 mm"}}
     job, result = run_of(data, tmp_path)
     assert result.kept is False
-    found = advise(job, result).improvements
-    assert [key for x in found for key, _ in x.edits] == ["corners.tolerance"]
-    _, after = run_of(changed(data, found[0].edits, "compensated"), tmp_path)
+    improvements = advise(job, result).improvements
+    assert [key for x in improvements for key, _ in x.edits] == ["corners.tolerance"]
+    _, after = run_of(changed(data, improvements[0].edits, "compensated"), tmp_path)
     assert after.kept is True
 
 
 def test_nothing_helps_a_motion_of_a_given_duration(tmp_path):
     job, result = run_of({**CORNER, "runs": {"one": {"duration": "20 s"}}}, tmp_path)
-    found = advise(job, result)
-    assert not found.improvements and "No single change" in found.note
-    assert found.note in str(result.__class__.of(result, **rest_of(result), advice=found).remarks)
+    advice = advise(job, result)
+    assert not advice.improvements and "No single change" in advice.note
+    assert advice.note in str(result.__class__.of(result, **rest_of(result), advice=advice).remarks)
 
 
 def rest_of(result):
@@ -118,11 +118,11 @@ def test_a_study_has_the_changes_in_data_and_text(tmp_path):
     study = ac.run(job)
     assert "changes" not in plain(study.runs["one"].to_data())
     done = advised(study)
-    found = done.runs["one"].advice.improvements
+    improvements = done.runs["one"].advice.improvements
     rows = plain(done.figures["one"])["changes"]
-    assert [x["saved"] for x in rows] == [x.saved for x in found]
-    assert [x["edits"] for x in rows] == [plain_edits(x.edits) for x in found]
-    assert all(x.label in str(done.runs["one"]) for x in found)
+    assert [x["saved"] for x in rows] == [x.saved for x in improvements]
+    assert [x["edits"] for x in rows] == [plain_edits(x.edits) for x in improvements]
+    assert all(x.label in str(done.runs["one"]) for x in improvements)
 
 
 def plain_edits(edits):

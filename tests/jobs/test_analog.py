@@ -86,8 +86,8 @@ def test_values_follow_the_speed_of_the_tool(plan):
     np.testing.assert_allclose(functions["early"](t), functions["power"](t + 0.05), atol=1e-12)
     # A whole number while off leaves all values as they are.
     whole = dataclasses.replace(PROCESS, analog=(dataclasses.replace(POWER, off=0),))
-    found = analog_outputs(program, trajectory, whole, LIMITS)["power"](t)
-    np.testing.assert_array_equal(found, power)
+    values = analog_outputs(program, trajectory, whole, LIMITS)["power"](t)
+    np.testing.assert_array_equal(values, power)
 
 
 def test_outputs_are_on_while_the_tool_pierces_and_along_active_leads():
@@ -107,8 +107,8 @@ def test_outputs_are_on_while_the_tool_pierces_and_along_active_leads():
 
 
 def test_layers_have_outputs_of_their_own():
-    at = {"CUT": 0.20, "MARK": 0.22, "NONE": 0.24}
-    lines = {k: ac.Path.polyline([[0.30, y], [0.34, y]]) for k, y in at.items()}
+    heights = {"CUT": 0.20, "MARK": 0.22, "NONE": 0.24}
+    lines = {k: ac.Path.polyline([[0.30, y], [0.34, y]]) for k, y in heights.items()}
     gas = Analog(name="gas", rest=3.0, full=3.0, off=1.0)
     by_layer = {"MARK": {"analog": (gas,)}, "NONE": {"analog": ()}}
     process = Process(analog=(POWER,), by_layer=by_layer)
@@ -121,8 +121,8 @@ def test_layers_have_outputs_of_their_own():
     np.testing.assert_array_equal(functions["gas"](times), [1.0, 3.0, 1.0])
     # A constant needs no assigned velocity.
     only, lifted = dataclasses.replace(process, analog=()), LIMITS.replace(speed=np.inf)
-    found = analog_outputs(program, trajectory, only, lifted)["gas"](times)
-    np.testing.assert_array_equal(found, [1.0, 3.0, 1.0])
+    values = analog_outputs(program, trajectory, only, lifted)["gas"](times)
+    np.testing.assert_array_equal(values, [1.0, 3.0, 1.0])
 
 
 def test_exports_have_a_column_that_belongs_to_the_times_of_the_plan(plan, tmp_path):
@@ -131,21 +131,21 @@ def test_exports_have_a_column_that_belongs_to_the_times_of_the_plan(plan, tmp_p
     servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.02)
     set_points = ac.compensate(trajectory, servo, cycle=0.004)
     assert set_points.start_time < 0
-    expected = np.column_stack([of(set_points.t) for of in analog.values()])
+    expected = np.column_stack([output(set_points.t) for output in analog.values()])
     assert expected.any(axis=0).all()
     ac.export(set_points, tmp_path / "a.csv", CsvFormat(analog=analog))
     ac.export(set_points, tmp_path / "a.npz", NpzFormat(analog=analog))
     columns = [f"analog {x.name}" for x in PROCESS.analog]
-    found = pd.read_csv(tmp_path / "a.csv")
-    np.testing.assert_allclose(found[columns], expected, rtol=0, atol=1e-12)
+    columns_read = pd.read_csv(tmp_path / "a.csv")
+    np.testing.assert_allclose(columns_read[columns], expected, rtol=0, atol=1e-12)
     with np.load(tmp_path / "a.npz") as stored:
         # Times of the table count from the first set-point, and back: by some rounding errors.
         np.testing.assert_allclose(stored["analog"], expected, rtol=0, atol=1e-12)
         assert stored["analog_name"].tolist() == [x.name for x in PROCESS.analog]
     text = "{% for p in points %}{{ p.analog.power|fixed(6) }}\n{% endfor %}"
     (tmp_path / "own.j2").write_text(text)
-    own = TemplateFormat(template=tmp_path / "own.j2", analog=analog)
-    ac.export(set_points, tmp_path / "a.txt", own)
+    template = TemplateFormat(template=tmp_path / "own.j2", analog=analog)
+    ac.export(set_points, tmp_path / "a.txt", template)
     np.testing.assert_allclose(np.loadtxt(tmp_path / "a.txt"), expected[:, 0], atol=1e-6)
     short = {"power": lambda t: t[1:]}
     form = CsvFormat(analog=short)
@@ -153,8 +153,8 @@ def test_exports_have_a_column_that_belongs_to_the_times_of_the_plan(plan, tmp_p
 
 
 def test_refuses_outputs_without_a_full_speed_and_odd_ones(plan):
-    lifted, own = LIMITS.replace(speed=np.inf), dataclasses.replace(PROCESS, analog=(FLOW,))
-    assert list(analog_outputs(*plan, own, lifted)) == ["flow"]
+    lifted, process = LIMITS.replace(speed=np.inf), dataclasses.replace(PROCESS, analog=(FLOW,))
+    assert list(analog_outputs(*plan, process, lifted)) == ["flow"]
     refused(
         (lambda: analog_outputs(*plan, PROCESS, lifted), "power", "contour 1", "limits.speed"),
         (lambda: Process(analog=(POWER, POWER)), "same name"),
@@ -208,9 +208,9 @@ def job(corners, points=OPEN, process=""):
     return parse_job(JOB.format(points=points, process=process, corners=corners))
 
 
-def errors(of):
+def errors(job_case):
     """The corners of the rounded path [mm], and their errors [mm]."""
-    _, program = prepare_and_round(of, of.runs[0])
+    _, program = prepare_and_round(job_case, job_case.runs[0])
     corners = program.contours[0].path.corners
     return np.column_stack([corners.point, corners.error]) * 1e3
 
@@ -221,13 +221,13 @@ def test_one_corner_has_its_own_error_and_the_others_have_the_error_of_all():
     begin = "process: {begin: 0.02, overlap: 90 mm}"
     # The overlap passes waypoints 2 and 3 once more.
     overlapping = [(360, 200, 0.2), (360, 260, 1), (300, 260, 1), (300, 200, 0.1), (360, 200, 0.2)]
-    for found, expected in (
+    for parsed, expected in (
         (job("2: 0.2 mm"), [(360, 200, 0.2), (360, 270, 1.0)]),
         (job("2: 3 mm, 4: 0 mm"), [(360, 200, 3.0), (360, 270, 0.0)]),
         (job("2: 0.2 mm", OPEN, lead), [(360, 200, 0.2), (360, 270, 1.0)]),
         (job("1: 0.1 mm, 2: 0.2 mm", SQUARE, begin), overlapping),
     ):
-        np.testing.assert_allclose(errors(found), expected, atol=1e-6)
+        np.testing.assert_allclose(errors(parsed), expected, atol=1e-6)
 
 
 def test_corners_are_found_between_leads_and_in_reverse():

@@ -54,9 +54,9 @@ def seams(*places):
 
 @pytest.fixture(scope="module")
 def job():
-    found = parse_job(JOB, source="test")
-    arm = found.arm.with_tool(Frame(position=[0, 0, 0.1])).with_shapes(SHAPES)
-    return dataclasses.replace(found, arm=arm, path=seams((0.40, 0), (0.50, 0)))
+    parsed = parse_job(JOB, source="test")
+    arm = parsed.arm.with_tool(Frame(position=[0, 0, 0.1])).with_shapes(SHAPES)
+    return dataclasses.replace(parsed, arm=arm, path=seams((0.40, 0), (0.50, 0)))
 
 
 def plan_of(job, **changed):
@@ -111,9 +111,9 @@ def test_plan_and_a_job_choose_the_same_configuration(job):
     clear = plan_of(alone, scene=scene)
     limits = alone.runs[0].limits
     for accept, like in ((None, fastest), (Cell(job.arm, scene).fits, clear)):
-        found = ac.plan(alone.path, job.arm, limits, ac.Optimal(accept=accept))
-        np.testing.assert_allclose(found(0.0), like.trajectory(0.0), atol=1e-9)
-        assert found.duration == pytest.approx(like.trajectory.duration, rel=1e-6)
+        trajectory = ac.plan(alone.path, job.arm, limits, ac.Optimal(accept=accept))
+        np.testing.assert_allclose(trajectory(0.0), like.trajectory(0.0), atol=1e-9)
+        assert trajectory.duration == pytest.approx(like.trajectory.duration, rel=1e-6)
     assert np.abs(fastest.trajectory(0.0) - clear.trajectory(0.0)).max() > 0.1
 
 
@@ -261,19 +261,21 @@ def lowest(result, job):
 def below():
     """The fastest clear plan of that job, of which the elbow is below the base."""
     job = parse_job(f"{ELBOW}scene: {{floor: none}}\n", source="test")
-    (found,) = run(job, simulate=False).runs.values()
-    assert lowest(found, job) == pytest.approx(-0.25, abs=0.1)
-    assert found.clearance.below == () and not any("below the base" in x for x in found.warnings)
-    return found.trajectory
+    (run_result,) = run(job, simulate=False).runs.values()
+    assert lowest(run_result, job) == pytest.approx(-0.25, abs=0.1)
+    assert run_result.clearance.below == () and not any(
+        "below the base" in x for x in run_result.warnings
+    )
+    return run_result.trajectory
 
 
 @needs_dynamics
 def test_configurations_that_stay_above_the_base_are_preferred(below):
     job = parse_job(ELBOW, source="test")
-    (found,) = run(job, simulate=False).runs.values()
-    assert lowest(found, job) > 0 and found.clearance.below == ()
-    assert below.duration < found.trajectory.duration
-    assert not any("below the base" in x for x in found.warnings)
+    (run_result,) = run(job, simulate=False).runs.values()
+    assert lowest(run_result, job) > 0 and run_result.clearance.below == ()
+    assert below.duration < run_result.trajectory.duration
+    assert not any("below the base" in x for x in run_result.warnings)
     start = dataclasses.replace(job, seed=below(0.0))
     (low,) = run(start, simulate=False).runs.values()
     sentence = low.clearance.below_base
@@ -286,7 +288,7 @@ def test_configurations_that_stay_above_the_base_are_preferred(below):
 def test_a_floor_with_a_height_is_avoided_or_refused(below):
     for floor, is_below in (("-400 mm", True), ("-100 mm", False)):
         job = parse_job(f"{ELBOW}scene: {{floor: {floor}}}\n", source="test")
-        (found,) = run(job, simulate=False).runs.values()
-        assert (lowest(found, job) < 0) == is_below and found.clearance.below == ()
+        (run_result,) = run(job, simulate=False).runs.values()
+        assert (lowest(run_result, job) < 0) == is_below and run_result.clearance.below == ()
     with pytest.raises(Collision, match="floor"):
         run(dataclasses.replace(job, seed=below(0.0)), simulate=False)

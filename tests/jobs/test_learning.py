@@ -49,21 +49,21 @@ def test_errors_are_those_of_encoders(job, plan, executed, study):
     assert study.has_path and len(study.lesson.runs) == 2
 
 
-def test_limits_that_are_exceeded_before_learning_are_not_kept_but_said(job, plan, study):
+def test_limits_exceeded_before_learning_are_reported(job, plan, study):
     assert not any("exceed limits" in x for x in dataclasses.replace(study, plan=plan).notes)
     rate = np.abs(np.diff(plan.set_points.q, axis=0)).max(axis=0) / plan.set_points.cycle
     trajectory = plan.trajectory.limited(plan.run.limits.replace(joint_velocity=0.9 * rate))
     set_points = dataclasses.replace(plan.set_points, trajectory=trajectory)
     slow = dataclasses.replace(plan, trajectory=trajectory, set_points=set_points)
-    told = dataclasses.replace(study, plan=slow).notes
-    assert sum("exceed limits of the joints already before learning" in x for x in told) == 1
+    notes = dataclasses.replace(study, plan=slow).notes
+    assert sum("exceed limits of the joints already before learning" in x for x in notes) == 1
     lesson = learn_run(
         job, slow, slow.set_points, ac.simulate(slow.set_points, loaded_robot(job, plan))
     )
     assert not lesson.finished
 
 
-def test_gravity_is_fed_forward_as_the_compensation_says(plan):
+def test_gravity_is_fed_forward_as_the_compensation_specifies(plan):
     """A run without an experiment, as for a real robot, says so by its compensation alone."""
     for feeds in (True, False):
         options = ac.InverseDynamics(gravity_feedforward=feeds)

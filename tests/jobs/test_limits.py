@@ -49,23 +49,27 @@ def job_of(name, limits, runs="{one: {timing: {method: optimal}}}"):
     path = f"points: {[list(x) for x in points_of(ac.load_arm(name))]}"
     if name != "pmk3s":
         path += ", orientation: {axis: [0, 0, -1]}"
-    given = ", ".join(f"{x}: {y}" for x, y in limits.items())
+    limit_text = ", ".join(f"{x}: {y}" for x, y in limits.items())
     servo = "servo: {kp: 25 1/s, kv: 150 1/s}"
-    text = f"name: x\narm: {name}\npath: {{{path}}}\nlimits: {{{given}}}\n{servo}\nruns: {runs}\n"
+    text = (
+        f"name: x\narm: {name}\npath: {{{path}}}\nlimits: {{{limit_text}}}\n{servo}\nruns: {runs}\n"
+    )
     return parse_job(text)
 
 
 @pytest.mark.parametrize("name", ARMS)
 def test_a_job_and_python_have_the_same_limits_whichever_is_left_out(name):
     arm = ac.load_arm(name)
-    given = dict(GIVEN)
+    specified = dict(GIVEN)
     if arm.limits.joint_upper is not None:
         # Narrower than the arm's own.
-        given |= {"joint_lower": 0.99 * arm.limits.joint_lower.max(), "joint_upper": 2.0}
-        given["joint_lower"] = -0.05 if given["joint_lower"] > -0.05 else given["joint_lower"]
-    for left in (None, *UNITS):
-        some = {x: y for x, y in given.items() if x != left}
-        if left in JOINT_RANGE and arm.limits.joint_upper is not None:
+        specified |= {"joint_lower": 0.99 * arm.limits.joint_lower.max(), "joint_upper": 2.0}
+        specified["joint_lower"] = (
+            -0.05 if specified["joint_lower"] > -0.05 else specified["joint_lower"]
+        )
+    for omitted in (None, *UNITS):
+        some = {x: y for x, y in specified.items() if x != omitted}
+        if omitted in JOINT_RANGE and arm.limits.joint_upper is not None:
             some = {x: y for x, y in some.items() if x not in JOINT_RANGE}
         (of_job,) = (x.limits for x in job_of(name, some).runs)
         of_call = resolve_limits("a test", arm, ac.Limits(**some))
@@ -89,9 +93,9 @@ def test_a_job_and_python_have_the_same_plan(name):
     path = ac.Path.polyline(points_of(arm))
     if arm.dimension == 3:
         path = path.pointing([0, 0, -1])
-    given = {"speed": 0.08, "joint_velocity": 0.5, "tool_acceleration": 0.3}
-    (run,) = ac.run(job_of(name, given | {"joint_jerk": "inf"}), simulate=False).runs.values()
-    planned = ac.plan(path, arm, ac.Limits(**given, joint_jerk=math.inf))
+    specified = {"speed": 0.08, "joint_velocity": 0.5, "tool_acceleration": 0.3}
+    (run,) = ac.run(job_of(name, specified | {"joint_jerk": "inf"}), simulate=False).runs.values()
+    planned = ac.plan(path, arm, ac.Limits(**specified, joint_jerk=math.inf))
     assert run.trajectory.duration == planned.duration
     assert values_of(run.trajectory.limits) == values_of(planned.limits)
     t = np.linspace(0, planned.duration, 50)
@@ -110,8 +114,8 @@ def test_infinity_lifts_a_limit_in_jobs_and_in_python(lift):
 
 def test_null_is_not_given_and_a_run_replaces_limits_of_its_job():
     runs = "{one: {limits: {speed: null, joint_torque: inf}}, two: {limits: {joint_velocity: 0.5}}}"
-    given = {"speed": "null", "joint_velocity": "inf", "tool_jerk": 9.0}
-    one, two = (x.limits for x in job_of("ur5e", given, runs).runs)
+    specified = {"speed": "null", "joint_velocity": "inf", "tool_jerk": 9.0}
+    one, two = (x.limits for x in job_of("ur5e", specified, runs).runs)
     arm = ac.load_arm("ur5e")
     assert one.speed is two.speed is None and one.tool_jerk == two.tool_jerk == 9.0
     assert one.lifted == {"joint_velocity", "joint_torque"} and not two.lifted
@@ -164,8 +168,8 @@ def test_a_panda_is_not_planned_out_of_its_range_or_above_its_torques(refuses):
     lower = panda.limits.replace(joint_torque=0.6 * panda.limits.joint_torque)
     weak = panda.with_limits(lower)
     inside = ac.JointPath.spline(rows * [1, 1, 1, 0, 1, 1, 1] + [0, 0, 0, rows[0, 3], 0, 0, 0])
-    found = ac.check(ac.plan(inside, weak, ac.Limits(joint_jerk=math.inf)), weak)
-    assert not found.violated and found["joint_torque"].ratio <= 1 + 1e-9
+    check = ac.check(ac.plan(inside, weak, ac.Limits(joint_jerk=math.inf)), weak)
+    assert not check.violated and check["joint_torque"].ratio <= 1 + 1e-9
 
 
 def test_limits_above_those_of_the_arm_are_taken_with_one_warning_that_names_both_values():
@@ -185,10 +189,16 @@ def test_limits_above_those_of_the_arm_are_taken_with_one_warning_that_names_bot
         # The arm's own value in four digits, a lower one, and no limit at all.
         ac.plan(path, arm, ac.Limits(joint_velocity=3.1416, joint_torque=20.0))
         ac.plan(path, arm, ac.Limits(joint_velocity=math.inf, joint_lower=math.inf))
-    given = {"joint_velocity": 3.5}
-    study = ac.run(job_of("ur5e", given, "{one: {}, two: {limits: {speed: 0.1}}}"))
-    (told,) = (x for x in warnings_of(study.runs.values()) if "joint_velocity of joint 1" in x)
-    assert "one, two" in told and "3.5 rad/s" in told and "3.14159 rad/s" in told
+    specified = {"joint_velocity": 3.5}
+    study = ac.run(job_of("ur5e", specified, "{one: {}, two: {limits: {speed: 0.1}}}"))
+    (range_warning,) = (
+        x for x in warnings_of(study.runs.values()) if "joint_velocity of joint 1" in x
+    )
+    assert (
+        "one, two" in range_warning
+        and "3.5 rad/s" in range_warning
+        and "3.14159 rad/s" in range_warning
+    )
 
 
 def test_a_plan_carries_its_limits_to_all_that_comes_after_it():
@@ -213,11 +223,11 @@ def test_a_plan_carries_its_limits_to_all_that_comes_after_it():
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     # Drives saturate at the limits of the plan, and explicit limits win over these.
     set_points = ac.compensate(plan, servo, ac.NoCompensation())
-    for given, bound in ((None, 0.4), (ac.Limits(joint_acceleration=0.6), 0.6)):
-        done = ac.simulate(set_points, ac.ServoPlant(arm, servo, given))
-        np.testing.assert_array_equal(done.plant.acceleration, [bound, bound])
-        result = ac.evaluate(done, path, limits=given)
-        np.testing.assert_allclose(result.demand_ratio, done.peak_demand / bound)
+    for plant_limits, bound in ((None, 0.4), (ac.Limits(joint_acceleration=0.6), 0.6)):
+        execution = ac.simulate(set_points, ac.ServoPlant(arm, servo, plant_limits))
+        np.testing.assert_array_equal(execution.plant.acceleration, [bound, bound])
+        result = ac.evaluate(execution, path, limits=plant_limits)
+        np.testing.assert_allclose(result.demand_ratio, execution.peak_demand / bound)
     # The reserve is known, too: limits bind where they are used as far as the plan may.
     reserved = ac.explain(plan, arm)
     assert {x.name for x in reserved.bindings} >= {"joint 1 acceleration"}

@@ -27,22 +27,29 @@ TWO = (Contour(path=SQUARE, name="square"), Contour(path=BEND))
 
 def job(process, *moves, arm=ARM, **values):
     timing = ac.Optimal(reserve=0.1)
-    asked = {"limits": LIMITS, "rounding": Rounding(tolerance=1e-3), "timing": timing, **values}
+    run_options = {
+        "limits": LIMITS,
+        "rounding": Rounding(tolerance=1e-3),
+        "timing": timing,
+        **values,
+    }
     program = Program(moves=moves or TWO)
-    return a_job(program, a_run("compensated", **asked), arm=arm, process=process)
+    return a_job(program, a_run("compensated", **run_options), arm=arm, process=process)
 
 
 def planned(done):
     """The program of a job's run, its plan, and its speeds at the ends of the work."""
-    (this,) = done.runs
-    plan, found = plan_one(done, this, clear=False), []
+    (job_run,) = done.runs
+    plan, errors = plan_one(done, job_run, clear=False), []
     program, trajectory = plan.path, plan.trajectory
     for span in trajectory.spans:
         if span.work is not None:
             t = np.array(span.work)
-            found.append(np.linalg.norm(ARM.tool_velocity(trajectory(t), trajectory(t, 1)), axis=1))
-    assert len(found) == len(program.contours)
-    return program, trajectory, found
+            errors.append(
+                np.linalg.norm(ARM.tool_velocity(trajectory(t), trajectory(t, 1)), axis=1)
+            )
+    assert len(errors) == len(program.contours)
+    return program, trajectory, errors
 
 
 def after(contour):
@@ -51,13 +58,15 @@ def after(contour):
 
 
 def test_automatic_leads_are_those_of_layers_and_of_the_new_order():
-    moves = [dataclasses.replace(x, layer=of) for x, of in zip(TWO, ("CUT", "MARK"), strict=True)]
+    moves = [
+        dataclasses.replace(x, layer=layer) for x, layer in zip(TWO, ("CUT", "MARK"), strict=True)
+    ]
     line = Lead(length=3e-3)
     process = Process(lead_in=Lead(), by_layer={"MARK": {"lead_in": line, "lead_out": Lead()}})
     alone = [job(Process(lead_in=Lead()), moves[0]), job(Process(lead_out=Lead()), moves[1])]
     (cut,), (mark,) = (prepare_and_round(x, x.runs[0])[0].contours for x in alone)
-    done = job(process, *moves)
-    first, second = prepare_and_round(done, done.runs[0])[0].contours
+    case = job(process, *moves)
+    first, second = prepare_and_round(case, case.runs[0])[0].contours
     assert first.work == pytest.approx(cut.at_work, abs=1e-12) and cut.at_work[0] > 1e-3
     assert second.work[0] == pytest.approx(3e-3, abs=1e-12)
     assert after(second) == pytest.approx(after(mark), abs=1e-12) and after(mark) > 1e-3
@@ -65,8 +74,8 @@ def test_automatic_leads_are_those_of_layers_and_of_the_new_order():
     contours = [Contour(path=SQUARE, name="outline"), Contour(path=hole, name="hole")]
     lengths = []
     for moves in (contours, contours[::-1]):
-        done = job(Process(lead_in=Lead(shape="arc")), *moves)
-        objective, _ = prepare_and_round(done, done.runs[0])
+        case = job(Process(lead_in=Lead(shape="arc")), *moves)
+        objective, _ = prepare_and_round(case, case.runs[0])
         assert [x.name for x in objective.contours] == ["hole", "outline"]
         lengths.append([x.at_work[0] for x in objective.contours])
     assert lengths[0] == lengths[1] and abs(lengths[0][0] - lengths[0][1]) > 1e-4
@@ -75,16 +84,16 @@ def test_automatic_leads_are_those_of_layers_and_of_the_new_order():
 @pytest.mark.parametrize("shape", ["line", "arc"])
 def test_automatic_leads_are_as_long_as_the_assigned_velocity_needs(shape):
     lead = Lead(shape=shape)
-    done = job(Process(lead_in=lead, lead_out=lead))
-    program, trajectory, speeds = planned(done)
+    case = job(Process(lead_in=lead, lead_out=lead))
+    program, trajectory, speeds = planned(case)
     np.testing.assert_allclose(speeds, 0.05, rtol=1e-3)
-    assert run(done).runs["compensated"].warnings == ()
+    assert run(case).runs["compensated"].warnings == ()
     # A tenth less does not do: they are not longer than they need.
     for i, contour in enumerate(program.contours):
         lengths = 0.9 * contour.work[0], 0.9 * after(contour)
         ends = (Lead(shape=shape, length=x) for x in lengths)
         shorter = Process(**dict(zip(("lead_in", "lead_out"), ends, strict=True)))
-        assert (planned(dataclasses.replace(done, process=shorter))[2][i] < 0.05 * (1 - 1e-4)).all()
+        assert (planned(dataclasses.replace(case, process=shorter))[2][i] < 0.05 * (1 - 1e-4)).all()
 
 
 def test_automatic_leads_reach_an_assigned_velocity_that_is_little_more_than_half_of_them_reach():
@@ -103,10 +112,10 @@ def test_automatic_leads_of_a_pierced_contour_are_found_without_the_way_down():
     arm, height, lengths = ac.load_arm("ur5e"), 2e-3, []
     lead = Lead(shape="arc", side="left", active=True)
     pierced = {"pierce": Pierce(time=0.2, height=height), "switch": Switch(name="laser")}
-    for given in ({}, pierced):
-        process, limits = Process(lead_in=lead, **given), arm.limits.replace(speed=0.05)
-        done = job(process, Contour(path=line), arm=arm, limits=limits)
-        _, program = prepare_and_round(done, done.runs[0])
+    for piercing in ({}, pierced):
+        process, limits = Process(lead_in=lead, **piercing), arm.limits.replace(speed=0.05)
+        case = job(process, Contour(path=line), arm=arm, limits=limits)
+        _, program = prepare_and_round(case, case.runs[0])
         lengths.append(program.contours[0].at_work[0])
     assert lengths[1] == pytest.approx(lengths[0] + height) and lengths[0] > 0
 
@@ -114,12 +123,12 @@ def test_automatic_leads_of_a_pierced_contour_are_found_without_the_way_down():
 def test_automatic_leads_stop_growing_where_the_speed_does():
     # A small circle: centripetal acceleration holds the tool below the assigned velocity.
     circle = Path.from_segments([Arc(start=[0.32, 0.2], center=[0.31, 0.2], angle=2 * np.pi)])
-    done = job(Process(lead_in=Lead(), lead_out=Lead()), Contour(path=circle, name="hole"))
-    program, trajectory, (ends,) = planned(done)
+    case = job(Process(lead_in=Lead(), lead_out=Lead()), Contour(path=circle, name="hole"))
+    program, trajectory, (ends,) = planned(case)
     np.testing.assert_allclose(ends, np.sqrt(0.09 * 0.01), rtol=2e-3)
     assert program.contours[0].work[0] < 0.01
     # No lead helps, which a warning says with the place.
-    (warning,) = run(done).runs["compensated"].warnings
+    (warning,) = run(case).runs["compensated"].warnings
     for words in ("2 places", "contour hole", "30 mm/s of 50 mm/s", "with a lead of"):
         assert words in warning
 
@@ -127,14 +136,14 @@ def test_automatic_leads_stop_growing_where_the_speed_does():
 def test_automatic_leads_go_as_far_as_the_arm_reaches_and_one_may_be_given():
     # Outward, to 10 mm before the end of what the arm reaches, 0.465 m from its base at 0.135 m.
     path = Path.polyline([[0.4, 0.0], [0.59, 0.0]])
-    done = job(Process(lead_in=Lead(), lead_out=Lead()), Contour(path=path, name="ray"))
-    program, _, ((on, off),) = planned(done)
+    case = job(Process(lead_in=Lead(), lead_out=Lead()), Contour(path=path, name="ray"))
+    program, _, ((on, work_end),) = planned(case)
     assert 0 < after(program.contours[0]) < 0.01
-    assert on == pytest.approx(0.05, rel=1e-3) and 0 < off <= 0.05 * (1 + 1e-9)
-    given = job(Process(lead_in=Lead(), lead_out=Lead(length=0.003)), Contour(path=BEND))
-    program, _, ((on, off),) = planned(given)
+    assert on == pytest.approx(0.05, rel=1e-3) and 0 < work_end <= 0.05 * (1 + 1e-9)
+    explicit = job(Process(lead_in=Lead(), lead_out=Lead(length=0.003)), Contour(path=BEND))
+    program, _, ((on, work_end),) = planned(explicit)
     assert after(program.contours[0]) == pytest.approx(0.003, abs=1e-12)
-    assert on == pytest.approx(0.05, rel=1e-3) and off < 0.049
+    assert on == pytest.approx(0.05, rel=1e-3) and work_end < 0.049
 
 
 def test_what_makes_no_job_is_refused():
@@ -162,8 +171,8 @@ def test_warns_of_leads_that_are_too_short_and_of_none_that_are_not_there():
     line = Path.polyline([[0.3, 0.2], [0.303, 0.2]])
     (on,) = warnings(line, lead_in=0.03)
     assert "contour 1 begins at" in on
-    (off,) = warnings(line, lead_out=0.03)
-    assert "contour 1 ends at" in off
+    (too_long,) = warnings(line, lead_out=0.03)
+    assert "contour 1 ends at" in too_long
     assert warnings(line, lead_in=0.03, lead_out=0.03) == ()
     # An arc of a lead may be too tight for the velocity, and a longer one is not.
     (tight,) = warnings(SQUARE, "arc", lead_in=0.02)
@@ -172,17 +181,17 @@ def test_warns_of_leads_that_are_too_short_and_of_none_that_are_not_there():
 
 
 def test_runs_a_program_from_its_drawing_to_its_evaluation():
-    told, lead = [], Lead(length=0.01)
+    progress_log, lead = [], Lead(length=0.01)
     process = Process(lead_in=lead, lead_out=lead, switch=Switch(), events=(Event(name="x"),))
-    result = run(job(process), progress=told.append).runs["compensated"]
+    result = run(job(process), progress=progress_log.append).runs["compensated"]
     assert isinstance(result.path, Program) and isinstance(result.objective, Program)
-    shares = [x for x in told if x.done is not None]
+    shares = [x for x in progress_log if x.done is not None]
     assert shares[-2:] == [
         Step(("compensated", "timing"), 0.5),
         Step(("compensated", "timing"), 1.0),
     ]
     steps = "rounding tracing timing clearance compensation execution evaluation".split()
-    assert [x.names[-1] for x in told if x.done is None] == steps
+    assert [x.names[-1] for x in progress_log if x.done is None] == steps
     assert result.evaluation.contour_error.max < 2e-5
     assert len(result.evaluation.contours) == 2
     names = [x.name for x in result.trajectory.events]
@@ -193,19 +202,19 @@ def test_runs_a_program_from_its_drawing_to_its_evaluation():
 
 def test_runs_share_their_tracing_and_find_their_own_leads():
     one = job(Process(lead_in=Lead(length=0.01)))
-    (this,) = one.runs
+    (first_run,) = one.runs
     mac = dataclasses.replace(
-        this, name="paper", timing=ac.Paper(reserve=0.1), compensation=ac.NoCompensation()
+        first_run, name="paper", timing=ac.Paper(reserve=0.1), compensation=ac.NoCompensation()
     )
-    slower = dataclasses.replace(this, name="slow", limits=LIMITS.replace(speed=0.02))
-    runs = run(dataclasses.replace(one, runs=(this, mac, slower))).runs
+    slower = dataclasses.replace(first_run, name="slow", limits=LIMITS.replace(speed=0.02))
+    runs = run(dataclasses.replace(one, runs=(first_run, mac, slower))).runs
     assert runs["paper"].traced is runs["compensated"].traced is not runs["slow"].traced
     assert runs["paper"].path is runs["compensated"].path
     assert runs["paper"].trajectory.method == "paper"
     auto = job(Process(lead_in=Lead()), Contour(path=BEND), rounding=None)
-    (this,) = auto.runs
-    less = dataclasses.replace(this, name="less", timing=ac.Optimal(reserve=0.5))
-    runs = ac.jobs.run(dataclasses.replace(auto, runs=(this, less)), simulate=False).runs
+    (first_run,) = auto.runs
+    less = dataclasses.replace(first_run, name="less", timing=ac.Optimal(reserve=0.5))
+    runs = ac.jobs.run(dataclasses.replace(auto, runs=(first_run, less)), simulate=False).runs
     assert runs["less"].path.contours[0].work[0] > runs["compensated"].path.contours[0].work[0]
 
 
@@ -235,13 +244,13 @@ ARCS = Rounding(tolerance=1e-3, continuity="tangent")
 
 
 def plans(path, *runs, arm=ARM):
-    asked = {
+    run_options = {
         "compensation": ac.NoCompensation(),
         "limits": arm.limits.replace(speed=0.1, joint_jerk=7.2).for_joints(arm.dof),
         "rounding": Rounding(tolerance=1e-3),
         "timing": ac.Optimal(intervals=200),
     }
-    made = (a_run(f"run{i}", **asked | x) for i, x in enumerate(runs))
+    made = (a_run(f"run{i}", **run_options | x) for i, x in enumerate(runs))
     return list(run(a_job(path, *made, arm=arm), simulate=False).runs.values())
 
 
@@ -249,34 +258,34 @@ def stops_said(sentences):
     return [x for x in sentences if "full stop" in x]
 
 
-def test_the_ends_of_an_arc_are_said_once_and_counted_by_contours():
+def test_stops_at_ends_of_arcs_are_reported_once_and_counted_by_contour():
     runs = ({}, {"compensation": ac.Inverse()}, {"compensation": ac.NoCompensation()})
-    found = plans(BENT, *({**x, "rounding": None} for x in runs))
-    for plan in found:
+    results = plans(BENT, *({**x, "rounding": None} for x in runs))
+    for plan in results:
         assert [x.s for x in plan.jerk_stops] == pytest.approx(ENDS, abs=1e-12)
         assert plan.jerk_stops[1].point == pytest.approx((0.38, 0.22), abs=1e-9)
         assert plan.trajectory.speed_at(ENDS) == pytest.approx([0, 0], abs=1e-9)
         assert plan.full_stops == {"curvature jumps": 2} and plan.stops_note is None
-    (said,) = stops_said(warnings_of(found))
-    assert said.startswith(
+    (warning,) = stops_said(warnings_of(results))
+    assert warning.startswith(
         "Runs run0, run1, run2: 2 full stops, the first at s = 60 mm (360 mm, 200"
     )
     straight = ac.Path.polyline([(0.3, 0.3), (0.34, 0.3)])
     program = Program(moves=(Contour(path=straight, name="A"), Contour(path=BENT, name="B")))
     (plan,) = plans(program, {"rounding": None})
     assert [x.contour for x in plan.jerk_stops] == ["contour B"] * 2
-    (said,) = stops_said(plan.warnings)
-    assert "2 full stops, the first at s = 60 mm (360 mm, 200 mm) of contour B" in said
+    (warning,) = stops_said(plan.warnings)
+    assert "2 full stops, the first at s = 60 mm (360 mm, 200 mm) of contour B" in warning
 
 
 def test_transitions_spare_the_stops_within_their_tolerance():
     fine, coarse = Rounding(tolerance=1e-3, transition_tolerance=1e-6), Rounding(tolerance=2e-6)
-    found = plans(BENT, {}, {"rounding": fine}, {"rounding": coarse}, {"rounding": ARCS})
+    results = plans(BENT, {}, {"rounding": fine}, {"rounding": coarse}, {"rounding": ARCS})
     times = {}
-    for plan, allowed in zip(found, (1e-5, 1e-6, 2e-6, 0.0), strict=True):
+    for plan, allowed in zip(results, (1e-5, 1e-6, 2e-6, 0.0), strict=True):
         path = plan.path.path
-        off = BENT.project(path(np.linspace(0.0, path.length, 4001))).distance.max()
-        assert off <= allowed + 1e-12 and (off > 0.5 * allowed or allowed == 0.0)
+        deviation = BENT.project(path(np.linspace(0.0, path.length, 4001))).distance.max()
+        assert deviation <= allowed + 1e-12 and (deviation > 0.5 * allowed or allowed == 0.0)
         assert plan.full_stops == ({} if allowed else {"curvature jumps": 2})
         times[allowed] = plan.trajectory.duration
     assert sorted(times, reverse=True) == sorted(times, key=lambda x: times[x])
@@ -300,7 +309,7 @@ def test_set_points_of_a_drawing_change_no_faster_than_the_arm_may():
     assert (ahead < limits.joint_acceleration + limits.joint_jerk / 25.0).all()
 
 
-def test_stops_that_are_not_there_or_are_there_anyway_are_not_said():
+def test_only_stops_that_limits_of_jerk_add_are_reported():
     plain = ARM.limits.replace(speed=0.1)
     endless = plain.replace(joint_jerk=float("inf")).for_joints(2)
     for plan in plans(BENT, {"limits": plain}, {"limits": endless}):
@@ -334,8 +343,8 @@ def test_corners_have_no_such_stops_unless_arcs_are_asked_for():
     curved, tangent = plans(CORNER, {}, {"rounding": ARCS})
     assert curved.full_stops == {} and tangent.full_stops == {"curvature jumps": 2}
     assert curved.trajectory.duration < tangent.trajectory.duration
-    (said,) = stops_said(tangent.warnings)
-    assert "corners: {continuity: curvature}" in said
+    (warning,) = stops_said(tangent.warnings)
+    assert "corners: {continuity: curvature}" in warning
     c = tangent.path.path.corners
     assert [x.s for x in tangent.jerk_stops] == pytest.approx([c.start[0], c.end[0]], abs=1e-9)
     # The corner error is the same.

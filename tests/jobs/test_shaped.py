@@ -21,8 +21,8 @@ ARCS = Rounding(tolerance=1e-3)
 
 
 def a_run(name="free", **values):
-    asked = {"limits": LIMITS, "rounding": FREE, "timing": ac.Optimal(intervals=300)}
-    return making.a_run(name, **asked | values)
+    run_options = {"limits": LIMITS, "rounding": FREE, "timing": ac.Optimal(intervals=300)}
+    return making.a_run(name, **run_options | values)
 
 
 @pytest.fixture(scope="module")
@@ -43,8 +43,8 @@ def test_shaped_runs_keep_the_reserve_and_share_shapes(plans):
     assert isinstance(path, ShapedPath) and path.objective is BEND
     assert plans["free"].trajectory.method == "optimal"
     assert plans["free"].trajectory.duration <= plans["arcs"].trajectory.duration * (1 + 1e-9)
-    kept = LIMITS.replace(joint_acceleration=0.7 * np.asarray(LIMITS.joint_acceleration))
-    alone = ac.plan(BEND, ARM, kept, ac.Shaped(tolerance=1e-3, iterations=3, intervals=300))
+    reduced = LIMITS.replace(joint_acceleration=0.7 * np.asarray(LIMITS.joint_acceleration))
+    alone = ac.plan(BEND, ARM, reduced, ac.Shaped(tolerance=1e-3, iterations=3, intervals=300))
     assert plans["r"].trajectory.duration == pytest.approx(alone.duration, rel=1e-12)
     assert plans["r"].trajectory.duration > plans["free"].trajectory.duration
     free = plans["free"]
@@ -56,13 +56,13 @@ def test_a_given_duration_and_the_execution_are_as_for_arcs():
     # Without a reserve the servo saturates and overshoots.
     durations = {"free": None, "slow": 4.0}
     timings = {k: ac.Optimal(intervals=300, reserve=0.1, duration=x) for k, x in durations.items()}
-    found = run(a_job(BEND, *(a_run(k, timing=x) for k, x in timings.items()))).runs
-    assert found["slow"].trajectory.duration == pytest.approx(4.0, abs=1e-9)
-    assert found["slow"].path is found["free"].path
-    for x in found.values():
+    results = run(a_job(BEND, *(a_run(k, timing=x) for k, x in timings.items()))).runs
+    assert results["slow"].trajectory.duration == pytest.approx(4.0, abs=1e-9)
+    assert results["slow"].path is results["free"].path
+    for x in results.values():
         assert x.evaluation.contour_error.max < 1e-4
         assert x.evaluation.objective_error.max < 1e-3 + x.evaluation.contour_error.max
-    assert found["free"].explanation is not None
+    assert results["free"].explanation is not None
 
 
 def test_contours_have_rapids_leads_and_events_on_their_shapes():
@@ -75,8 +75,8 @@ def test_contours_have_rapids_leads_and_events_on_their_shapes():
     assert sum(plan.shaped.starts.values()) == 2
     spans = [x.t[1] - x.t[0] for x in plan.trajectory.contour_spans]
     assert sum(spans) == pytest.approx(plan.shaped.durations["shaped"], rel=1e-9)
-    (at,) = [x.s for x in plan.path.contours[0].events if x.name == "tool"]
-    assert np.linalg.norm(plan.path.contours[0].path(at) - BEND(0.02)) < 1e-3
+    (switch_s,) = [x.s for x in plan.path.contours[0].events if x.name == "tool"]
+    assert np.linalg.norm(plan.path.contours[0].path(switch_s) - BEND(0.02)) < 1e-3
 
 
 def test_leads_of_automatic_length_are_found_with_arcs():
@@ -115,8 +115,10 @@ def test_an_arm_in_space_keeps_the_configuration_that_it_was_shaped_for():
     moves = tuple(Contour(path=x.pointing((0, 0, -1))) for x in (circle, bend))
     rounding = Rounding(shape="free", tolerance=2.5e-4, iterations=2)
     limits = arm.limits.replace(speed=0.1, centripetal_acceleration=1.0)
-    this = a_run(limits=limits, rounding=rounding, timing=ac.Optimal(intervals=300, reserve=0.1))
-    plan = run(a_job(Program(moves=moves), this, arm=arm), simulate=False).runs["free"]
+    shaped_run = a_run(
+        limits=limits, rounding=rounding, timing=ac.Optimal(intervals=300, reserve=0.1)
+    )
+    plan = run(a_job(Program(moves=moves), shaped_run, arm=arm), simulate=False).runs["free"]
     for span, x in zip(plan.trajectory.contour_spans, plan.path.contours, strict=True):
         assert span.t[1] - span.t[0] == pytest.approx(x.path.outcome.durations["shaped"], rel=1e-9)
 
@@ -133,12 +135,14 @@ def test_a_shape_is_never_slower_than_arcs_of_a_redundant_arm():
     limits = arm.limits.replace(speed=0.15, joint_torque=np.inf, joint_jerk=np.inf)
     arcs = Rounding(tolerance=3e-4, angular_tolerance=0.03)
     free = dataclasses.replace(arcs, shape="free", iterations=1)
-    asked = {"limits": limits, "timing": ac.Optimal(reserve=0.1, intervals=150)}
-    runs = (a_run("a", rounding=arcs, **asked), a_run("b", rounding=free, **asked))
-    for given in (path, Program(moves=(Contour(path=path), ac.Dwell(duration=0.1)))):
-        plans = run(a_job(given, *runs, arm=arm), simulate=False).runs
-        told = plans["b"].shaped
-        span, found = (plans[x].trajectory.contour_spans[0] for x in "ab")
-        assert told.durations["arcs"] == pytest.approx(span.t[1] - span.t[0], rel=1e-9)
+    run_options = {"limits": limits, "timing": ac.Optimal(reserve=0.1, intervals=150)}
+    runs = (a_run("a", rounding=arcs, **run_options), a_run("b", rounding=free, **run_options))
+    for motion in (path, Program(moves=(Contour(path=path), ac.Dwell(duration=0.1)))):
+        plans = run(a_job(motion, *runs, arm=arm), simulate=False).runs
+        outcome = plans["b"].shaped
+        span, shaped_span = (plans[x].trajectory.contour_spans[0] for x in "ab")
+        assert outcome.durations["arcs"] == pytest.approx(span.t[1] - span.t[0], rel=1e-9)
         assert plans["b"].trajectory.duration <= plans["a"].trajectory.duration * (1 + 1e-9)
-        assert told.durations["shaped"] == pytest.approx(found.t[1] - found.t[0], rel=1e-9)
+        assert outcome.durations["shaped"] == pytest.approx(
+            shaped_span.t[1] - shaped_span.t[0], rel=1e-9
+        )

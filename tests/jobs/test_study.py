@@ -58,25 +58,29 @@ def changed(run, **values):
 
 def test_run_is_all_arrows_one_by_one(job, study):
     assert list(study.runs) == ["proposed", "conventional"] and study.job is job
-    for this in job.runs:
-        path, found = job.path, study.runs[this.name]
-        if this.rounding is not None:
+    for job_run in job.runs:
+        path, result = job.path, study.runs[job_run.name]
+        if job_run.rounding is not None:
             path = ac.round_corners(path, tolerance=5e-3, acceleration=0.09)
-        trajectory = ac.plan(ac.trace(path, job.arm), job.arm, this.limits, this.timing)
-        set_points = ac.compensate(trajectory, job.servo, this.compensation, cycle=this.cycle)
-        execution = ac.simulate(set_points, ac.ServoPlant(job.arm, job.plant_servo, this.limits))
-        asked = {"objective": job.path, "limits": this.limits, "end_time": this.end_time}
-        evaluation = ac.evaluate(execution, path, **asked)
-        assert found.run is this
-        np.testing.assert_array_equal(found.path.path.breaks, path.breaks)
-        assert found.trajectory.duration == trajectory.duration
-        np.testing.assert_array_equal(found.set_points.q, set_points.q)
-        np.testing.assert_array_equal(found.execution.q, execution.q)
-        assert found.evaluation.contour_error.rms == evaluation.contour_error.rms
-        assert found.evaluation.objective_error.max == evaluation.objective_error.max
-        assert found.evaluation.corners == evaluation.corners
-        assert found.evaluation.end_time == evaluation.end_time
-        np.testing.assert_array_equal(found.evaluation.saturated, evaluation.saturated)
+        trajectory = ac.plan(ac.trace(path, job.arm), job.arm, job_run.limits, job_run.timing)
+        set_points = ac.compensate(trajectory, job.servo, job_run.compensation, cycle=job_run.cycle)
+        execution = ac.simulate(set_points, ac.ServoPlant(job.arm, job.plant_servo, job_run.limits))
+        evaluation_options = {
+            "objective": job.path,
+            "limits": job_run.limits,
+            "end_time": job_run.end_time,
+        }
+        evaluation = ac.evaluate(execution, path, **evaluation_options)
+        assert result.run is job_run
+        np.testing.assert_array_equal(result.path.path.breaks, path.breaks)
+        assert result.trajectory.duration == trajectory.duration
+        np.testing.assert_array_equal(result.set_points.q, set_points.q)
+        np.testing.assert_array_equal(result.execution.q, execution.q)
+        assert result.evaluation.contour_error.rms == evaluation.contour_error.rms
+        assert result.evaluation.objective_error.max == evaluation.objective_error.max
+        assert result.evaluation.corners == evaluation.corners
+        assert result.evaluation.end_time == evaluation.end_time
+        np.testing.assert_array_equal(result.evaluation.saturated, evaluation.saturated)
 
 
 def test_the_branch_reaches_the_tracer(job):
@@ -85,17 +89,21 @@ def test_the_branch_reaches_the_tracer(job):
 
 
 def test_an_experiment_is_the_same_set_points_on_rigid_bodies(job):
-    this = changed(job.runs[0], experiment=Experiment(noise=1e-6, seed=3))
-    study = ac.run(with_runs(job, this, job.runs[1]))
-    found = study.runs["proposed"]
-    plant = ac.RigidBodyPlant(job.arm, job.plant_servo, this.limits, noise=1e-6, seed=3)
-    execution = ac.simulate(found.set_points, plant)
-    asked = {"objective": job.path, "limits": this.limits, "end_time": this.end_time}
-    evaluation = ac.evaluate(execution, found.path, **asked)
-    np.testing.assert_array_equal(found.experiment.execution.q, execution.q)
-    assert found.experiment.evaluation.contour_error.rms == evaluation.contour_error.rms
-    assert found.evaluation.contour_error.rms != evaluation.contour_error.rms
-    assert (found.experiment.plant.noise, found.experiment.plant.seed) == (1e-6, 3)
+    experiment_run = changed(job.runs[0], experiment=Experiment(noise=1e-6, seed=3))
+    study = ac.run(with_runs(job, experiment_run, job.runs[1]))
+    result = study.runs["proposed"]
+    plant = ac.RigidBodyPlant(job.arm, job.plant_servo, experiment_run.limits, noise=1e-6, seed=3)
+    execution = ac.simulate(result.set_points, plant)
+    evaluation_options = {
+        "objective": job.path,
+        "limits": experiment_run.limits,
+        "end_time": experiment_run.end_time,
+    }
+    evaluation = ac.evaluate(execution, result.path, **evaluation_options)
+    np.testing.assert_array_equal(result.experiment.execution.q, execution.q)
+    assert result.experiment.evaluation.contour_error.rms == evaluation.contour_error.rms
+    assert result.evaluation.contour_error.rms != evaluation.contour_error.rms
+    assert (result.experiment.plant.noise, result.experiment.plant.seed) == (1e-6, 3)
     assert study.runs["conventional"].experiment is None
 
 
@@ -111,8 +119,8 @@ def test_the_robot_of_an_experiment_has_what_its_controller_does_not_know():
     bare = ac.RigidBodyPlant(arm, servo)
     np.testing.assert_array_equal(plant.nominal_inertia, bare.nominal_inertia)
     # It replaces the payload that the controller knows, and leaves out what is not given.
-    known = arm.with_tool(arm.chain.tool, ac.Payload(mass=3.0))
-    empty = build_plant(Experiment(payload=ac.Payload(mass=0.0)), known, servo)
+    nominal = arm.with_tool(arm.chain.tool, ac.Payload(mass=3.0))
+    empty = build_plant(Experiment(payload=ac.Payload(mass=0.0)), nominal, servo)
     assert empty.chain.payload.mass == 0.0 and empty.controller_chain.payload.mass == 3.0
     rigid = build_plant(Experiment(), arm, servo)
     assert rigid.chain is arm.chain and Experiment().unknown == ""
@@ -149,14 +157,14 @@ def test_what_cannot_be_is_refused_with_its_run_before_any_run_starts(job, in_sp
     def work(job, **values):
         return lambda: ac.run(dataclasses.replace(job, **values), progress=started.append)
 
-    (this,) = in_space.runs
-    jerky = this.limits.replace(joint_jerk=100.0).for_joints(6)
-    by_mac = changed(this, name="two", limits=jerky, timing=ac.Paper())
-    free = changed(this, limits=jerky, rounding=Rounding(shape="free", tolerance=1e-3))
+    (only_run,) = in_space.runs
+    jerky = only_run.limits.replace(joint_jerk=100.0).for_joints(6)
+    by_mac = changed(only_run, name="two", limits=jerky, timing=ac.Paper())
+    free = changed(only_run, limits=jerky, rounding=Rounding(shape="free", tolerance=1e-3))
     bodies = changed(job.runs[1], experiment=Experiment())
-    lag, said = ac.ServoModel(kp=25.0, order="first"), "Run conventional: experiment: "
+    lag, words = ac.ServoModel(kp=25.0, order="first"), "Run conventional: experiment: "
     refused(
-        (work(in_space, runs=(this, by_mac)), "Run two: The method paper", "joint_jerk"),
+        (work(in_space, runs=(only_run, by_mac)), "Run two: The method paper", "joint_jerk"),
         (work(in_space, runs=(free,)), "shaped path"),
         (
             lambda: ac.certify(with_runs(in_space, free), goal=ac.CertificateGoal(tolerance=2e-3)),
@@ -164,9 +172,9 @@ def test_what_cannot_be_is_refused_with_its_run_before_any_run_starts(job, in_sp
         ),
         kind=NotRealizable,
     )
-    refused((work(job, runs=(bodies,), plant_servo=lag), said, "rigid-body plant"))
+    refused((work(job, runs=(bodies,), plant_servo=lag), words, "rigid-body plant"))
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    refused((work(job, runs=(job.runs[0], bodies)), said, "armcontour[experiment]"))
+    refused((work(job, runs=(job.runs[0], bodies)), words, "armcontour[experiment]"))
     assert not started
 
 
@@ -175,21 +183,21 @@ def test_an_experiment_that_does_not_rest_leaves_the_other_results(job, monkeypa
         raise ac.ExecutionError("Joint 1 does not rest.", joint=0)
 
     monkeypatch.setattr("armcontour.jobs.study.simulate_rigid_bodies", fails)
-    this = changed(job.runs[0], experiment=Experiment())
-    found = ac.run(with_runs(job, this, job.runs[1])).runs
-    assert found["proposed"].experiment is None
-    assert str(found["proposed"].failure) == "experiment: Joint 1 does not rest."
-    assert found["proposed"].failure.joint == 0
-    assert found["proposed"].evaluation.contour_error.rms > 0
-    assert found["conventional"].failure is None
+    experiment_run = changed(job.runs[0], experiment=Experiment())
+    results = ac.run(with_runs(job, experiment_run, job.runs[1])).runs
+    assert results["proposed"].experiment is None
+    assert str(results["proposed"].failure) == "experiment: Joint 1 does not rest."
+    assert results["proposed"].failure.joint == 0
+    assert results["proposed"].evaluation.contour_error.rms > 0
+    assert results["conventional"].failure is None
 
 
 def test_warnings_of_demands_and_set_points(study):
-    found = study.runs["proposed"]
+    result = study.runs["proposed"]
     # The plant's gains are others, so the demand is far above the limit.
-    (overload,) = found.warnings
+    (overload,) = result.warnings
     assert "times its acceleration limit" in overload
-    coarse = dataclasses.replace(found, run=changed(found.run, cycle=1.0))
+    coarse = dataclasses.replace(result, run=changed(result.run, cycle=1.0))
     warning, same = coarse.warnings
     assert "cycle of 1.0000 s" in warning and same == overload
 
@@ -199,71 +207,75 @@ def in_space():
     """A line of the UR5e, as quick as it gets."""
     arm = ac.load_arm("ur5e")
     path = ac.Path.polyline([[0.4, 0.0, 0.2], [0.5, 0.05, 0.2]]).oriented([1.0, 0.0, 0.0, 0.0])
-    this = a_run(compensation=ac.NoCompensation(), limits=arm.limits.replace(speed=0.25))
+    line_run = a_run(compensation=ac.NoCompensation(), limits=arm.limits.replace(speed=0.25))
     servo = ac.ServoModel(kp=25.0, kv=150.0).for_joints(6)
-    return ac.Job(name="line", title="A line", arm=arm, path=path, servo=servo, runs=(this,))
+    return ac.Job(name="line", title="A line", arm=arm, path=path, servo=servo, runs=(line_run,))
 
 
 def test_plans_are_the_same_where_runs_differ_only_behind_them(in_space):
-    (this,) = in_space.runs
+    (only_run,) = in_space.runs
     grid = ac.Optimal(grid=np.arange(0.0, 0.1, 0.01))
     others = {
-        "slow": {"limits": this.limits.replace(speed=0.1)},
+        "slow": {"limits": only_run.limits.replace(speed=0.1)},
         "spared": {"timing": ac.Optimal(reserve=0.1)},
         "late": {"timing": ac.Optimal(duration=5.0)},
         "gridded": {"timing": grid},
     }
-    again = changed(this, name="again", compensation=ac.PolePlacement())
-    runs = (this, again, *(changed(this, name=k, **x) for k, x in others.items()))
-    found = ac.run(with_runs(in_space, *runs)).runs
-    assert found["again"].trajectory is found["one"].trajectory
+    again = changed(only_run, name="again", compensation=ac.PolePlacement())
+    runs = (only_run, again, *(changed(only_run, name=k, **x) for k, x in others.items()))
+    results = ac.run(with_runs(in_space, *runs)).runs
+    assert results["again"].trajectory is results["one"].trajectory
     for name in others:
-        assert found[name].trajectory is not found["one"].trajectory
+        assert results[name].trajectory is not results["one"].trajectory
     # Runs that differ behind tracing are traced once.
-    assert found["again"].traced is found["one"].traced
-    assert found["slow"].traced is not found["one"].traced
+    assert results["again"].traced is results["one"].traced
+    assert results["slow"].traced is not results["one"].traced
 
 
 def test_branch_start_and_angular_tolerance_reach_their_steps(in_space):
-    (this,) = in_space.runs
+    (only_run,) = in_space.runs
     assert in_space.plant_servo is in_space.servo  # the nominal one, as none is given
-    found = run(in_space, simulate=False).runs["one"].trajectory
-    planned = ac.plan(in_space.path, in_space.arm, this.limits)
-    np.testing.assert_array_equal(found(0.0), planned(0.0))
-    assert found.duration == planned.duration
+    trajectory = run(in_space, simulate=False).runs["one"].trajectory
+    planned = ac.plan(in_space.path, in_space.arm, only_run.limits)
+    np.testing.assert_array_equal(trajectory(0.0), planned(0.0))
+    assert trajectory.duration == planned.duration
     others = trace_all(in_space.path, in_space.arm)
-    other = next(x for x in others if np.abs(x(0.0) - found(0.0)).max() > 0.5)
-    asked = dataclasses.replace(in_space, seed=other(0.0) + 0.01)
+    other = next(x for x in others if np.abs(x(0.0) - trajectory(0.0)).max() > 0.5)
+    seeded = dataclasses.replace(in_space, seed=other(0.0) + 0.01)
     np.testing.assert_allclose(
-        run(asked, simulate=False).runs["one"].trajectory(0.0), other(0.0), atol=1e-6
+        run(seeded, simulate=False).runs["one"].trajectory(0.0), other(0.0), atol=1e-6
     )
     corner = ac.Path.polyline([[0.4, 0, 0.2], [0.5, 0, 0.2], [0.5, 0.1, 0.2]])
     turned = corner.oriented(from_rpy([[np.pi, 0, 0], [np.pi, 0, 0], [np.pi, 0, 0.5]]))
-    this = changed(in_space.runs[0], rounding=Rounding(tolerance=1e-2, angular_tolerance=1e-3))
-    corners = prepare_and_round(dataclasses.replace(in_space, path=turned), this)[1].path.corners
+    only_run = changed(in_space.runs[0], rounding=Rounding(tolerance=1e-2, angular_tolerance=1e-3))
+    corners = prepare_and_round(dataclasses.replace(in_space, path=turned), only_run)[
+        1
+    ].path.corners
     assert corners.angular_error[0] == pytest.approx(1e-3, rel=1e-6)
     assert corners.shrunk[0]
 
 
 def test_torques_and_angular_speed_are_those_of_the_arm(job, study, in_space):
-    found = study.runs["proposed"]
-    torques = planned_torques(found.arm, found.trajectory)
-    plan, arm, t = found.trajectory, job.arm, 1.234
-    own = [np.interp(t, torques.t, x) for x in torques.values.T]
-    np.testing.assert_allclose(own, arm.torque(plan(t), plan(t, 1), plan(t, 2)), rtol=1e-3)
+    result = study.runs["proposed"]
+    torques = planned_torques(result.arm, result.trajectory)
+    plan, arm, t = result.trajectory, job.arm, 1.234
+    torque_of_arm = [np.interp(t, torques.t, x) for x in torques.values.T]
+    np.testing.assert_allclose(
+        torque_of_arm, arm.torque(plan(t), plan(t, 1), plan(t, 2)), rtol=1e-3
+    )
     states = ([plan(plan.breaks[1:-1], k, side=x) for k in range(3)] for x in ("left", "right"))
     both = [np.abs(arm.torque(*x)) for x in states]
     assert (torques.peak >= np.maximum(*both).max(axis=0)).all()
     arm, links = job.arm, (job.arm.link1, job.arm.link2)
     bodiless = ac.PlanarTwoLink(name="bare", base=arm.base, links=links, limits=arm.limits)
     bare = with_runs(job, job.runs[1], arm=bodiless)
-    found = ac.run(bare).runs["conventional"]
-    assert planned_torques(found.arm, found.trajectory) is None
-    assert angular_speed(found.execution) is None
-    assert not bare.arm.has_bodies and found.evaluation.orientation_error is None
+    result = ac.run(bare).runs["conventional"]
+    assert planned_torques(result.arm, result.trajectory) is None
+    assert angular_speed(result.execution) is None
+    assert not bare.arm.has_bodies and result.evaluation.orientation_error is None
     turned = in_space.path.oriented(from_rpy([[np.pi, 0, 0], [np.pi, 0, 0.4]]))
-    found = ac.run(dataclasses.replace(in_space, path=turned)).runs["one"]
-    angle = trapezoid(angular_speed(found.execution), found.execution.t)
+    result = ac.run(dataclasses.replace(in_space, path=turned)).runs["one"]
+    angle = trapezoid(angular_speed(result.execution), result.execution.t)
     assert angle == pytest.approx(0.4, rel=1e-3)
 
 
@@ -292,32 +304,32 @@ def refusal(base, **changed):
     return caught.value, str(caught.value)
 
 
-def way(said):
+def way(message):
     """The way of the part that the message proposes [mm]."""
-    found = re.search(r"move the part by \(([^)]*)\) mm", said)
-    return np.array([float(x) for x in found[1].split(",")])
+    match = re.search(r"move the part by \(([^)]*)\) mm", message)
+    return np.array([float(x) for x in match[1].split(",")])
 
 
 def in_place(points, *position, **more):
     return {"points": points, "frame": {"position": [float(x) for x in position]}, **more}
 
 
-def test_the_worst_place_is_said_in_the_coordinates_of_the_drawing():
-    error, said = refusal(PLANE, path=in_place(SQUARE, 0.6, 0.0, 0.0))
+def test_the_worst_place_is_reported_in_the_coordinates_of_the_drawing():
+    error, message = refusal(PLANE, path=in_place(SQUARE, 0.6, 0.0, 0.0))
     # The corner that is farthest from the base, at (135, 0) mm, and nothing before it.
     far = np.hypot(0.64 - 0.135, 0.04)
     assert error.point == pytest.approx((0.64, 0.04)) and error.s == pytest.approx(0.08)
     assert error.needed == pytest.approx(far - 0.465) and error.limit == "reach"
-    assert f"by up to {(far - 0.465) * 1e3:.4g} mm, most at (640, 40) mm" in said
-    assert "which is (40, 40) mm before path.frame" in said
+    assert f"by up to {(far - 0.465) * 1e3:.4g} mm, most at (640, 40) mm" in message
+    assert "which is (40, 40) mm before path.frame" in message
 
 
-def test_what_is_said_to_mend_it_does():
+def test_the_proposed_fix_works():
     # Too far from the base, and too near.
     for position in ([0.6, 0.0], [0.12, -0.02]):
-        said = refusal(PLANE, path=in_place(SQUARE, *position, 0.0))[1]
-        assert "armcontour place" in said
-        assert set_points(PLANE, path=in_place(SQUARE, *(position + 1e-3 * way(said)), 0.0))
+        message = refusal(PLANE, path=in_place(SQUARE, *position, 0.0))[1]
+        assert "armcontour place" in message
+        assert set_points(PLANE, path=in_place(SQUARE, *(position + 1e-3 * way(message)), 0.0))
 
 
 def test_contours_are_refused_before_the_rapids_to_them():
@@ -326,13 +338,13 @@ def test_contours_are_refused_before_the_rapids_to_them():
         process = {"approach": height}
         return refusal(SPACE, path=path, process=process, corners="sharp", seed=None)
 
-    error, said = approached(0.9, 0.3)
-    assert "Run one: The path is out of reach" in said or "contour 1 is out" in said.lower()
+    error, message = approached(0.9, 0.3)
+    assert "Run one: The path is out of reach" in message or "contour 1 is out" in message.lower()
     assert error.point[2] == pytest.approx(0.2)
     # The part stays on its table.
-    assert way(said)[2] == 0
-    _, said = approached(0.45, 1.0)
-    assert "Rapid to contour 1 is out of reach" in said and "take a smaller approach" in said
+    assert way(message)[2] == 0
+    _, message = approached(0.45, 1.0)
+    assert "Rapid to contour 1 is out of reach" in message and "take a smaller approach" in message
 
 
 def test_of_very_many_contours_the_worst_is_found():

@@ -40,19 +40,21 @@ def runs():
 
 def distance_to_lines(points, corners):
     """Distance of points from a polyline, by the definition."""
-    found = np.full(len(points), np.inf)
+    distances = np.full(len(points), np.inf)
     for a, b in zip(corners[:-1], corners[1:], strict=True):
         along = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
-        found = np.minimum(found, np.linalg.norm(points - a - along[:, None] * (b - a), axis=1))
-    return found
+        distances = np.minimum(
+            distances, np.linalg.norm(points - a - along[:, None] * (b - a), axis=1)
+        )
+    return distances
 
 
 @pytest.mark.parametrize("name", ["late", "shaped", "sharp"])
 def test_the_tool_is_nowhere_farther_off_the_drawing_than_stated(runs, name):
     run = runs[name]
     stated = plain(run.to_data())["off_drawing"]
-    off = distance_to_lines(run.execution.tool, np.array(JOB["path"]["points"]))
-    assert off.max() <= stated * (1 + 1e-6) + 1e-9
+    deviations = distance_to_lines(run.execution.tool, np.array(JOB["path"]["points"]))
+    assert deviations.max() <= stated * (1 + 1e-6) + 1e-9
     rounded = run.rounding_error or 0.0
     assert stated == pytest.approx(rounded + run.evaluation.contour_error.max)
 
@@ -71,21 +73,21 @@ def test_the_servo_may_have_a_tenth_of_the_smallest_tolerance_unless_an_accuracy
 
 @pytest.mark.parametrize("name", ["late", "sharp"])
 def test_an_accuracy_is_that_of_the_tool_from_the_drawing(runs, name):
-    off = plain(runs[name].to_data())["off_drawing"]
-    for share, kept in ((0.999, False), (1.001, True)):
-        run = runs_of(accuracy=float(off * share), runs={name: JOB["runs"].get(name)})[name]
-        assert run.kept is kept
+    deviation = plain(runs[name].to_data())["off_drawing"]
+    for share, within in ((0.999, False), (1.001, True)):
+        run = runs_of(accuracy=float(deviation * share), runs={name: JOB["runs"].get(name)})[name]
+        assert run.kept is within
         data = run.to_data()
-        assert plain(data)["kept"] is kept and plain(data)["off_drawing"] == off
+        assert plain(data)["kept"] is within and plain(data)["off_drawing"] == deviation
         (shown,) = (x for x in render.frame(data) if x["name"] == "kept")
-        assert (shown["value"], shown["text"]) == (kept, "kept" if kept else "NOT KEPT")
+        assert (shown["value"], shown["text"]) == (within, "kept" if within else "NOT KEPT")
         assert render.verdict(data).startswith(f"Run {name}: {shown['text']} (")
 
 
 @needs_dynamics
 def test_wide_corners_of_a_drawing_are_not_kept():
-    at = {("corners", "tolerance"): 10e-3}
-    (run,) = ac.run(read_cell("ur5e", DRAWINGS / "gasket.dxf", patch=at)).runs.values()
+    patch = {("corners", "tolerance"): 10e-3}
+    (run,) = ac.run(read_cell("ur5e", DRAWINGS / "gasket.dxf", patch=patch)).runs.values()
     data = run.to_data()
     assert run.kept is False and data["off_drawing"].value == pytest.approx(3.19e-3, abs=1e-5)
     assert "NOT KEPT" in render.verdict(data) and "3.189 mm" in render.verdict(data)

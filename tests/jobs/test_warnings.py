@@ -20,9 +20,9 @@ LIMITS = ARM.limits.replace(speed=0.1, centripetal_acceleration=0.09)
 
 
 def job(path, *, arm=ARM, process=None, **values):
-    own = {"rounding": Rounding(tolerance=0.25e-3), "timing": ac.Optimal(reserve=0.1)}
-    asked = {"limits": LIMITS, **own, **values}
-    return a_job(path, a_run(**asked), arm=arm, process=process)
+    run_defaults = {"rounding": Rounding(tolerance=0.25e-3), "timing": ac.Optimal(reserve=0.1)}
+    run_options = {"limits": LIMITS, **run_defaults, **values}
+    return a_job(path, a_run(**run_options), arm=arm, process=process)
 
 
 def drawn(speed=0.1, tolerance=0.25e-3, lift=0.0):
@@ -33,15 +33,15 @@ def drawn(speed=0.1, tolerance=0.25e-3, lift=0.0):
     )
 
 
-def warnings_of(asked):
-    return run(asked, simulate=False).runs["one"].warnings
+def warnings_of(job_case):
+    return run(job_case, simulate=False).runs["one"].warnings
 
 
-def only(asked):
-    return ac.run(asked).runs["one"]
+def only(job_case):
+    return ac.run(job_case).runs["one"]
 
 
-def test_a_speed_and_a_tolerance_above_the_runs_are_said_once():
+def test_a_speed_and_a_tolerance_above_the_runs_are_reported_once():
     values = (0.15, 0.5e-3), (0.05, 0.1e-3, 0.05), (0.12, 0.5e-3, 0.1)
     names = "MARK 1", "CUT 1", "MARK 2"
     moves = (Contour(path=drawn(*x), name=y) for x, y in zip(values, names, strict=True))
@@ -53,7 +53,7 @@ def test_a_speed_and_a_tolerance_above_the_runs_are_said_once():
     assert "of contour 1 is capped" in speed
 
 
-def test_what_is_not_capped_is_not_said():
+def test_limits_that_change_nothing_are_not_reported():
     assert warnings_of(job(drawn(0.1))) == warnings_of(job(drawn(0.02))) == ()
     # No corner tolerance is capped where there is no corner.
     single = ac.Path.polyline(
@@ -67,17 +67,17 @@ def test_what_is_not_capped_is_not_said():
     assert warnings_of(job(path_of(first, line((0.34, 0.2), (0.34, 0.24), tolerance=1e-4)))) == ()
 
 
-def test_a_demand_far_above_the_limit_is_said_and_by_whom():
-    asked = job(drawn())
-    assert only(asked).warnings == ()
-    found = only(dataclasses.replace(asked, servo=ac.ServoModel(kp=15.0, kv=40.0)))
-    ratio = found.evaluation.demand_ratio
+def test_a_demand_far_above_the_limit_is_warned_of_with_its_cause():
+    slow_job = job(drawn())
+    assert only(slow_job).warnings == ()
+    result = only(dataclasses.replace(slow_job, servo=ac.ServoModel(kp=15.0, kv=40.0)))
+    ratio = result.evaluation.demand_ratio
     assert ratio.max() > 1.5
-    (warning,) = found.warnings
+    (warning,) = result.warnings
     joint = int(ratio.argmax())
     assert f"joint {joint + 1} is commanded " in warning and "a larger reserve" in warning
     assert f"{ratio[joint]:.3g} times its acceleration limit at " in warning
-    assert f"{found.evaluation.contour_error.max * 1e3:.4g} mm off" in warning
+    assert f"{result.evaluation.contour_error.max * 1e3:.4g} mm off" in warning
 
 
 def test_a_duration_is_kept():
@@ -92,29 +92,32 @@ def test_who_judges_set_points_that_are_for_the_bodies():
     straight = ac.Path.polyline(LINES[:2])
     bare = only(job(straight, **options))
     (warning,) = bare.warnings
-    off = bare.evaluation.contour_error.max * 1e3
-    assert f"(there the tool is up to {off:.4g} mm off)" in warning and "experiment: {}" in warning
-    seen = only(job(straight, **options, experiment=Experiment()))
-    simulate_rigid_bodies = seen.experiment.evaluation.contour_error.max * 1e3
-    assert simulate_rigid_bodies < 0.01 * off
-    assert seen.warnings == () and seen.judged is seen.experiment.evaluation
+    deviation = bare.evaluation.contour_error.max * 1e3
+    assert (
+        f"(there the tool is up to {deviation:.4g} mm off)" in warning
+        and "experiment: {}" in warning
+    )
+    result = only(job(straight, **options, experiment=Experiment()))
+    simulate_rigid_bodies = result.experiment.evaluation.contour_error.max * 1e3
+    assert simulate_rigid_bodies < 0.01 * deviation
+    assert result.warnings == () and result.judged is result.experiment.evaluation
 
 
 def test_a_compensation_that_is_worse_than_none_on_bodies_is_warned_of():
     experiment = Experiment(coulomb=[0.02, 0.0])
-    seen = only(job(ac.Path.polyline(LINES), compensation=ac.Inverse(), experiment=experiment))
-    judged, plain = seen.experiment.evaluation, seen.experiment.uncompensated
+    result = only(job(ac.Path.polyline(LINES), compensation=ac.Inverse(), experiment=experiment))
+    judged, plain = result.experiment.evaluation, result.experiment.uncompensated
     assert plain.contour_error.rms > judged.contour_error.rms > 0
     for evaluation, uncompensated in ((judged, judged), (judged, None), (plain, judged)):
         other = dataclasses.replace(
-            seen.experiment, evaluation=evaluation, uncompensated=uncompensated
+            result.experiment, evaluation=evaluation, uncompensated=uncompensated
         )
-        anew = dataclasses.replace(seen, experiment=other).warnings
-        said = [x for x in anew if "bodies" in x]
-        assert len(said) == (evaluation is plain)
+        anew = dataclasses.replace(result, experiment=other).warnings
+        warnings = [x for x in anew if "bodies" in x]
+        assert len(warnings) == (evaluation is plain)
     for value in (plain.contour_error.rms, judged.contour_error.rms):
-        assert f"{value * 1e3:.4g} " in said[0]
-    assert "method: inverse_dynamics" in said[0] and "0.02, 0 N m" in said[0]
+        assert f"{value * 1e3:.4g} " in warnings[0]
+    assert "method: inverse_dynamics" in warnings[0] and "0.02, 0 N m" in warnings[0]
     assert (
         only(
             job(ac.Path.polyline(LINES), compensation=ac.NoCompensation(), experiment=experiment)
@@ -125,8 +128,8 @@ def test_a_compensation_that_is_worse_than_none_on_bodies_is_warned_of():
 
 def test_a_corner_tolerance_larger_than_the_path_is_questioned():
     def doubts(tolerance):
-        found = warnings_of(job(ac.Path.polyline(LINES), rounding=Rounding(tolerance=tolerance)))
-        return [x for x in found if "larger than the path" in x]
+        warnings = warnings_of(job(ac.Path.polyline(LINES), rounding=Rounding(tolerance=tolerance)))
+        return [x for x in warnings if "larger than the path" in x]
 
     assert doubts(0.05) == []
     (doubt,) = doubts(0.5)
@@ -136,10 +139,10 @@ def test_a_corner_tolerance_larger_than_the_path_is_questioned():
 def measured(noise, points=80):
     """A half circle of points whose tool axes have errors."""
     turn = np.linspace(0, np.pi, points)
-    at = np.stack([0.45 + 0.06 * np.cos(turn), 0.06 * np.sin(turn), 0 * turn + 0.3], axis=1)
+    circle = np.stack([0.45 + 0.06 * np.cos(turn), 0.06 * np.sin(turn), 0 * turn + 0.3], axis=1)
     axes = np.stack([0.2 * np.cos(turn), 0.2 * np.sin(turn), 0 * turn - 1], axis=1)
     axes += np.random.default_rng(1).normal(scale=noise, size=axes.shape)
-    return ac.Path.polyline(at).pointing(axes)
+    return ac.Path.polyline(circle).pointing(axes)
 
 
 def slow(path, **values):
@@ -149,17 +152,22 @@ def slow(path, **values):
     )
     limits = arm.limits.replace(speed=0.15, joint_torque=np.inf, **values.pop("limits", {}))
     rounding = Rounding(tolerance=3e-4, angular_tolerance=0.03)
-    asked = {"compensation": ac.NoCompensation(), "limits": limits, "rounding": rounding, **values}
-    found = warnings_of(job(path, arm=arm, **asked))
-    return [x for x in found if "mm/s on average" in x]
+    run_options = {
+        "compensation": ac.NoCompensation(),
+        "limits": limits,
+        "rounding": rounding,
+        **values,
+    }
+    warnings = warnings_of(job(path, arm=arm, **run_options))
+    return [x for x in warnings if "mm/s on average" in x]
 
 
 def test_contours_far_slower_than_assigned_are_warned_of_with_the_slowest():
-    (said,) = slow(measured(6e-3))
-    assert "instead of 150 mm/s" in said
+    (warning,) = slow(measured(6e-3))
+    assert "instead of 150 mm/s" in warning
     a, b = (Contour(path=measured(x), name=name) for x, name in ((4e-3, "a"), (6e-3, "b")))
-    (said,) = slow(Program(moves=(a, Rapid(), b)))
-    assert "of 2 places" in said and "contour b" in said
+    (warning,) = slow(Program(moves=(a, Rapid(), b)))
+    assert "of 2 places" in warning and "contour b" in warning
     circle = ac.Path.from_segments([ac.Arc(start=(0.32, 0.2), center=(0.3, 0.2), angle=2 * np.pi)])
     assert len(slow(circle, limits={"centripetal_acceleration": 0.02})) == 1
     # Smooth axes, a given duration and lines without room for their speed are not warned of.
@@ -191,8 +199,8 @@ def test_absolute_values_corners_and_replaced_axes():
     moves = Moves(anchor=np.array([0.4, 0.1, 0.2]), absolute=("x",))
     frame = moves.frame({"x": 0.7, "yaw": np.pi / 2})
     np.testing.assert_allclose(frame.position + frame.rotation @ moves.anchor, [0.7, 0.1, 0.2])
-    found = {(c["x"], c["yaw"]) for c in corners_of({"x": 0.1, "yaw": 0.2})}
-    assert found == {(-0.1, -0.2), (-0.1, 0.2), (0.1, -0.2), (0.1, 0.2)}
+    corners = {(c["x"], c["yaw"]) for c in corners_of({"x": 0.1, "yaw": 0.2})}
+    assert corners == {(-0.1, -0.2), (-0.1, 0.2), (0.1, -0.2), (0.1, 0.2)}
     assert corners_of({}) == []
     # An axis without uncertainty is as if not named.
     assert read_uncertainty({"x": 0.0, "yaw": 0.1}, 2) == {"yaw": 0.1}

@@ -24,10 +24,10 @@ runs:
 def test_a_run_reports_what_its_plan_makes_of_the_weave():
     job = parse_job(JOB)
     plan = run(job, simulate=False).runs["only"]
-    (found,) = plan.weaves
-    assert found.width == pytest.approx((3e-3, 3e-3), rel=0.02)
-    assert found.frequency == pytest.approx((2.0, 2.0), rel=0.02)
-    assert any(found.sentence in x for x in plan.remarks) and not found.differs
+    (weave,) = plan.weaves
+    assert weave.width == pytest.approx((3e-3, 3e-3), rel=0.02)
+    assert weave.frequency == pytest.approx((2.0, 2.0), rel=0.02)
+    assert any(weave.sentence in x for x in plan.remarks) and not weave.differs
     assert not any("weaves" in x for x in plan.warnings)
     assert plain(plan.to_data())["weaves"][0]["left_out"] == 0.0
 
@@ -44,17 +44,17 @@ def test_it_warns_of_a_weave_that_is_not_as_asked(old, new, word):
     text = JOB.replace(old, new).replace("0.1 mm", "0.2 mm")
     assert text != JOB
     plan = run(parse_job(text), simulate=False).runs["only"]
-    (found,) = plan.weaves
-    assert found.differs and word in found.sentence and found.sentence in plan.warnings
-    assert not any(found.sentence in x for x in plan.remarks)
+    (weave,) = plan.weaves
+    assert weave.differs and word in weave.sentence and weave.sentence in plan.warnings
+    assert not any(weave.sentence in x for x in plan.remarks)
 
 
 def test_the_travel_speed_that_limits_the_time_is_named_and_offered():
     job = parse_job(JOB)
-    found = run(job).runs["only"]
-    limit = found.to_data()["time_limit"]
+    result = run(job).runs["only"]
+    limit = result.to_data()["time_limit"]
     assert limit.value == "assigned velocity" and "6 mm/s" in limit.note
-    edits = {key: value for x in advise(job, found).improvements for key, value in x.edits}
+    edits = {key: value for x in advise(job, result).improvements for key, value in x.edits}
     assert edits["process.weave.speed"] == pytest.approx(7.2e-3)
     capped = run(parse_job(JOB.replace("0.15 m/s", "5 mm/s"))).runs["only"]
     assert "mm/s" not in capped.to_data()["time_limit"].note

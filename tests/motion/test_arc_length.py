@@ -72,15 +72,15 @@ def test_s_is_how_far_the_tool_has_gone(case):
     t = np.unique(np.concatenate([breaks, np.linspace(0, breaks[-1], 10_001)]))
     x, weights = np.polynomial.legendre.leggauss(4)
     middle, half = (t[:-1] + t[1:]) / 2, np.diff(t) / 2
-    at = middle[:, None] + half[:, None] * x
-    speed = np.linalg.norm(ARM.tool_velocity(trajectory(at), trajectory(at, 1)), axis=-1)
+    times = middle[:, None] + half[:, None] * x
+    speed = np.linalg.norm(ARM.tool_velocity(trajectory(times), trajectory(times, 1)), axis=-1)
     way = (speed @ weights) * half
     for span in trajectory.spans:
         if span.kind != "contour":
             way[(middle > span.t[0]) & (middle < span.t[1])] = 0.0
-    found, gone = trajectory.s(t), np.concatenate([[0.0], np.cumsum(way)])
-    np.testing.assert_allclose(found, gone, atol=ASIDE if "paper" in name else 1e-8)
-    np.testing.assert_allclose(found[[0, -1]], [0, places_of(name).max()], atol=1e-12)
+    s, gone = trajectory.s(t), np.concatenate([[0.0], np.cumsum(way)])
+    np.testing.assert_allclose(s, gone, atol=ASIDE if "paper" in name else 1e-8)
+    np.testing.assert_allclose(s[[0, -1]], [0, places_of(name).max()], atol=1e-12)
     # It never falls.
     t = np.sort(np.concatenate([SHARES * trajectory.duration, breaks]))
     for first, last in (("left", "left"), ("right", "right"), ("left", "right")):
@@ -98,16 +98,19 @@ def test_the_time_at_a_place_is_when_the_motion_is_there(case):
         assert ((t >= 0) & (t <= trajectory.duration)).all()
         np.testing.assert_allclose(trajectory.s(t), s, atol=1e-12, rtol=0)
         # Next to a stop the speed is the root of a way that is known up to rounding.
-        found, own = trajectory.speed_at(s, side=side), trajectory.s(t, 1, side=side)
-        np.testing.assert_allclose(found, own, atol=1e-7, rtol=1e-6)
+        speed_by_place, speed_by_time = (
+            trajectory.speed_at(s, side=side),
+            trajectory.s(t, 1, side=side),
+        )
+        np.testing.assert_allclose(speed_by_place, speed_by_time, atol=1e-7, rtol=1e-6)
         sides.append(t)
         # Where the motion moves, a place has one time.
         t = SHARES * trajectory.duration
         speed = trajectory.s(t, 1, side=side)
         t, speed = t[speed > 1e-3], speed[speed > 1e-3]
         assert len(t) > 100
-        off = np.abs(trajectory.time_at(trajectory.s(t), side=side) - t)
-        assert (off <= np.maximum(1e-12 / speed, 1e-6 * t)).all()
+        errors = np.abs(trajectory.time_at(trajectory.s(t), side=side) - t)
+        assert (errors <= np.maximum(1e-12 / speed, 1e-6 * t)).all()
     assert (sides[0] <= sides[1] + 1e-12).all()
 
 
@@ -134,12 +137,12 @@ def test_the_tool_is_at_the_place_then_and_stands_at_corners(kind):
     for name in (kind, f"{kind}, sharp"):
         path, trajectory = path_of(name), plan(name)
         s = places_of(name)
-        off = ARM.tool_position(trajectory(trajectory.time_at(s))) - path(s)
+        errors = ARM.tool_position(trajectory(trajectory.time_at(s))) - path(s)
         # Laps are abreast of the place, and leave it by little.
-        along = [path(s[own], 1, side=x) for x, own in (("left", s > 0), ("right", s == 0))]
-        both = np.concatenate([off[s > 0], off[s == 0]])
+        along = [path(s[mask], 1, side=x) for x, mask in (("left", s > 0), ("right", s == 0))]
+        both = np.concatenate([errors[s > 0], errors[s == 0]])
         assert np.abs(np.sum(both * np.concatenate(along), axis=1)).max() < 1e-9
-        assert np.linalg.norm(off, axis=1).max() < (1e-4 if kind == "paper" else 1e-9)
+        assert np.linalg.norm(errors, axis=1).max() < (1e-4 if kind == "paper" else 1e-9)
     corners = OBJECTIVE.breaks[1:-1]
     t = trajectory.time_at(corners)
     np.testing.assert_allclose(ARM.tool_position(trajectory(t)), OBJECTIVE(corners), atol=1e-9)
@@ -180,8 +183,8 @@ def test_a_program_counts_on_where_its_contours_do_and_stands_still_between_them
     first, second = trajectory.contour_spans
     assert [x.kind for x in trajectory.spans] == ["contour", "dwell", "rapid", "contour"]
     between, ends = ROUNDED.length, (first.t[1], second.t[0])
-    found = [float(trajectory.time_at(between, side=x)) for x in ("left", "right")]
-    assert found == pytest.approx(ends, abs=1e-12)
+    limits_of_rest = [float(trajectory.time_at(between, side=x)) for x in ("left", "right")]
+    assert limits_of_rest == pytest.approx(ends, abs=1e-12)
     t = np.linspace(*ends, 50)
     np.testing.assert_allclose(trajectory.s(t), between, atol=1e-15)
     assert not trajectory.s(t[1:-1], 1).any() and not trajectory.s(t[1:-1], 2).any()
@@ -189,8 +192,8 @@ def test_a_program_counts_on_where_its_contours_do_and_stands_still_between_them
     assert np.linalg.norm(ARM.tool_velocity(trajectory(t), trajectory(t, 1)), axis=1).max() > 0.05
     for span in trajectory.contour_spans:
         s = np.linspace(0, span.s[1] - span.s[0], 30)[1:-1]
-        own = span.t[0] + span.trajectory.time_at(s)
-        np.testing.assert_allclose(trajectory.time_at(span.s[0] + s), own, rtol=1e-12)
+        times = span.t[0] + span.trajectory.time_at(s)
+        np.testing.assert_allclose(trajectory.time_at(span.s[0] + s), times, rtol=1e-12)
         speed = span.trajectory.speed_at(s)
         np.testing.assert_allclose(trajectory.speed_at(span.s[0] + s), speed, rtol=1e-9)
 

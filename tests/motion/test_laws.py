@@ -68,8 +68,8 @@ def test_a_path_law_follows_its_path_by_the_chain_rule_on_its_own_side_of_joints
     coefficients[:, :2, 0] = [(0.0, 1.0), (1.0, -5.0)]
     path = ac.JointPath(breaks=np.array([0.0, 1.0, 2.0]), coefficients=coefficients)
     law = path_law([[0.3, 0, 0]] * 2, path, (0.0, 1 / 0.3, 2 / 0.3), (0.0, 1.0, 2.0))
-    at = np.array([1 / 0.3, 1 / 0.3])
-    np.testing.assert_allclose(law.on_interval(np.array([0, 1]), at, 1), [[0.3], [-1.5]])
+    times = np.array([1 / 0.3, 1 / 0.3])
+    np.testing.assert_allclose(law.on_interval(np.array([0, 1]), times, 1), [[0.3], [-1.5]])
 
 
 def test_breaks_in_disorder_are_refused():
@@ -176,18 +176,18 @@ def test_hermite_meets_any_data_at_both_ends():
 def test_spline_is_scipys():
     for n in (3, 4, 20):
         rng = np.random.default_rng(n)
-        points, own = rng.normal(size=(n, 2)), np.cumsum(rng.uniform(0.1, 1, n))
+        points, parameters = rng.normal(size=(n, 2)), np.cumsum(rng.uniform(0.1, 1, n))
         chords = np.cumsum([0, *np.linalg.norm(np.diff(points, axis=0), axis=1)])
-        for given, s, ends in (
-            (given, s, ends)
-            for given, s in ((own, own), (None, chords))
+        for specified, s, ends in (
+            (specified, s, ends)
+            for specified, s in ((parameters, parameters), (None, chords))
             for ends in ("natural", "clamped")
         ):
-            path = ac.JointPath.spline(points, given, ends=ends)
-            reference, at = CubicSpline(s, points, bc_type=ends), np.linspace(s[0], s[-1], 77)
+            path = ac.JointPath.spline(points, specified, ends=ends)
+            reference, u = CubicSpline(s, points, bc_type=ends), np.linspace(s[0], s[-1], 77)
             for k in range(3):
                 case = f"{n} points, {ends}, order {k}"
-                np.testing.assert_allclose(path(at, k), reference(at, k), atol=1e-8, err_msg=case)
+                np.testing.assert_allclose(path(u, k), reference(u, k), atol=1e-8, err_msg=case)
             assert path.tool_path is None and len(path.stops) == 0
     line = ac.JointPath.spline([(0.0, 1.0), (3.0, 5.0)])
     np.testing.assert_allclose(line([0.0, 2.5, 5.0]), [(0, 1), (1.5, 3), (3, 5)], atol=1e-14)
@@ -240,11 +240,11 @@ def test_short_intervals_far_along_a_path_do_not_bend_by_rounding():
     # Lengths are exact, but the breaks are their sums, rounded to about 1e-14 m at 50 m.
     exact = np.concatenate([[0.0], np.cumsum(np.tile([5e-4, 2e-9, 5e-4, 3e-11], 50))])
     s, values = 50.0 + exact, (np.sin(exact), np.cos(exact), -np.sin(exact))
-    ends = (tuple(x[own, None] for x in values) for own in (slice(-1), slice(1, None)))
+    ends = (tuple(x[rows, None] for x in values) for rows in (slice(-1), slice(1, None)))
     path = ac.JointPath.hermite(s, *ends)
-    at = (s[:-1, None] + np.diff(s)[:, None] * np.linspace(0, 1, 7)).ravel()
-    assert np.abs(path(at, 2)).max() < 0.2
-    np.testing.assert_allclose(path(at)[:, 0], np.sin(at - 50.0), atol=1e-12)
+    s_inside = (s[:-1, None] + np.diff(s)[:, None] * np.linspace(0, 1, 7)).ravel()
+    assert np.abs(path(s_inside, 2)).max() < 0.2
+    np.testing.assert_allclose(path(s_inside)[:, 0], np.sin(s_inside - 50.0), atol=1e-12)
 
 
 # The peaks of the laws below are above the largest value at dense places by less.
@@ -292,16 +292,16 @@ def limits_of(law):
 
 def test_what_is_taken_in_full_is_proven_up_to_what_a_dense_look_misses(case):
     law, limits, speeds = case
-    found = largest_shares(law, limits, speeds, 1 + NEAR)
-    assert (found <= 1 + NEAR).all()
+    shares = largest_shares(law, limits, speeds, 1 + NEAR)
+    assert (shares <= 1 + NEAR).all()
     # Of what is proven, the share is that in the middles of intervals.
-    assert found == pytest.approx([1, 1, 1, 1, 1, 0.5], rel=5e-3)
+    assert shares == pytest.approx([1, 1, 1, 1, 1, 0.5], rel=5e-3)
     # At random times it is no more.
     t = np.random.default_rng(0).uniform(0, law.breaks[-1], 50_000)
     i = np.clip(np.searchsorted(law.breaks, t) - 1, 0, len(law.breaks) - 2)
     for values, bounds in ((law.on_interval(i, t, k), limits[4 - 2 * k :][:2]) for k in (1, 2)):
         assert max((values / x).max() for x in bounds) <= 1 + NEAR
-    assert (law.path_position(i, t, 1) / speeds[0, 0]).max() <= max(1 + NEAR, found[4])
+    assert (law.path_position(i, t, 1) / speeds[0, 0]).max() <= max(1 + NEAR, shares[4])
     none = np.inf * limits, np.full_like(speeds, np.inf)
     np.testing.assert_array_equal(largest_shares(law, *none, 1.0), 0.0)
 
@@ -323,12 +323,12 @@ def test_rates_are_the_third_and_fourth_derivative_of_the_arc_length(case):
     width = np.diff(law.breaks)
     i, width = i[width > 1e-4], width[width > 1e-4]
     middle, step = law.breaks[i] + 0.37 * width, 0.2 * width
-    found = path_rates(law, i, middle, step)
+    rates = path_rates(law, i, middle, step)
     third = [law.path_position(i, middle + sign * step, 3) for sign in (-1, 0, 1)]
     size = np.abs(third[1]).max()
-    np.testing.assert_allclose(found[0], third[1], rtol=1e-9, atol=1e-9 * size)
+    np.testing.assert_allclose(rates[0], third[1], rtol=1e-9, atol=1e-9 * size)
     change, rounding = third[2] - third[0], 1e-8 * size
-    assert (np.abs(change - 2 * step * found[1]) <= 2 * step**2 * found[2] + rounding).all()
+    assert (np.abs(change - 2 * step * rates[1]) <= 2 * step**2 * rates[2] + rounding).all()
 
 
 @pytest.mark.parametrize("jerk", [None, 10.0])
@@ -344,7 +344,7 @@ def test_long_intervals_lose_no_peak(jerk):
         for row in range(4):
             only = 1e3 * np.sign(full)
             only[row] = full[row]
-            found = largest_shares(law, only, 100 * speeds, 1 - 1e-7)
-            assert found[row] > 1 - 1e-7, (k, row)
-        found = largest_shares(law, 100 * full, speeds, 1 - 1e-7)
-        assert found[4] > 1 - 1e-7, k
+            shares = largest_shares(law, only, 100 * speeds, 1 - 1e-7)
+            assert shares[row] > 1 - 1e-7, (k, row)
+        shares = largest_shares(law, 100 * full, speeds, 1 - 1e-7)
+        assert shares[4] > 1 - 1e-7, k

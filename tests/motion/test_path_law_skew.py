@@ -56,9 +56,9 @@ def test_the_motion_solves_its_equation_in_the_integral_of_one_over_the_speed():
         options = {"t_eval": t, "rtol": 1e-11, "atol": 1e-14, "method": "DOP853"}
         s, ds = solve_ivp(rates, (0, duration), [0, begin], **options).y
         near = 1e-9 * width, 1e-9 * max(begin, end), 1e-12
-        for order, wanted in enumerate((s, ds, u + slope * s)):
-            found, options = law.path_position(i, t, order), {"rtol": 1e-9, "err_msg": case}
-            np.testing.assert_allclose(found, wanted, atol=near[order], **options)
+        for order, exact in enumerate((s, ds, u + slope * s)):
+            value, options = law.path_position(i, t, order), {"rtol": 1e-9, "err_msg": case}
+            np.testing.assert_allclose(value, exact, atol=near[order], **options)
         assert law.path_position(i[:1], t[-1:])[0] == pytest.approx(width, rel=1e-12), case
 
 
@@ -95,8 +95,13 @@ def test_uniform_jerk_from_rest_and_to_rest(ends):
     t, i = np.linspace(0.0, duration, 9), np.zeros(9, dtype=int)
     since, side = (duration - t, -1.0) if ends else (t, 1.0)
     way = jerk * since**3 / 6
-    wanted = length - way if ends else way, jerk * since**2 / 2, side * jerk * since, 0 * t + jerk
-    for k, expected in enumerate(wanted):
+    derivatives = (
+        length - way if ends else way,
+        jerk * since**2 / 2,
+        side * jerk * since,
+        0 * t + jerk,
+    )
+    for k, expected in enumerate(derivatives):
         np.testing.assert_allclose(law.path_position(i, t, k), expected, atol=1e-14)
         both = np.outer(expected, [1, 2])
         np.testing.assert_allclose(law.on_interval(i, t, k), both, atol=1e-13)

@@ -64,12 +64,12 @@ def test_both_sides_of_every_break_of_a_law_that_starts_late():
     breaks = np.append(0.0, np.cumsum(random.uniform(0.5e-3, 2e-3, 400)))
     starts, numbers = 1.0 / 3.0 + 33.0, np.arange(400.0)[:, None]
     law = LapLaw(breaks=breaks, q=np.zeros((401, 1)), dq=np.zeros((400, 1)), ddq=numbers)
-    late = ac.Trajectory(laws=(lap(starts, (0,), (0,), (0,)), law), method="hand")
-    at = late.breaks[1:]
-    rounded = at - starts
+    trajectory = ac.Trajectory(laws=(lap(starts, (0,), (0,), (0,)), law), method="hand")
+    joints = trajectory.breaks[1:]
+    rounded = joints - starts
     assert (rounded < breaks).sum() > 50 and (rounded > breaks).sum() > 50
-    np.testing.assert_array_equal(late(at[:-1], 2), numbers)
-    np.testing.assert_array_equal(late(at[1:], 2, side="left"), numbers)
+    np.testing.assert_array_equal(trajectory(joints[:-1], 2), numbers)
+    np.testing.assert_array_equal(trajectory(joints[1:], 2, side="left"), numbers)
 
 
 def test_sample_ends_at_the_end(bent):
@@ -114,12 +114,12 @@ def test_refusals(bent, refuses):
 def test_everything_that_flows_copies_and_locks_its_arrays(arm, bent):
     shapes = dict.fromkeys(("q", "dq", "ddq", "demand"), (3, 2))
     shapes |= {"t": 3, "demand_range": (2, 2), "saturated_time": 2}
-    given = {name: np.ones(shape) for name, shape in shapes.items()} | {"t": np.zeros(3)}
-    set_points = ac.SetPoints(cycle=0.1, q=given["q"], trajectory=bent, method="none")
+    arguments = {name: np.ones(shape) for name, shape in shapes.items()} | {"t": np.zeros(3)}
+    set_points = ac.SetPoints(cycle=0.1, q=arguments["q"], trajectory=bent, method="none")
     for value, count in (
-        (Samples(**{k: given[k] for k in ("t", "q", "dq", "ddq")}), 4),
+        (Samples(**{k: arguments[k] for k in ("t", "q", "dq", "ddq")}), 4),
         (set_points, 1),
-        (ac.Execution(arm=arm, set_points=set_points, **given), 7),
+        (ac.Execution(arm=arm, set_points=set_points, **arguments), 7),
         (stretch(), 1),
         (bent, 2),
         (bent.laws[0], 4),
@@ -129,7 +129,7 @@ def test_everything_that_flows_copies_and_locks_its_arrays(arm, bent):
         assert len(arrays) == count, type(value)
         for name, array in arrays.items():
             assert not array.flags.writeable, (type(value), name)
-            assert not any(np.shares_memory(array, x) for x in given.values())
+            assert not any(np.shares_memory(array, x) for x in arguments.values())
         with pytest.raises(dataclasses.FrozenInstanceError):
             setattr(value, next(iter(arrays)), None)
 
@@ -141,9 +141,9 @@ def test_laws_of_users_may_give_any_arrays():
         def on_interval(self, i, t, order):
             return np.broadcast_to(np.float32([0.5, 0.25]), (len(t), 2))
 
-    found = ac.Trajectory(laws=(Still(),), method="hand")(np.linspace(0, 1, 5))
-    assert found.dtype == np.float64 and found.flags.writeable and found.flags.owndata
-    np.testing.assert_array_equal(found, np.tile([0.5, 0.25], (5, 1)))
+    values = ac.Trajectory(laws=(Still(),), method="hand")(np.linspace(0, 1, 5))
+    assert values.dtype == np.float64 and values.flags.writeable and values.flags.owndata
+    np.testing.assert_array_equal(values, np.tile([0.5, 0.25], (5, 1)))
 
 
 def test_tool_speed_and_saturation(arm):
@@ -170,10 +170,10 @@ def test_motion_between_results_is_known_at_steps_of_the_command_interval_only(c
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     plant = ac.ServoPlant(arm, servo, saturation="none")
     whole = ac.simulate(ac.compensate(conventional, servo, ac.NoCompensation(), cycle=4e-3), plant)
-    here = np.array([7])
-    assert len(whole.between(here)(whole.t[7:8] + 2e-4)) == 1
+    interval = np.array([7])
+    assert len(whole.between(interval)(whole.t[7:8] + 2e-4)) == 1
     names = ("t", "q", "dq", "ddq", "demand")
-    for part, known in (
+    for part, is_known in (
         (slice(0, None, 2), True),
         (slice(5, None), True),
         # Fewer than set-points, across a set-point, over a gap, a time twice.
@@ -184,8 +184,8 @@ def test_motion_between_results_is_known_at_steps_of_the_command_interval_only(c
         (np.r_[0, 0:300], False),
     ):
         cut = dataclasses.replace(whole, **{name: getattr(whole, name)[part] for name in names})
-        assert (cut.between(here) is not None) == known, part
-    assert dataclasses.replace(whole, plant=None).between(here) is None
+        assert (cut.between(interval) is not None) == is_known, part
+    assert dataclasses.replace(whole, plant=None).between(interval) is None
 
 
 T = np.arange(4000) * 2e-3
@@ -201,20 +201,20 @@ CHANGES = {
 
 
 def _follow(u, lag=0.05, delay=0.02):
-    late = np.stack([np.interp(T - delay, T, x) for x in u.T], axis=1)
-    found = np.array(late)
+    delayed = np.stack([np.interp(T - delay, T, x) for x in u.T], axis=1)
+    response = np.array(delayed)
     for i in range(len(T) - 1):
-        found[i + 1] += np.exp(-2e-3 / lag) * (found[i] - late[i + 1])
-    return found
+        response[i + 1] += np.exp(-2e-3 / lag) * (response[i] - delayed[i + 1])
+    return response
 
 
-@pytest.mark.parametrize("late", [None, 0.25])
-def test_what_is_wrong(late):
-    q = WANTED if late is None else _follow(WANTED) + [0.01, 0.0, -0.02]
+@pytest.mark.parametrize("delay", [None, 0.25])
+def test_what_is_wrong(delay):
+    q = WANTED if delay is None else _follow(WANTED) + [0.01, 0.0, -0.02]
     for words, change in CHANGES.items():
-        assert words in find_misreading(T, change(q), WANTED, names="abc", longest_delay=late)
+        assert words in find_misreading(T, change(q), WANTED, names="abc", longest_delay=delay)
     for right in (q, np.roll(q[::-1], 777, axis=0) ** 3):
-        assert not find_misreading(T, right, WANTED, names="abc", longest_delay=late)
+        assert not find_misreading(T, right, WANTED, names="abc", longest_delay=delay)
 
 
 def test_exchanged_columns_are_found_and_delays_are_no_turned_signs():
@@ -222,5 +222,5 @@ def test_exchanged_columns_are_found_and_delays_are_no_turned_signs():
     assert "are exchanged" in find_misreading(T, WANTED, q, longest_delay=0.25)
     assert not find_misreading(T, WANTED, q)
     u = np.sin(2 * np.pi * 2.0 * T)[:, None]
-    late = np.interp(T - 0.25, T, u[:, 0])[:, None]
-    assert not find_misreading(T, late, u, longest_delay=0.25)
+    delayed = np.interp(T - 0.25, T, u[:, 0])[:, None]
+    assert not find_misreading(T, delayed, u, longest_delay=0.25)

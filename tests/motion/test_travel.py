@@ -14,8 +14,8 @@ PATH = ac.round_corners(ac.Path.polyline([[0.35, 0.1], [0.41, 0.15], [0.28, 0.3]
 
 
 def bound_at(motion, t):
-    at, travel = joint_travel(motion)
-    return np.stack([np.interp(t, at, x) for x in travel.T], axis=1)
+    times, travel = joint_travel(motion)
+    return np.stack([np.interp(t, times, x) for x in travel.T], axis=1)
 
 
 @pytest.mark.filterwarnings("ignore:Limits of jerk add")

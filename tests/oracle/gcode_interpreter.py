@@ -46,7 +46,7 @@ def number(text):
 
 def bare(line):
     """A line in upper case without spaces and comments, character by character."""
-    found, depth = "", False
+    code, depth = "", False
     for char in line:
         if depth:
             depth = char != ")"
@@ -55,25 +55,25 @@ def bare(line):
         elif char == ";":
             break
         elif not char.isspace():
-            found += char.upper()
-    return found
+            code += char.upper()
+    return code
 
 
 def words_of(text):
     """Letters and numbers of a line; letters without a number and texts are None and nothing."""
-    at, found = 0, []
-    while at < len(text) and text[at] != "*":
-        letter = text[at]
-        at += 1
+    position, words = 0, []
+    while position < len(text) and text[position] != "*":
+        letter = text[position]
+        position += 1
         if letter == '"':
-            at = text.index('"', at) + 1
+            position = text.index('"', position) + 1
             continue
-        end = at
+        end = position
         while end < len(text) and text[end] in "+-.0123456789":
             end += 1
-        found.append((letter, number(text[at:end]) if end > at else None))
-        at = end
-    return found
+        words.append((letter, number(text[position:end]) if end > position else None))
+        position = end
+    return words
 
 
 class Interpreter:
@@ -302,25 +302,25 @@ class Interpreter:
         self.sticky.update({k: x for k, x in v.items() if k in "RQP"})
         if c in axes:
             self.sticky["Z"] = axes.pop(c) / self.unit
-        kept = {k: x * (1 if k == "P" else self.unit) for k, x in self.sticky.items()}
+        parameters = {k: x * (1 if k == "P" else self.unit) for k, x in self.sticky.items()}
         initial = self.series.setdefault(c, self.x[c])
         self.series = {c: initial}
         if self.relative:
-            top = initial + kept["R"]
-            bottom = top + kept["Z"]
+            top = initial + parameters["R"]
+            bottom = top + parameters["Z"]
         else:
-            top, bottom = kept["R"] + self.shift[c], kept["Z"] + self.shift[c]
+            top, bottom = parameters["R"] + self.shift[c], parameters["Z"] + self.shift[c]
         first = max(self.x[c], top)
         back = top if self.retract_to_r else max(initial, top)
         plan = []
         if self.motion == 83:
-            count = math.ceil((top - bottom) / kept["Q"] - 1e-12) - 1
+            count = math.ceil((top - bottom) / parameters["Q"] - 1e-12) - 1
             for i in range(1, count + 1):
-                depth = top - kept["Q"] * i
+                depth = top - parameters["Q"] * i
                 plan += [("G1", depth), ("G0", top), ("G0", depth + 0.254e-3)]
         plan.append(("G1", bottom))
         if self.motion == 82:
-            plan.append(("P", kept.get("P", 0.0)))
+            plan.append(("P", parameters.get("P", 0.0)))
         plan.append(("G0", back))
         code = self.motion
         self.along(c, "G0", first, line)
@@ -330,17 +330,17 @@ class Interpreter:
             end[c] = self.x[c]
             self.straight(end, line)
             self.along(c, "G0", top, line)
-            for what, value in plan:
-                if what == "P":
+            for step, value in plan:
+                if step == "P":
                     self.halt()
                     if value > 0:
                         self.moves.append(Dwell(value))
                 else:
-                    self.along(c, what, value, line)
+                    self.along(c, step, value, line)
         self.motion = code
 
-    def along(self, c, what, height, line):
-        self.motion = 0 if what == "G0" else 1
+    def along(self, c, motion, height, line):
+        self.motion = 0 if motion == "G0" else 1
         self.straight([height if i == c else self.x[i] for i in range(3)], line)
 
     def straight(self, end, line):
@@ -362,8 +362,8 @@ class Interpreter:
                 self.rapid.points.append(end)
         else:
             between = list(zip(start, end, strict=True))
-            at = lambda u: [a + (b - a) * u for a, b in between]  # noqa: E731
-            self.add("line", at, math.dist(start, end), line)
+            point_at = lambda u: [a + (b - a) * u for a, b in between]  # noqa: E731
+            self.add("line", point_at, math.dist(start, end), line)
 
     def speed_of(self, length):
         if self.feed is None:
@@ -393,13 +393,13 @@ class Interpreter:
         self.contour = None
         self.flush()
 
-    def add(self, kind, at, length, line, speed=None):
+    def add(self, kind, point_at, length, line, speed=None):
         if not self.contour:
             self.flush()
             self.contour = Contour(line)
             self.started = True
         speed = self.speed_of(length) if speed is None else speed
-        self.contour.segments.append(Segment(kind, at, length, speed, self.tolerance))
+        self.contour.segments.append(Segment(kind, point_at, length, speed, self.tolerance))
 
     def arc(self, start, end, v, line):
         self.touched |= {0, 1, 2}

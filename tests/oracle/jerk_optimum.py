@@ -68,12 +68,12 @@ class Bounds:
     def of(cls, limits: ac.Limits, dof: int, square: Squares = _no_square) -> Bounds:
         """The limits of the joints and of the path's jerk."""
         names = ("velocity", "acceleration", "jerk")
-        found = {}
+        bounds = {}
         for name in names:
-            given = getattr(limits, f"joint_{name}")
-            found[name] = np.broadcast_to(np.inf if given is None else given, (dof,))
+            limit = getattr(limits, f"joint_{name}")
+            bounds[name] = np.broadcast_to(np.inf if limit is None else limit, (dof,))
         jerk = np.inf if limits.path_jerk is None else limits.path_jerk
-        return cls(**found, path_jerk=jerk, square=square)
+        return cls(**bounds, path_jerk=jerk, square=square)
 
 
 @dataclass(frozen=True)
@@ -98,9 +98,11 @@ def paper() -> Iterator[tuple[str, ac.Path, ac.Limits]]:
     """The paper's job with corners of continuous curvature, at both limits of jerk."""
     corners = ac.Path.polyline(POINTS)
     path = ac.round_corners(corners, tolerance=CORNER_ERROR, continuity="curvature")
-    most = ac.load_arm("pmk3s").limits.replace(speed=SPEED, centripetal_acceleration=CENTRIPETAL)
+    paper_limits = ac.load_arm("pmk3s").limits.replace(
+        speed=SPEED, centripetal_acceleration=CENTRIPETAL
+    )
     for jerk in PAPER_JERKS:
-        yield f"paper at {jerk:g}", path, most.replace(joint_jerk=[jerk, jerk])
+        yield f"paper at {jerk:g}", path, paper_limits.replace(joint_jerk=[jerk, jerk])
 
 
 def solve_paper(path: ac.Path, limits: ac.Limits, cells: tuple[int, ...] = CELLS) -> Timing:
@@ -142,21 +144,21 @@ def solve(path: ac.JointPath, bounds: Bounds, cells: tuple[int, ...] = CELLS) ->
     Raises:
         RuntimeError: IPOPT finds none.
     """
-    found: Timing | None = None
+    timing: Timing | None = None
     for count in cells:
-        found = _Program(path, bounds, _mesh(path, bounds, count, found)).solve(found)
-    assert found is not None
-    return found
+        timing = _Program(path, bounds, _mesh(path, bounds, count, timing)).solve(timing)
+    assert timing is not None
+    return timing
 
 
-def _mesh(path: ac.JointPath, bounds: Bounds, count: int, found: Timing | None) -> np.ndarray:
+def _mesh(path: ac.JointPath, bounds: Bounds, count: int, timing: Timing | None) -> np.ndarray:
     """Nodes that are close where time passes slowly, and at all breaks of the path."""
     low, high = path.breaks[0], path.breaks[-1]
-    if found is None:
+    if timing is None:
         t = np.linspace(0, 1, 401)
         s = low + (high - low) * t**3 * (10 - 15 * t + 6 * t**2)
     else:
-        t, s = found.t, found.s
+        t, s = timing.t, timing.s
     share = IN_TIME * t / t[-1] + (1 - IN_TIME) * (s - low) / (high - low)
     inner = np.interp(np.linspace(0, 1, count + 1), share, s)
     begin = low + _ramp(bounds, path(low, 1), path.length)
@@ -185,7 +187,7 @@ class _Program:
         self.path, self.bounds, self.s = path, bounds, s
         self.width = np.diff(s)
 
-    def solve(self, found: Timing | None) -> Timing:
+    def solve(self, timing: Timing | None) -> Timing:
         """The local optimum near a start.
 
         Raises:
@@ -195,18 +197,18 @@ class _Program:
 
         n = len(self.width)
         x, y, h = ca.SX.sym("x", n - 1), ca.SX.sym("y", n - 2), self.width[1:-1]
-        node, middle = self._start(found)
+        node, middle = self._start(timing)
         a, d = x * node, y * middle  # ds² at inner nodes, and middle Bernstein coefficients
         # dds on both sides of the inner nodes, and its slope on the inner cells.
         right = ca.vertcat((d - a[:-1]) / h, -2 / 3 * a[-1] / self.width[-1])
-        left = ca.vertcat(2 / 3 * a[0] / self.width[0], (a[1:] - d) / h)
+        slopes = ca.vertcat(2 / 3 * a[0] / self.width[0], (a[1:] - d) / h)
         slope = (a[:-1] - 2 * d + a[1:]) / h**2
         # Of cells of uniform jerk the third derivative over ds, at their inner ends.
         ends = 2 / 9 * a[0] / self.width[0] ** 2, 2 / 9 * a[-1] / self.width[-1] ** 2
-        rows = [(right - left) * self.width[1:] / node]
+        rows = [(right - slopes) * self.width[1:] / node]
         low, high = [np.zeros(n - 1)], [np.zeros(n - 1)]
         for cells, dds, third in (
-            (np.arange(n - 1), left, ca.vertcat(ends[0], slope)),
+            (np.arange(n - 1), slopes, ca.vertcat(ends[0], slope)),
             (np.arange(1, n), right, ca.vertcat(slope, ends[1])),
         ):
             for row in self._rows(ca, cells, a, dds, third):
@@ -215,19 +217,19 @@ class _Program:
                 high.append(np.ones(n - 1))
         duration = 3 * self.width[0] / ca.sqrt(a[0]) + 3 * self.width[-1] / ca.sqrt(a[-1])
         times = 0
-        for at, weight in zip((GAUSS + 1) / 2, WEIGHTS / 2, strict=True):
-            square = (1 - at) ** 2 * a[:-1] + 2 * at * (1 - at) * d + at**2 * a[1:]
+        for u, weight in zip((GAUSS + 1) / 2, WEIGHTS / 2, strict=True):
+            square = (1 - u) ** 2 * a[:-1] + 2 * u * (1 - u) * d + u**2 * a[1:]
             times += weight * h / ca.sqrt(square)
         f = duration + ca.sum1(times)
-        options = IPOPT | (WARM if found else {})
+        options = IPOPT | (WARM if timing else {})
         options = {"print_time": False, **{f"ipopt.{k}": z for k, z in options.items()}}
         program = {"x": ca.vertcat(x, y), "f": f, "g": ca.vertcat(*rows)}
         solver = ca.nlpsol("fastest", "ipopt", program, options)
-        most = np.concatenate([self._ceiling() / node, np.full(n - 2, np.inf)])
+        ceiling = np.concatenate([self._ceiling() / node, np.full(n - 2, np.inf)])
         answer = solver(
-            x0=np.minimum(1.0, 0.99 * most),
+            x0=np.minimum(1.0, 0.99 * ceiling),
             lbx=SMALLEST,
-            ubx=most,
+            ubx=ceiling,
             lbg=np.concatenate(low),
             ubg=np.concatenate(high),
         )
@@ -239,16 +241,16 @@ class _Program:
         t = np.concatenate([[0.0], np.cumsum(np.concatenate([ramps[:1], each, ramps[1:]]))])
         return Timing(float(answer["f"]), self.s, t, square)
 
-    def _start(self, found: Timing | None) -> tuple[np.ndarray, np.ndarray]:
+    def _start(self, timing: Timing | None) -> tuple[np.ndarray, np.ndarray]:
         """ds² at the inner nodes and in the middle of the inner cells, to start from."""
-        if found is None:
+        if timing is None:
             share = (self.s - self.s[0]) / (self.s[-1] - self.s[0])
             shape = (4 * share * (1 - share)) ** (4 / 3)
             first = np.abs(self.path(self.s, 1)).max(axis=0)
             size = float(np.min(self.bounds.acceleration / first) * (self.s[-1] - self.s[0]))
             square = 0.1 * size * shape
         else:
-            square = np.interp(self.s, found.s, found.square**0.75) ** (4 / 3)
+            square = np.interp(self.s, timing.s, timing.square**0.75) ** (4 / 3)
         return square[1:-1], (square[1:-2] + square[2:-1]) / 2
 
     def _derivatives(self, cells: np.ndarray) -> list[np.ndarray]:
@@ -257,15 +259,15 @@ class _Program:
         piece = np.searchsorted(self.path.breaks, middle[cells]) - 1
         width = np.diff(self.path.breaks)[piece]
         share = (self.s[1:-1] - self.path.breaks[piece]) / width
-        found = []
+        derivatives = []
         for order in (1, 2, 3):
             values = np.zeros((len(cells), self.path.dof))
             for k in range(order, 6):
                 factor = np.prod(np.arange(k - order + 1, k + 1))
                 power = factor * share ** (k - order) / width**order
                 values += power[:, None] * self.path.coefficients[piece, k]
-            found.append(values)
-        return found
+            derivatives.append(values)
+        return derivatives
 
     def _rows(self, ca, cells, a, dds, third):
         """Shares of the limits of acceleration and jerk at the inner nodes, from -1 to 1."""
@@ -282,17 +284,17 @@ class _Program:
 
     def _ceiling(self) -> np.ndarray:
         """The largest ds² at the inner nodes: speeds, and the jerk at the rests."""
-        most = self.bounds.square(self.s[1:-1])
+        ceiling = self.bounds.square(self.s[1:-1])
         for cells in (np.arange(len(self.width) - 1), np.arange(1, len(self.width))):
             q1 = np.abs(self._derivatives(cells)[0])
             with np.errstate(divide="ignore"):
-                most = np.minimum(most, ((self.bounds.velocity / q1) ** 2).min(axis=1))
+                ceiling = np.minimum(ceiling, ((self.bounds.velocity / q1) ** 2).min(axis=1))
         for node, cell, s in ((0, 0, self.s[0]), (-1, -1, self.s[-1])):
             with np.errstate(divide="ignore"):
                 jerk = (self.bounds.jerk / np.abs(self.path(s, 1))).min()
             jerk = min(float(jerk), self.bounds.path_jerk)
-            most[node] = min(most[node], (4.5 * jerk * self.width[cell] ** 2) ** (2 / 3))
-        return most
+            ceiling[node] = min(ceiling[node], (4.5 * jerk * self.width[cell] ** 2) ** (2 / 3))
+        return ceiling
 
 
 def run(seed: int) -> Outcome:

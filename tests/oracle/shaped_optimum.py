@@ -73,8 +73,8 @@ class Job:
 def solve(job: Job, steps: int, starts=STARTS) -> float | None:
     """Duration of the fastest motion found from any of the starts [s]; None if none was."""
     program = _Program(job, steps)
-    found = [program.solve(x) for x in starts]
-    return min((x for x in found if x is not None), default=None)
+    durations = [program.solve(x) for x in starts]
+    return min((x for x in durations if x is not None), default=None)
 
 
 def _start(job, start, steps):
@@ -106,10 +106,10 @@ class _Program:
         h = ca.vertcat(h, h)
         rows, low, high = [], [], []
 
-        def demand(expression, least, most):
+        def demand(expression, lower, upper):
             rows.append(ca.vec(expression))
-            low.append(np.full(rows[-1].numel(), least))
-            high.append(np.full(rows[-1].numel(), most))
+            low.append(np.full(rows[-1].numel(), lower))
+            high.append(np.full(rows[-1].numel(), upper))
 
         demand(q[:, 1:] - q[:, :-1] - h * v[:, :-1] - h**2 / 2 * a, 0.0, 0.0)
         demand(v[:, 1:] - v[:, :-1] - h * a, 0.0, 0.0)
@@ -153,14 +153,14 @@ class _Program:
         for k, (start, end) in enumerate(pairwise(points)):
             length = float(np.linalg.norm(end - start))
             dx, dy = (end - start) / length
-            own = tool[:, k * n + 1 : (k + 1) * n]
-            x, y = own[0, :] - start[0], own[1, :] - start[1]
+            span_points = tool[:, k * n + 1 : (k + 1) * n]
+            x, y = span_points[0, :] - start[0], span_points[1, :] - start[1]
             along, across = dx * x + dy * y, dx * y - dy * x
             beyond = ca.fmax(0, -along) + ca.fmax(0, along - length)
             demand((across**2 + beyond**2) / self.job.tolerance**2, -np.inf, 1.0)
             if k:
-                off = tool[:, k * n] - ca.DM(start)
-                demand(ca.sum1(off**2) / self.job.tolerance**2, -np.inf, 1.0)
+                offset = tool[:, k * n] - ca.DM(start)
+                demand(ca.sum1(offset**2) / self.job.tolerance**2, -np.inf, 1.0)
 
     def solve(self, start) -> float | None:
         """Duration of the local optimum near a start; None if IPOPT finds none."""
@@ -173,15 +173,15 @@ class _Program:
         ends = ac.load_arm("pmk3s").joint_position(job.points[[0, -1]]).T
         low_q[:, [0, -1]], high_q[:, [0, -1]] = ends, ends
         low_v[:, [0, -1]], high_v[:, [0, -1]] = 0.0, 0.0
-        most, times = np.full(2 * m, job.acceleration), np.ones(len(time))
-        found = self.solver(
+        bound, times = np.full(2 * m, job.acceleration), np.ones(len(time))
+        solution = self.solver(
             x0=np.concatenate([*(x.ravel("F") for x in (q, dq, ddq)), time]),
-            lbx=np.concatenate([low_q.ravel("F"), low_v.ravel("F"), -most, 1e-3 * times]),
-            ubx=np.concatenate([high_q.ravel("F"), high_v.ravel("F"), most, 1e3 * times]),
+            lbx=np.concatenate([low_q.ravel("F"), low_v.ravel("F"), -bound, 1e-3 * times]),
+            ubx=np.concatenate([high_q.ravel("F"), high_v.ravel("F"), bound, 1e3 * times]),
             lbg=self.low,
             ubg=self.high,
         )
-        return float(found["f"]) if self.solver.stats()["success"] else None
+        return float(solution["f"]) if self.solver.stats()["success"] else None
 
 
 def draw(seed: int) -> Job:

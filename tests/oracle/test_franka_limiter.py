@@ -35,16 +35,16 @@ def velocity_limits(name, q):
         # kTolNumberPacketsLost is 3 for the Panda.
         limit = np.array([2.175] * 4 + [2.61] * 3) - EPS - 3 * CYCLE * ACCELERATION[name]
         return -limit, limit
-    most = np.array([2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26])
+    velocity = np.array([2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26])
     offset = np.array([0.30, 0.20, 0.20, 0.30, 0.35, 0.35, 0.35])
     slope = np.array([12.0, 5.17, 7.0, 8.0, 34.0, 11.0, 34.0])
     above = np.array([2.7501, 1.7918, 2.9065, -0.1458, 2.8101, 4.5205, 3.0196]) - q
     below = np.array([2.7501, 1.7918, 2.9065, 3.0481, 2.8101, -0.54092, 3.0196]) + q
-    found = [
-        np.minimum(most, np.maximum(0.0, np.sqrt(np.maximum(0.0, slope * x)) - offset)) - EPS
+    bounds = [
+        np.minimum(velocity, np.maximum(0.0, np.sqrt(np.maximum(0.0, slope * x)) - offset)) - EPS
         for x in (below, above)
     ]
-    return -found[0], found[1]
+    return -bounds[0], bounds[1]
 
 
 def commands_changed(name, commands):
@@ -54,8 +54,8 @@ def commands_changed(name, commands):
     q, dq, ddq, changed = commands[0], np.zeros(7), np.zeros(7), 0
     for command in commands[1:]:
         low, high = velocity_limits(name, q)
-        wanted = (((command - q) / CYCLE - dq) / CYCLE - ddq) / CYCLE
-        a = ddq + np.clip(wanted, -jerk, jerk) * CYCLE
+        jerk_command = (((command - q) / CYCLE - dq) / CYCLE - ddq) / CYCLE
+        a = ddq + np.clip(jerk_command, -jerk, jerk) * CYCLE
         a = np.minimum(a, np.minimum(ratio * (high - dq), acceleration))
         a = np.maximum(a, np.maximum(ratio * (low - dq), -acceleration))
         before, dq = dq, dq + a * CYCLE

@@ -22,35 +22,35 @@ PROGRAMS = 40
 
 def read(text, **options):
     """The program as it is printed: what mending does to it has tests of its own."""
-    given = ReadOptions(mend_vertices=0.0, **options)
-    return read_gcode(text.encode("latin-1"), source="part.ngc", options=given)
+    read_options = ReadOptions(mend_vertices=0.0, **options)
+    return read_gcode(text.encode("latin-1"), source="part.ngc", options=read_options)
 
 
 def compare(program, moves, chord_tolerance=1e-5):
     """Every move, point, length, speed, tolerance and event."""
     kinds = {Contour: oracle.Contour, Rapid: oracle.Rapid, Dwell: oracle.Dwell, Event: oracle.Event}
     assert [kinds[type(x)] for x in program.moves] == [type(x) for x in moves]
-    for found, expected in zip(program.moves, moves, strict=True):
-        if isinstance(found, Dwell):
-            assert found.duration == expected.duration
-        elif isinstance(found, Event):
-            assert (found.name, found.value) == (expected.name, expected.value)
-        elif isinstance(found, Rapid):
-            compare_points(found.path.vertices, np.array(expected.points))
+    for move, expected in zip(program.moves, moves, strict=True):
+        if isinstance(move, Dwell):
+            assert move.duration == expected.duration
+        elif isinstance(move, Event):
+            assert (move.name, move.value) == (expected.name, expected.value)
+        elif isinstance(move, Rapid):
+            compare_points(move.path.vertices, np.array(expected.points))
         else:
-            compare_contour(found, expected, chord_tolerance)
+            compare_contour(move, expected, chord_tolerance)
 
 
-def compare_points(found, expected):
-    assert found.shape[0] == expected.shape[0]
-    d = found.shape[1]
-    assert np.abs(found - expected[:, :d]).max() <= NANOMETRE
+def compare_points(actual, expected):
+    assert actual.shape[0] == expected.shape[0]
+    d = actual.shape[1]
+    assert np.abs(actual - expected[:, :d]).max() <= NANOMETRE
     assert d == 3 or np.abs(expected[:, 2]).max() <= NANOMETRE
 
 
-def compare_contour(found, expected, chord_tolerance):
-    assert found.name == expected.name
-    path, i, places = found.path, 0, []
+def compare_contour(contour, expected, chord_tolerance):
+    assert contour.name == expected.name
+    path, i, places = contour.path, 0, []
     for segment in expected.segments:
         places.append(path.breaks[i])
         n = 1
@@ -68,8 +68,8 @@ def compare_contour(found, expected, chord_tolerance):
         i += n
     assert i == len(path)
     places.append(path.breaks[i])
-    events = [(name, value, places[at]) for at, name, value in expected.events]
-    assert [(e.name, e.value, e.s) for e in found.events] == events
+    events = [(name, value, places[index]) for index, name, value in expected.events]
+    assert [(e.name, e.value, e.s) for e in contour.events] == events
 
 
 def compare_helix(path, i, segment, chord_tolerance):
@@ -84,14 +84,14 @@ def compare_helix(path, i, segment, chord_tolerance):
     for k in range(n):
         for part in (0.25, 0.5, 0.75):
             chord = (1 - part) * vertices[k] + part * vertices[k + 1]
-            off = np.linalg.norm(chord - segment.at((k + part) / n))
-            assert off <= chord_tolerance * (1 + 1e-6)
+            deviation = np.linalg.norm(chord - segment.at((k + part) / n))
+            assert deviation <= chord_tolerance * (1 + 1e-6)
     return n
 
 
 def test_corpus_is_read_as_the_oracle_reads_it():
-    known = {x: x.read_bytes() for x in sorted(CORPUS.rglob("*.ngc"))}
-    accepted = {x: y for x, y in known.items() if b"refused in line" not in y[:400]}
+    programs = {x: x.read_bytes() for x in sorted(CORPUS.rglob("*.ngc"))}
+    accepted = {x: y for x, y in programs.items() if b"refused in line" not in y[:400]}
     assert len(accepted) > 40
     for file, data in accepted.items():
         if file.parent.name not in ("skipped", "refused"):

@@ -28,12 +28,12 @@ KEPT = {
 }
 
 
-def test_a_line_and_the_oracle_take_what_the_closed_form_says():
+def test_plan_and_oracle_of_a_line_have_the_duration_of_the_closed_form():
     planned = ac.plan(LINE, limits=LIMITS, options=ac.Optimal(intervals=1000))
     assert 1 <= planned.duration / EXACT <= 1 + 1e-3
     pytest.importorskip("casadi")
-    found = solve(LINE, Bounds.of(LIMITS, 1), (80, 300)).duration
-    assert found == pytest.approx(EXACT, rel=2e-3)
+    duration = solve(LINE, Bounds.of(LIMITS, 1), (80, 300)).duration
+    assert duration == pytest.approx(EXACT, rel=2e-3)
 
 
 def test_a_plan_is_as_fast_as_the_oracle():

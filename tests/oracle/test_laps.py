@@ -47,18 +47,18 @@ def test_laps_18_to_20(arm, seed):
     q, dq_ds = traced(s), traced(s, 1)
     limit = rng.uniform(0.5, 1.0, 2)
     speed = rng.choice([0.0, 0.02])
-    h, speeds, dq, ddq, done, joint, _ = run_laps(q, dq_ds, speed, limit)
+    h, speeds, dq, ddq, laps_done, joint, _ = run_laps(q, dq_ds, speed, limit)
     slow = slow_laps(q.tolist(), dq_ds.tolist(), speed, limit.tolist())
     times, expected_speeds, accelerations, expected_done = slow
-    assert done == expected_done > 0
-    assert (joint == -1) == (done == 40)
-    np.testing.assert_allclose(h[:done], times, rtol=1e-7)
-    np.testing.assert_allclose(speeds[: done + 1], expected_speeds, rtol=1e-6, atol=1e-12)
-    np.testing.assert_allclose(ddq[:done], accelerations, atol=1e-6 * limit.max())
-    assert (np.abs(ddq[:done]) <= limit).all()
+    assert laps_done == expected_done > 0
+    assert (joint == -1) == (laps_done == 40)
+    np.testing.assert_allclose(h[:laps_done], times, rtol=1e-7)
+    np.testing.assert_allclose(speeds[: laps_done + 1], expected_speeds, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(ddq[:laps_done], accelerations, atol=1e-6 * limit.max())
+    assert (np.abs(ddq[:laps_done]) <= limit).all()
     # (21) with these carries every joint from knot to knot.
-    moved = dq[:done] * h[:done, None] + ddq[:done] * h[:done, None] ** 2 / 2
-    np.testing.assert_allclose(moved, np.diff(q, axis=0)[:done], atol=1e-9)
+    moved = dq[:laps_done] * h[:laps_done, None] + ddq[:laps_done] * h[:laps_done, None] ** 2 / 2
+    np.testing.assert_allclose(moved, np.diff(q, axis=0)[:laps_done], atol=1e-9)
 
 
 def test_the_corpus_holds_laps_that_cannot_be_kept(arm):
@@ -66,9 +66,9 @@ def test_the_corpus_holds_laps_that_cannot_be_kept(arm):
     q = np.array([[0.0, 0.0], [0.01, 0.2]])
     dq_ds = np.array([[1.0, 1.0], [1.0, 1.0]])
     limit = np.array([0.5, 0.5])
-    *_, done, joint, needed = run_laps(q, dq_ds, 0.4, limit)
+    *_, laps_done, joint, needed = run_laps(q, dq_ds, 0.4, limit)
     times, _, _, expected = slow_laps(q.tolist(), dq_ds.tolist(), 0.4, limit.tolist())
-    assert done == expected == 0 and times == []
+    assert laps_done == expected == 0 and times == []
     h = (math.sqrt(0.4**2 + 2 * 0.5 * 0.2) - 0.4) / 0.5
     assert joint == 0
     assert needed == pytest.approx(abs(2 * (0.01 - 0.4 * h) / h**2))
@@ -80,9 +80,9 @@ def test_a_lap_in_which_a_joint_turns_round(sign):
     q = sign * np.array([[0.0, 0.0], [0.01, 0.01]])
     dq_ds = sign * np.array([[-1.0, 1.0], [1.0, 1.0]])
     limit = np.array([0.5, 0.5])
-    h, speeds, _, ddq, done, *_ = run_laps(q, dq_ds, 0.05, limit)
+    h, speeds, _, ddq, laps_done, *_ = run_laps(q, dq_ds, 0.05, limit)
     times, expected, accelerations, _ = slow_laps(q.tolist(), dq_ds.tolist(), 0.05, limit.tolist())
-    assert done == 1
+    assert laps_done == 1
     assert h[0] == pytest.approx((math.sqrt(0.05**2 + 2 * 0.5 * 0.01) + 0.05) / 0.5)
     assert h[0] == pytest.approx(times[0]) and speeds[1] == pytest.approx(expected[1])
     np.testing.assert_allclose(ddq[0], accelerations[0], rtol=1e-9)
@@ -98,8 +98,8 @@ def phase_plane(traced, limit, s, speed):
 
     # Small steps: the slope has kinks where another joint begins to bind.
     how = {"rtol": 1e-9, "atol": 1e-12, "max_step": (s[-1] - s[0]) / 500}
-    found = solve_ivp(slope, (s[0], s[-1]), [speed**2], t_eval=s, **how)
-    return np.sqrt(found.y[0])
+    solution = solve_ivp(slope, (s[0], s[-1]), [speed**2], t_eval=s, **how)
+    return np.sqrt(solution.y[0])
 
 
 @pytest.mark.parametrize(

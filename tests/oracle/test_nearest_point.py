@@ -49,34 +49,34 @@ def brute_force(segments, p):
 
 def random_chain(rng, dimension, count, lengths):
     """A chain of lines and arcs with corners of any kind between them."""
-    at, segments = rng.normal(size=dimension), []
+    end, segments = rng.normal(size=dimension), []
     for _ in range(count):
         size = rng.choice(lengths)
         direction = rng.normal(size=dimension)
         direction /= np.linalg.norm(direction)
         if rng.random() < 0.5:
-            segments.append(ac.Line(start=at, end=at + size * direction))
+            segments.append(ac.Line(start=end, end=end + size * direction))
         else:
-            center = at + size * direction
+            center = end + size * direction
             angle = rng.choice([-1, 1]) * rng.choice([1e-3, 1.0, 3.0, 5.0, 2 * np.pi])
             normal = None if dimension == 2 else np.cross(direction, rng.normal(size=3))
-            segments.append(ac.Arc(start=at, center=center, angle=angle, normal=normal))
-        at = ac.Path.from_segments(segments[-1:]).vertices[-1]
+            segments.append(ac.Arc(start=end, center=center, angle=angle, normal=normal))
+        end = ac.Path.from_segments(segments[-1:]).vertices[-1]
     return segments
 
 
 def assert_nearest(segments, queries, atol):
     path = ac.Path.from_segments(segments)
-    found = path.project(queries)
+    projection = path.project(queries)
     expected = [brute_force(segments, p) for p in queries]
-    np.testing.assert_allclose(found.distance, expected, rtol=1e-12, atol=atol)
+    np.testing.assert_allclose(projection.distance, expected, rtol=1e-12, atol=atol)
     # The place it names is at the distance it names.
-    named = np.linalg.norm(path(np.clip(found.s, 0, path.length)) - queries, axis=1)
-    np.testing.assert_allclose(named, found.distance, rtol=1e-9, atol=10 * atol)
+    named = np.linalg.norm(path(np.clip(projection.s, 0, path.length)) - queries, axis=1)
+    np.testing.assert_allclose(named, projection.distance, rtol=1e-9, atol=10 * atol)
     # And no sample of the path is nearer.
     samples = path(np.linspace(0, path.length, 4001))
     sampled = np.array([np.linalg.norm(samples - p, axis=1).min() for p in queries[:50]])
-    assert (found.distance[:50] <= sampled * (1 + 1e-12) + atol).all()
+    assert (projection.distance[:50] <= sampled * (1 + 1e-12) + atol).all()
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -95,8 +95,8 @@ def test_micro_segments_among_long_ones(dimension):
     rng = np.random.default_rng(dimension)
     segments = random_chain(rng, dimension, 60, [1e-7, 1e-6, 1e-5, 1.0])
     path = ac.Path.from_segments(segments)
-    at = path(rng.random(100) * path.length)
-    assert_nearest(segments, at + 1e-6 * rng.normal(size=at.shape), 1e-13)
+    points = path(rng.random(100) * path.length)
+    assert_nearest(segments, points + 1e-6 * rng.normal(size=points.shape), 1e-13)
 
 
 @pytest.mark.parametrize("radius", [1e3, 1e6])
@@ -116,8 +116,8 @@ def test_queries_at_and_near_arc_centres(dimension):
     rng = np.random.default_rng(6)
     arcs = [x for x in random_chain(rng, dimension, 20, [0.1, 1.0]) if isinstance(x, ac.Arc)]
     for arc in arcs:
-        off = [np.zeros((1, dimension)), 1e-9 * rng.normal(size=(20, dimension))]
-        assert_nearest([arc], np.asarray(arc.center) + np.concatenate(off), 1e-13)
+        offsets = [np.zeros((1, dimension)), 1e-9 * rng.normal(size=(20, dimension))]
+        assert_nearest([arc], np.asarray(arc.center) + np.concatenate(offsets), 1e-13)
 
 
 def test_a_long_winding_path():

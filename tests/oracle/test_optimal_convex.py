@@ -40,8 +40,8 @@ class Cones:
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
         n = self.variables
         matrix = sparse.vstack(self.rows, format="csc")
-        given = sparse.csc_matrix((n, n)), cost, matrix, np.concatenate(self.right)
-        solution = clarabel.DefaultSolver(*given, self.cones, settings).solve()
+        cone_program = sparse.csc_matrix((n, n)), cost, matrix, np.concatenate(self.right)
+        solution = clarabel.DefaultSolver(*cone_program, self.cones, settings).solve()
         assert str(solution.status) in ("Solved", "AlmostSolved")
         return np.array(solution.x)
 

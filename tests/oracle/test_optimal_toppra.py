@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.oracle.toppra_kept import SAME, kept
+from tests.oracle.toppra_kept import SAME, recorded_duration
 
 import armcontour as ac
 
@@ -53,8 +53,8 @@ def ours(points, velocity, acceleration, **options):
 def peer(points, velocity, acceleration, grid, scheme):
     """Duration by toppra on a grid of path parameters from 0 to 1."""
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    at = np.concatenate([[0], np.cumsum(chords)]) / chords.sum()
-    path = SplineInterpolator(at, points, bc_type="natural")
+    parameter = np.concatenate([[0], np.cumsum(chords)]) / chords.sum()
+    path = SplineInterpolator(parameter, points, bc_type="natural")
     constraints = [
         JointVelocityConstraint(np.column_stack([-velocity, velocity])),
         JointAccelerationConstraint(np.column_stack([-acceleration, acceleration]), scheme),
@@ -72,12 +72,14 @@ def compare(seed, intervals):
     """Our duration over toppra's, and what was planned."""
     points, velocity, acceleration = problem(seed)
     planned, limits = ours(points, velocity, acceleration)
-    return planned.duration / kept("joint", intervals, seed), planned, limits
+    return planned.duration / recorded_duration("joint", intervals, seed), planned, limits
 
 
 @pytest.mark.parametrize(("kind", "intervals", "seed"), REFERENCES[3:PROBLEMS:50] + REFERENCES[-1:])
 def test_references_are_what_toppra_finds(kind, intervals, seed):
-    assert by_toppra(seed, intervals) == pytest.approx(kept(kind, intervals, seed), rel=SAME)
+    assert by_toppra(seed, intervals) == pytest.approx(
+        recorded_duration(kind, intervals, seed), rel=SAME
+    )
 
 
 @pytest.mark.parametrize("first", [0, 1])
@@ -86,9 +88,9 @@ def test_as_fast_as_a_fine_reference(first, worst_ratios):
         ratio, planned, limits = compare(seed, FINE)
         assert 1 - OWN_ERROR < ratio < 1 + ALLOWED, seed
         # A plan that keeps every limit everywhere is never shorter than the true optimum.
-        found = worst_ratios(planned, limits, places=10)
-        assert max(found.values()) <= 1 + 1e-9, seed
-        assert set(found) == {"joint_velocity", "joint_acceleration"}
+        ratios = worst_ratios(planned, limits, places=10)
+        assert max(ratios.values()) <= 1 + 1e-9, seed
+        assert set(ratios) == {"joint_velocity", "joint_acceleration"}
 
 
 def test_as_fast_as_a_reference_ten_times_finer():

@@ -61,11 +61,11 @@ def by_pinocchio(chain, inertia, q, step, cycle, limit):
     data, n = model.createData(), len(chain)
 
     def rate(t, x):
-        at, moving = x[:n], x[n:]
-        mass = np.triu(pin.crba(model, data, at))
+        q, moving = x[:n], x[n:]
+        mass = np.triu(pin.crba(model, data, q))
         mass = mass + np.triu(mass, 1).T + np.diag(chain.armature)
-        left = torque - chain.viscous * moving - pin.nonLinearEffects(model, data, at, moving)
-        return np.concatenate([moving, np.linalg.solve(mass, left)])
+        net_torque = torque - chain.viscous * moving - pin.nonLinearEffects(model, data, q, moving)
+        return np.concatenate([moving, np.linalg.solve(mass, net_torque)])
 
     x, states = np.concatenate([q[0], np.zeros(n)]), []
     steps = round(cycle / step)
@@ -120,14 +120,14 @@ def error(step, limit):
     q = np.array([0.3, -0.4, 0.6]) + np.array([0.8, -1.1, 1.3]) * (1 - np.cos(5 * t))
     servo, limits = ac.ServoModel(kp=KP, kv=KV), ac.Limits.only(joint_torque=limit)
     plant = ac.RigidBodyPlant(arm, servo, limits, step=step)
-    done = ac.simulate(taught_data(q, cycle), plant, resolution=step)
+    execution = ac.simulate(taught_data(q, cycle), plant, resolution=step)
     expected = by_pinocchio(arm.chain, plant.nominal_inertia, q, step, cycle, limit)
     n = len(expected)
-    assert np.abs(done.dq).max() > 3 and (done.saturated_time > 0.01).any()
-    return np.abs(done.q[:n] - expected[:, :3]).max()
+    assert np.abs(execution.dq).max() > 3 and (execution.saturated_time > 0.01).any()
+    return np.abs(execution.q[:n] - expected[:, :3]).max()
 
 
-def test_bodies_move_as_pinocchio_says():
+def test_bodies_move_as_in_pinocchio():
     errors = [error(step, np.array([90.0, 60.0, 40.0])) for step in (8e-3, 4e-3, 2e-3)]
     # What is left is the integrator's, of fourth order: at the standard step, 1e-14 rad.
     assert errors[2] < 1e-10
@@ -143,7 +143,7 @@ def test_nominal_inertia_is_the_bare_arms():
 
 
 @pytest.mark.parametrize("options", [{}, {"joint_damping": 0.0}])
-def test_joints_with_springs_move_as_spong_and_pinocchio_say(options):
+def test_joints_with_springs_move_as_in_spong_and_pinocchio(options):
     whole = skew_arm().chain
     names = "joints rotations positions axes masses centers inertias armature viscous".split()
     first = {name: getattr(whole, name)[:2] for name in names}
@@ -153,10 +153,10 @@ def test_joints_with_springs_move_as_spong_and_pinocchio_say(options):
     q = np.array([0.3, -0.4]) + np.array([0.8, -1.1]) * (1 - np.cos(8 * t))
     servo = ac.ServoModel(kp=[60.0, 80.0], kv=[300.0, 240.0])
     plant = ac.RigidBodyPlant(arm, servo, step=step, joint_stiffness=[2e4, 1e4], **options)
-    done = ac.simulate(taught_data(q, cycle), plant, resolution=step)
-    begin = np.concatenate([done.q[0], done.motor_q[0]])
+    execution = ac.simulate(taught_data(q, cycle), plant, resolution=step)
+    begin = np.concatenate([execution.q[0], execution.motor_q[0]])
     expected = by_pinocchio_with_springs(arm.chain, plant, q, step, cycle, begin)
-    found = np.hstack([done.q, done.motor_q])[: len(expected)]
-    assert np.abs(done.dq).max() > 1 and np.abs(done.q - done.motor_q).max() > 2e-3
+    positions = np.hstack([execution.q, execution.motor_q])[: len(expected)]
+    assert np.abs(execution.dq).max() > 1 and np.abs(execution.q - execution.motor_q).max() > 2e-3
     # The start rings the springs, which hardly anything damps: phase errors add up.
-    assert np.abs(found - expected).max() < 4e-9
+    assert np.abs(positions - expected).max() < 4e-9

@@ -24,15 +24,15 @@ def executed(arm, q, cycle, kp, kv, limit, resolution, interpolation="linear"):
 def test_unsaturated_against_lsim(arm, interpolation, cycle):
     for kp, kv in GAINS:
         q = np.random.default_rng(2).normal(size=(40, 2))
-        done = executed(arm, q, cycle, kp, kv, None, cycle, interpolation)
+        execution = executed(arm, q, cycle, kp, kv, None, cycle, interpolation)
         matrices = [[0, 1], [-kp * kv, -kv]], [[0], [kp * kv]], [[1, 0], [0, 1]], [[0], [0]]
         system, t = signal.StateSpace(*matrices), np.arange(40) * cycle
         for j in range(2):
             # Between set-points as the plant is: exact, not a discretisation.
             moved = q[:, j] - q[0, j]
             _, expected, _ = signal.lsim(system, moved, t, interp=interpolation == "linear")
-            np.testing.assert_allclose(done.q[:40, j] - q[0, j], expected[:, 0], atol=1e-9)
-            np.testing.assert_allclose(done.dq[:40, j], expected[:, 1], atol=1e-9 * kv)
+            np.testing.assert_allclose(execution.q[:40, j] - q[0, j], expected[:, 0], atol=1e-9)
+            np.testing.assert_allclose(execution.dq[:40, j], expected[:, 1], atol=1e-9 * kv)
 
 
 def by_events(u, cycle, kp, kv, limit, linear=True):
@@ -68,15 +68,17 @@ def by_events(u, cycle, kp, kv, limit, linear=True):
                 # Leaving saturation inwards, or the linear range outwards.
                 event.direction = -np.sign(edge) if side else np.sign(edge)
                 events.append(event)
-            found = solve_ivp(
+            solution = solve_ivp(
                 motion, (now, cycle), state, method="DOP853", events=events,
                 rtol=1e-12, atol=1e-14, max_step=0.3 / kv,
             )  # fmt: skip
             if side:
-                saturated += found.t[-1] - now
-            peak = max(peak, *(abs(demand(t, x)) for t, x in zip(found.t, found.y.T, strict=True)))
-            now, state = found.t[-1], found.y[:, -1]
-            if found.status == 0:
+                saturated += solution.t[-1] - now
+            peak = max(
+                peak, *(abs(demand(t, x)) for t, x in zip(solution.t, solution.y.T, strict=True))
+            )
+            now, state = solution.t[-1], solution.y[:, -1]
+            if solution.status == 0:
                 break
         ends.append(tuple(state))
     return np.array(ends), saturated, peak
@@ -88,14 +90,14 @@ def test_saturated_against_events(arm, gains, interpolation):
     kp, kv = gains
     cycle, limits = 0.04, (0.72, 3.0)
     q = np.cumsum(np.random.default_rng(4).normal(size=(15, 2)), axis=0) * (3e-3, 1e-2)
-    done = executed(arm, q, cycle, kp, kv, limits, cycle, interpolation)
+    execution = executed(arm, q, cycle, kp, kv, limits, cycle, interpolation)
     long = executed(arm, np.tile(q[-1:], (2, 1)), cycle, kp, kv, limits, cycle)
     np.testing.assert_array_equal(long.saturated_time, 0)
     for j in range(2):
-        given = q[:, j], cycle, kp, kv, limits[j], interpolation == "linear"
-        ends, saturated, peak = by_events(*given)
+        arguments = q[:, j], cycle, kp, kv, limits[j], interpolation == "linear"
+        ends, saturated, peak = by_events(*arguments)
         assert saturated > 0.02  # the case is worth its name
-        np.testing.assert_allclose(done.q[:15, j], ends[:, 0], atol=1e-10)
-        np.testing.assert_allclose(done.dq[:15, j], ends[:, 1], atol=1e-8)
-        assert done.peak_demand[j] >= peak * (1 - 1e-6)
-        assert done.saturated_time[j] >= saturated - 1e-7
+        np.testing.assert_allclose(execution.q[:15, j], ends[:, 0], atol=1e-10)
+        np.testing.assert_allclose(execution.dq[:15, j], ends[:, 1], atol=1e-8)
+        assert execution.peak_demand[j] >= peak * (1 - 1e-6)
+        assert execution.saturated_time[j] >= saturated - 1e-7

@@ -28,12 +28,12 @@ def command(q, interpolation, cycle=CYCLE):
     """The command of one joint as a function of time, from its definition."""
     t = np.arange(len(q)) * cycle
     if interpolation == "linear":
-        return lambda at: float(np.interp(at, t, q))
+        return lambda time: float(np.interp(time, t, q))
     if interpolation == "step":
-        return lambda at: float(q[min(max(math.floor(at / cycle + 1e-9), 0), len(q) - 1)])
+        return lambda time: float(q[min(max(math.floor(time / cycle + 1e-9), 0), len(q) - 1)])
     slope = np.concatenate([[0.0], (q[2:] - q[:-2]) / (2 * cycle), [0.0]])
     spline = CubicHermiteSpline(t, q, slope)
-    return lambda at: float(spline(min(max(at, 0.0), t[-1])))
+    return lambda time: float(spline(min(max(time, 0.0), t[-1])))
 
 
 def integrated(servo, j, u, dead, times, start, bounds=(-np.inf, np.inf), cycle=CYCLE, fine=1.0):
@@ -45,23 +45,26 @@ def integrated(servo, j, u, dead, times, start, bounds=(-np.inf, np.inf), cycle=
 
     def motion(t, x, inside):
         # A held command jumps at the ends of a piece: it is looked at from the inside.
-        seen = u(min(max(t, inside[0] + 1e-11), inside[1] - 1e-11) - dead)
+        command_seen = u(min(max(t, inside[0] + 1e-11), inside[1] - 1e-11) - dead)
         if servo.kv is None:
-            return [kp * (seen - x[0])]
+            return [kp * (command_seen - x[0])]
         # `np.clip` would take ten times as long.
-        return [x[1], min(max(servo.kv[j] * (kp * (seen - x[0]) - x[1]), bounds[0]), bounds[1])]
+        return [
+            x[1],
+            min(max(servo.kv[j] * (kp * (command_seen - x[0]) - x[1]), bounds[0]), bounds[1]),
+        ]
 
     state = np.array([start] if servo.kv is None else [start, 0.0])
-    found = {float(stops[0]): state}
+    states = {float(stops[0]): state}
     for a, b in zip(stops[:-1], stops[1:], strict=True):
         step = np.inf if np.isinf(bounds[1]) else fine
         state = solve_ivp(
             motion, (a, b), state, method="DOP853", args=((a, b),), rtol=1e-11, atol=1e-13,
             max_step=step,
         ).y[:, -1]  # fmt: skip
-        found[float(b)] = state
-    keys = np.array(list(found))
-    return np.array([found[keys[np.argmin(np.abs(keys - t))]] for t in times])
+        states[float(b)] = state
+    keys = np.array(list(states))
+    return np.array([states[keys[np.argmin(np.abs(keys - t))]] for t in times])
 
 
 @pytest.mark.parametrize("order", ["second", "first"])
@@ -72,17 +75,17 @@ def test_unsaturated_against_an_integrator(arm, order, interpolation):
     for dead in DEAD_TIMES[1:] if order == "second" else DEAD_TIMES[4:]:
         servo = ac.ServoModel(**gains, interpolation=interpolation, dead_time=dead, order=order)
         servo = servo.for_joints(2)
-        done = ac.simulate(
+        execution = ac.simulate(
             taught_data(q), ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=0.005
         )
-        n = round(0.3 / done.t[1])
-        times = done.t[: n + 1]
+        n = round(0.3 / execution.t[1])
+        times = execution.t[: n + 1]
         for j in range(2):
             u = command(q[:, j], interpolation)
             expected = integrated(servo, j, u, servo.dead_time[j], times, q[0, j])
-            np.testing.assert_allclose(done.q[: n + 1, j], expected[:, 0], atol=1e-9)
+            np.testing.assert_allclose(execution.q[: n + 1, j], expected[:, 0], atol=1e-9)
             if order == "second":
-                np.testing.assert_allclose(done.dq[: n + 1, j], expected[:, 1], atol=1e-7)
+                np.testing.assert_allclose(execution.dq[: n + 1, j], expected[:, 1], atol=1e-7)
 
 
 @pytest.mark.parametrize("gains", GAINS)
@@ -93,21 +96,23 @@ def test_saturated_against_an_integrator(arm, gains, interpolation):
     servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation, dead_time=dead).for_joints(2)
     limits = ac.Limits.only(joint_acceleration=[[-2.0, 0.72], [-1.0, 3.0]])
     q = np.cumsum(np.random.default_rng(4).normal(size=(12, 2)), axis=0) * (3e-3, 1e-2)
-    done = ac.simulate(taught_data(q), ac.ServoPlant(arm, servo, limits), resolution=2e-4)
-    n = round(0.3 / done.t[1])
+    execution = ac.simulate(taught_data(q), ac.ServoPlant(arm, servo, limits), resolution=2e-4)
+    n = round(0.3 / execution.t[1])
     every = 100
     lower, upper = limits.acceleration_bounds(2)
     for j in range(2):
         u = command(q[:, j], interpolation)
-        times = done.t[: n + 1 : every]
+        times = execution.t[: n + 1 : every]
         expected = integrated(servo, j, u, dead, times, q[0, j], (lower[j], upper[j]), fine=1e-3)
-        np.testing.assert_allclose(done.q[: n + 1 : every, j], expected[:, 0], atol=2e-9)
-        np.testing.assert_allclose(done.dq[: n + 1 : every, j], expected[:, 1], atol=2e-7)
-    over = np.maximum(done.demand - upper, lower - done.demand) > 0
-    np.testing.assert_allclose(done.saturated_time, over.sum(axis=0) * done.t[1], atol=0.02)
-    assert (done.saturated_time > 0.05).all()
-    assert (done.peak_demand >= np.abs(done.demand).max(axis=0) * (1 - 1e-9)).all()
-    np.testing.assert_array_equal(done.ddq, np.clip(done.demand, lower, upper))
+        np.testing.assert_allclose(execution.q[: n + 1 : every, j], expected[:, 0], atol=2e-9)
+        np.testing.assert_allclose(execution.dq[: n + 1 : every, j], expected[:, 1], atol=2e-7)
+    over = np.maximum(execution.demand - upper, lower - execution.demand) > 0
+    np.testing.assert_allclose(
+        execution.saturated_time, over.sum(axis=0) * execution.t[1], atol=0.02
+    )
+    assert (execution.saturated_time > 0.05).all()
+    assert (execution.peak_demand >= np.abs(execution.demand).max(axis=0) * (1 - 1e-9)).all()
+    np.testing.assert_array_equal(execution.ddq, np.clip(execution.demand, lower, upper))
 
 
 def test_brief_saturation_on_a_cubic_is_found(arm):
@@ -119,11 +124,11 @@ def test_brief_saturation_on_a_cubic_is_found(arm):
         servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation="cubic", dead_time=dead)
         plant = ac.ServoPlant(arm, servo, ac.Limits.only())
         free, fine = (ac.simulate(taught_data(q), plant, resolution=x) for x in (CYCLE, 1e-5))
-        most = np.abs(fine.demand).max(axis=0)
-        np.testing.assert_allclose(free.peak_demand, most, rtol=1e-6)
+        peaks = np.abs(fine.demand).max(axis=0)
+        np.testing.assert_allclose(free.peak_demand, peaks, rtol=1e-6)
         limits = ac.Limits.only(joint_acceleration=free.peak_demand * (1 - 1e-9))
-        done = ac.simulate(taught_data(q), ac.ServoPlant(arm, servo, limits), resolution=CYCLE)
-        assert (done.saturated_time > 0).all() and (done.saturated_time < 1e-3).all()
+        execution = ac.simulate(taught_data(q), ac.ServoPlant(arm, servo, limits), resolution=CYCLE)
+        assert (execution.saturated_time > 0).all() and (execution.saturated_time < 1e-3).all()
 
 
 def test_torque_limits_against_an_integrator():
@@ -134,19 +139,19 @@ def test_torque_limits_against_an_integrator():
     rng = np.random.default_rng(5)
     q = np.array([0.2, -1.2, 1.4, -0.3, 0.4, 0.1]) + np.cumsum(rng.normal(size=(10, 6)), 0) * 0.02
     plant = ac.ServoPlant(arm, servo, ac.Limits.only(joint_torque=limit), saturation="torque")
-    done = ac.simulate(taught_data(q), plant, resolution=CYCLE)
-    assert (done.saturated_time > 0.02).sum() >= 3
+    execution = ac.simulate(taught_data(q), plant, resolution=CYCLE)
+    assert (execution.saturated_time > 0.02).sum() >= 3
     commands = [command(x, "linear") for x in q.T]
-    at, rate = q[0], np.zeros(6)
+    position, rate = q[0], np.zeros(6)
     eye = np.eye(6)
     for k in range(12):
-        np.testing.assert_allclose(done.q[k], at, atol=1e-8)
-        np.testing.assert_allclose(done.dq[k], rate, atol=1e-6)
-        bias = arm.torque(at, rate, np.zeros(6))
+        np.testing.assert_allclose(execution.q[k], position, atol=1e-8)
+        np.testing.assert_allclose(execution.dq[k], rate, atol=1e-6)
+        bias = arm.torque(position, rate, np.zeros(6))
         # The inertia of each joint as torque per acceleration of it alone.
-        inertia = np.array([arm.torque(at, rate, x) @ x - bias @ x for x in eye])
+        inertia = np.array([arm.torque(position, rate, x) @ x - bias @ x for x in eye])
         high, low = (limit - bias) / inertia, (-limit - bias) / inertia
-        state = np.concatenate([at, rate])
+        state = np.concatenate([position, rate])
         for a, b in ((0.0, 0.013), (0.013, CYCLE)):
 
             def motion(t, x, k=k, low=low, high=high):
@@ -155,4 +160,4 @@ def test_torque_limits_against_an_integrator():
 
             how = {"method": "RK45", "rtol": 1e-9, "atol": 1e-11, "max_step": 5e-4}
             state = solve_ivp(motion, (a, b), state, **how).y[:, -1]
-        at, rate = state[:6], state[6:]
+        position, rate = state[:6], state[6:]

@@ -14,8 +14,8 @@ PAPER = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)
 def test_with_room_to_all_sides_it_is_the_slower_joint_alone(arm):
     points = np.array([(0.30, 0.20), (0.34, 0.22)])
     step = np.abs(np.diff(arm.joint_position(points), axis=0)).max()
-    found = solve(Job(points=points, tolerance=0.05, speed=10.0), 40, ["stops"])
-    assert found == pytest.approx(2 * np.sqrt(step / 0.72), rel=1e-5)
+    optimum = solve(Job(points=points, tolerance=0.05, speed=10.0), 40, ["stops"])
+    assert optimum == pytest.approx(2 * np.sqrt(step / 0.72), rel=1e-5)
 
 
 @pytest.mark.parametrize(("line", "tolerance", "rel"), [(0, 1e-4, 1e-5), (1, 3e-5, 3e-3)])
@@ -30,14 +30,16 @@ def test_without_room_it_is_the_fastest_timing_of_the_line(arm, line, tolerance,
 @pytest.mark.parametrize(("tolerance", "duration"), [(5e-3, 4.4070), (1e-3, 4.8696)])
 def test_the_paper_s_job(tolerance, duration):
     """Durations of 300 steps a line."""
-    found = solve(Job(points=PAPER, tolerance=tolerance), 40, [0.7])
-    assert found == pytest.approx(duration, rel=3e-4)
+    optimum = solve(Job(points=PAPER, tolerance=tolerance), 40, [0.7])
+    assert optimum == pytest.approx(duration, rel=3e-4)
 
 
-@pytest.mark.parametrize(("seed", "start", "kept"), [(0, "stops", 5.189342), (3, 0.7, 3.933336)])
-def test_shaped_paths_are_near_it(seed, start, kept):
+@pytest.mark.parametrize(
+    ("seed", "start", "recorded"), [(0, "stops", 5.189342), (3, 0.7, 3.933336)]
+)
+def test_shaped_paths_are_near_it(seed, start, recorded):
     """Durations of 180 steps a line; `python -m soak shaping-oracle` compares many jobs."""
     # Fewer steps are slower, most of all with a centripetal limit, which holds at all nodes.
-    again = solve(draw(seed), 40, [start]) / kept
+    again = solve(draw(seed), 40, [start]) / recorded
     assert 1 - 1e-4 < again < (1.01 if seed % 2 else 1.001)
-    assert -5e-3 < gap(seed, kept) < 0.015
+    assert -5e-3 < gap(seed, recorded) < 0.015

@@ -8,7 +8,7 @@ from collections import namedtuple
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.oracle.toppra_kept import SAME, kept
+from tests.oracle.toppra_kept import SAME, recorded_duration
 
 import armcontour as ac
 from armcontour.robot.chain import Payload
@@ -103,7 +103,7 @@ def inverse_dynamics(chain):
     return torque
 
 
-def largest_ratios(planned, given, places, seed=0):
+def largest_ratios(planned, case, places, seed=0):
     """Torque, by MuJoCo and with friction, and velocity over their limits, at random times.
 
     At rest, friction takes any value up to Coulomb's: the one that helps most.
@@ -114,30 +114,30 @@ def largest_ratios(planned, given, places, seed=0):
     t = np.append((law.breaks[:-1, None] + share * np.diff(law.breaks)[:, None]), law.breaks[-1])
     i = np.append(np.repeat(np.arange(n), places + 1), n - 1)
     q, dq, ddq = (law.on_interval(i, t, order) for order in (0, 1, 2))
-    chain = given.arm.chain
+    chain = case.arm.chain
     solve = inverse_dynamics(chain)
     torque = np.array([solve(*x) for x in zip(q, dq, ddq, strict=True)]) + chain.viscous * dq
     still = np.abs(dq) < 1e-6
     helping = -np.clip(torque, -chain.coulomb, chain.coulomb)
     dry = np.where(still, helping, chain.coulomb * np.sign(dq))
     return {
-        "torque": float((np.abs(torque + dry) / given.limits.joint_torque).max()),
-        "velocity": float((np.abs(dq) / given.limits.joint_velocity).max()),
+        "torque": float((np.abs(torque + dry) / case.limits.joint_torque).max()),
+        "velocity": float((np.abs(dq) / case.limits.joint_velocity).max()),
     }
 
 
-def peer(given, intervals):
+def peer(case, intervals):
     """Duration by toppra on that many intervals of a path parameter from 0 to 1."""
-    chords = np.linalg.norm(np.diff(given.points, axis=0), axis=1)
-    at = np.concatenate([[0], np.cumsum(chords)]) / chords.sum()
-    path = SplineInterpolator(at, given.points, bc_type="natural")
-    torque, velocity = given.limits.joint_torque, given.limits.joint_velocity
+    chords = np.linalg.norm(np.diff(case.points, axis=0), axis=1)
+    parameter = np.concatenate([[0], np.cumsum(chords)]) / chords.sum()
+    path = SplineInterpolator(parameter, case.points, bc_type="natural")
+    torque, velocity = case.limits.joint_torque, case.limits.joint_velocity
     constraints = [
         JointVelocityConstraint(np.column_stack([-velocity, velocity])),
         JointTorqueConstraint(
-            inverse_dynamics(given.arm.chain),
+            inverse_dynamics(case.arm.chain),
             np.column_stack([-torque, torque]),
-            given.arm.chain.coulomb,
+            case.arm.chain.coulomb,
             Scheme.Interpolation,
         ),
     ]
@@ -152,46 +152,46 @@ def by_toppra(seed, intervals=TEN_TIMES_FINER):
 
 def compare(seed, reference, places=10):
     """Our duration over toppra's, and the largest ratios of our plan."""
-    given = problem(seed)
-    planned = ac.plan(ac.JointPath.spline(given.points), given.arm, given.limits)
-    return planned.duration / reference, largest_ratios(planned, given, places)
+    case = problem(seed)
+    planned = ac.plan(ac.JointPath.spline(case.points), case.arm, case.limits)
+    return planned.duration / reference, largest_ratios(planned, case, places)
 
 
 # One without dry friction and one with it.
 @pytest.mark.parametrize("seed", [4, 5])
 def test_references_are_what_toppra_finds(seed):
-    assert by_toppra(seed, FINE) == pytest.approx(kept("torque", FINE, seed), rel=SAME)
+    assert by_toppra(seed, FINE) == pytest.approx(recorded_duration("torque", FINE, seed), rel=SAME)
 
 
 @pytest.mark.parametrize(("_", "intervals", "seed"), REFERENCES[:8] + REFERENCES[-2:])
 def test_as_fast_as_a_fine_reference_and_within_torque(_, intervals, seed):
-    ratio, found = compare(seed, kept("torque", intervals, seed))
+    ratio, ratios = compare(seed, recorded_duration("torque", intervals, seed))
     assert 1 - OWN_ERROR < ratio < 1 + ALLOWED
-    assert 0.999 < max(found.values()) <= 1 + 1e-9
+    assert 0.999 < max(ratios.values()) <= 1 + 1e-9
 
 
 def with_friction(seed):
-    given = problem(seed)
-    chain = given.arm.chain.replace(viscous=VISCOUS)
-    arm = SerialArm(name="dragged", chain=chain, limits=given.limits)
-    return Problem(arm, given.points, given.limits)
+    case = problem(seed)
+    chain = case.arm.chain.replace(viscous=VISCOUS)
+    arm = SerialArm(name="dragged", chain=chain, limits=case.limits)
+    return Problem(arm, case.points, case.limits)
 
 
-def with_true_friction(given, n):
+def with_true_friction(case, n):
     """Duration of the fastest plan by the friction itself, not by lines: x by x, stage by stage.
 
-    For a given x every torque is linear in u, friction included; so the allowed u are an interval,
+    For each x every torque is linear in u, friction included; so the allowed u are an interval,
     and the largest x that leads on is found by trying many and halving. Limits hold at the starts
     of n equal stages only.
     """
-    path = ac.JointPath.spline(given.points)
+    path = ac.JointPath.spline(case.points)
     s = np.linspace(0, path.length, n + 1)
     q, d, dd = path(s), path(s, 1), path(s, 2)
-    solve, none = inverse_dynamics(given.arm.chain), np.zeros(6)
+    solve, none = inverse_dynamics(case.arm.chain), np.zeros(6)
     c = np.array([solve(x, none, none) for x in q])
     a = np.array([solve(x, none, v) for x, v in zip(q, d, strict=True)]) - c
     b = np.array([solve(x, v, w) for x, v, w in zip(q, d, dd, strict=True)]) - c
-    chain, limits, width = given.arm.chain, given.limits, path.length / n
+    chain, limits, width = case.arm.chain, case.limits, path.length / n
     dry = chain.coulomb * np.sign(d)
     ceiling = ((limits.joint_velocity / np.maximum(np.abs(d), 1e-12)) ** 2).min(axis=1)
 
@@ -200,37 +200,37 @@ def with_true_friction(given, n):
         one, two = (-limits.joint_torque - rest) / a[i], (limits.joint_torque - rest) / a[i]
         return np.minimum(one, two).max(axis=1), np.maximum(one, two).min(axis=1)
 
-    def leads_on(i, x, most):
+    def leads_on(i, x, upper):
         low, high = range_of_u(i, x)
-        return (low <= high) & (x + 2 * width * low <= most) & (x + 2 * width * high >= 0)
+        return (low <= high) & (x + 2 * width * low <= upper) & (x + 2 * width * high >= 0)
 
-    most = np.zeros(n + 1)
+    upper = np.zeros(n + 1)
     for i in range(n - 1, -1, -1):
         low, high = 0.0, ceiling[i]
         for _ in range(4):
             x = np.linspace(low, high, 60)
-            last = int(np.flatnonzero(leads_on(i, x, most[i + 1]))[-1])
+            last = int(np.flatnonzero(leads_on(i, x, upper[i + 1]))[-1])
             low, high = x[last], x[min(last + 1, 59)]
-        most[i] = low
+        upper[i] = low
     x = np.zeros(n + 1)
     for i in range(n):
-        x[i + 1] = min(x[i] + 2 * width * range_of_u(i, x[i : i + 1])[1][0], most[i + 1])
+        x[i + 1] = min(x[i] + 2 * width * range_of_u(i, x[i : i + 1])[1][0], upper[i + 1])
     speed = np.sqrt(x)
     return float(np.sum(2 * width / (speed[1:] + speed[:-1])))
 
 
 def test_viscous_friction_is_kept_and_costs_what_it_must():
     seed = 1
-    given = with_friction(seed)
-    path = ac.JointPath.spline(given.points)
-    planned = ac.plan(path, given.arm, given.limits)
-    found = largest_ratios(planned, given, 10)
-    assert max(found.values()) <= 1 + 1e-9
-    assert found["torque"] > 0.9999
+    case = with_friction(seed)
+    path = ac.JointPath.spline(case.points)
+    planned = ac.plan(path, case.arm, case.limits)
+    ratios = largest_ratios(planned, case, 10)
+    assert max(ratios.values()) <= 1 + 1e-9
+    assert ratios["torque"] > 0.9999
     # The lines that stand for friction cost nothing to speak of.
-    finer = ac.plan(path, given.arm, given.limits, ac.Optimal(intervals=40_000))
+    finer = ac.plan(path, case.arm, case.limits, ac.Optimal(intervals=40_000))
     assert planned.duration == pytest.approx(finer.duration, rel=2e-4)
     # The reference is of first order in its stages.
-    assert finer.duration == pytest.approx(with_true_friction(given, 6000), rel=1e-3)
-    free = ac.plan(path, problem(seed).arm, given.limits)
+    assert finer.duration == pytest.approx(with_true_friction(case, 6000), rel=1e-3)
+    free = ac.plan(path, problem(seed).arm, case.limits)
     assert planned.duration > free.duration

@@ -17,8 +17,8 @@ SINGULAR = 0.02
 
 def apart(first, second):
     """Largest joint angle between every two joint positions, whole turns left out."""
-    off = np.mod(first[:, None] - second[None] + np.pi, 2 * np.pi) - np.pi
-    return np.abs(off).max(axis=2)
+    differences = np.mod(first[:, None] - second[None] + np.pi, 2 * np.pi) - np.pi
+    return np.abs(differences).max(axis=2)
 
 
 @pytest.mark.parametrize("name", ["ur5e", "ur10e"])
@@ -27,18 +27,20 @@ def test_every_configuration_is_found_at_random_poses(name):
     counts = []
     for q in np.random.default_rng(0).uniform(-np.pi, np.pi, (POSES, 6)):
         point, rotation = arm.pose(q)
-        known, margin = ur_inverse.solutions(name, point, rotation)
-        if len(known) == 0 or margin.min() < SINGULAR:
+        closed_form, margin = ur_inverse.solutions(name, point, rotation)
+        if len(closed_form) == 0 or margin.min() < SINGULAR:
             continue
         np.testing.assert_allclose(
-            arm.tool_position(known), np.tile(point, (len(known), 1)), atol=1e-9
+            arm.tool_position(closed_form), np.tile(point, (len(closed_form), 1)), atol=1e-9
         )
-        found = configurations(arm, np.column_stack([rotation, point]), 6)
-        between = apart(known, found)
+        solutions = configurations(arm, np.column_stack([rotation, point]), 6)
+        between = apart(closed_form, solutions)
         assert between.min(axis=1).max() < 1e-6
-        assert len(found) == len(known)
-        assert apart(known, q[None]).min() < 1e-6  # the oracle knows the one that it was made of
-        counts.append(len(known))
+        assert len(solutions) == len(closed_form)
+        assert (
+            apart(closed_form, q[None]).min() < 1e-6
+        )  # the oracle knows the one that it was made of
+        counts.append(len(closed_form))
     assert len(counts) > 0.8 * POSES and set(counts) >= {4, 8}
 
 
@@ -46,16 +48,16 @@ def test_a_trace_starts_in_every_configuration_that_can_follow():
     arm = ac.load_arm("ur5e")
     path = ac.Path.polyline([(0.4, -0.2, 0.3), (0.42, -0.15, 0.32)])
     path = path.oriented(np.diag([1.0, -1.0, -1.0]))
-    known, _ = ur_inverse.solutions("ur5e", path(0.0), path.orientation(0.0))
+    closed_form, _ = ur_inverse.solutions("ur5e", path(0.0), path.orientation(0.0))
     traced = trace_all(path, arm)
     starts = np.array([x(0.0) for x in traced])
-    assert len(known) == len(starts) == 8
-    between = apart(known, starts)
+    assert len(closed_form) == len(starts) == 8
+    between = apart(closed_form, starts)
     assert (between.min(axis=1) < 1e-9).all() and (between.min(axis=0) < 1e-9).all()
     # And stays in it: at the end, each is another one of the eight there.
     ends = np.array([x(path.length) for x in traced])
-    known, _ = ur_inverse.solutions("ur5e", path(path.length), path.orientation(path.length))
-    assert sorted(np.argmin(apart(ends, known), axis=1)) == list(range(8))
+    closed_form, _ = ur_inverse.solutions("ur5e", path(path.length), path.orientation(path.length))
+    assert sorted(np.argmin(apart(ends, closed_form), axis=1)) == list(range(8))
 
 
 def test_derivatives_are_those_of_the_closed_form():
@@ -70,8 +72,8 @@ def test_derivatives_are_those_of_the_closed_form():
 
     def closed(s, near):
         held = Frame(position=path(s), rotation=path.orientation(s)) @ tool
-        known, _ = ur_inverse.solutions("ur5e", held.position, held.rotation)
-        best = known[np.argmin(apart(known, near[None])[:, 0])]
+        closed_form, _ = ur_inverse.solutions("ur5e", held.position, held.rotation)
+        best = closed_form[np.argmin(apart(closed_form, near[None])[:, 0])]
         return near + np.mod(best - near + np.pi, 2 * np.pi) - np.pi
 
     h = 2e-4

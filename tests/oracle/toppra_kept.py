@@ -16,7 +16,7 @@ SAME = 1e-6
 _KEPT: dict[str, dict[str, float]] = json.loads(FILE.read_text("utf-8")) if FILE.exists() else {}
 
 
-def kept(kind, intervals, seed):
+def recorded_duration(kind, intervals, seed):
     """The duration that toppra found [s].
 
     Args:
@@ -41,7 +41,7 @@ def main():
     from tests.oracle import test_optimal_toppra, test_torque_toppra
 
     cases = [*test_optimal_toppra.REFERENCES, *test_torque_toppra.REFERENCES]
-    found: dict[str, dict[str, float]] = {}
+    durations: dict[str, dict[str, float]] = {}
     largest = 0.0
     with ProcessPoolExecutor() as pool:
         for case, duration in zip(cases, pool.map(_compute, cases), strict=True):
@@ -49,12 +49,12 @@ def main():
             name = f"{kind} limits, {intervals} intervals"
             before = _KEPT.get(name, {}).get(str(seed), duration)
             largest = max(largest, abs(duration / before - 1))
-            found.setdefault(name, {})[str(seed)] = duration
+            durations.setdefault(name, {})[str(seed)] = duration
     print(f"{len(cases)} durations; the largest change is {largest:.1e} of one")
     if "--write" in sys.argv[1:]:
-        FILE.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+        FILE.write_text(json.dumps(durations, indent=1) + "\n", encoding="utf-8")
     else:
-        sys.exit(largest > SAME or found.keys() != _KEPT.keys())
+        sys.exit(largest > SAME or durations.keys() != _KEPT.keys())
 
 
 if __name__ == "__main__":

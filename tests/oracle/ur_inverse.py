@@ -33,16 +33,16 @@ def solutions(name, point, rotation):
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, point
     x, y = (point - d6 * rotation[:, 2])[:2]
-    found, apart = [], []
+    joint_angles, apart = [], []
     lean = d4 / np.hypot(x, y)
     if abs(lean) > 1:
         return np.zeros((0, 6)), np.zeros(0)
     for shoulder, wrist in itertools.product((1, -1), (1, -1)):
         q1 = np.arctan2(y, x) + shoulder * np.arccos(lean) + np.pi / 2
-        seen = rotation.T @ [np.sin(q1), -np.cos(q1), 0]
-        s5 = wrist * np.hypot(seen[0], seen[1])
-        q5 = np.arctan2(s5, seen[2])
-        q6 = np.arctan2(-seen[1] / s5, seen[0] / s5)
+        axis_in_tool = rotation.T @ [np.sin(q1), -np.cos(q1), 0]
+        s5 = wrist * np.hypot(axis_in_tool[0], axis_in_tool[1])
+        q5 = np.arctan2(s5, axis_in_tool[2])
+        q6 = np.arctan2(-axis_in_tool[1] / s5, axis_in_tool[0] / s5)
         rest = np.linalg.inv(link(name, 0, q1)) @ pose
         rest = rest @ np.linalg.inv(link(name, 4, q5) @ link(name, 5, q6))
         reach = rest[0, 3] ** 2 + rest[1, 3] ** 2
@@ -53,6 +53,6 @@ def solutions(name, point, rotation):
             q3 = elbow * np.arccos(c3)
             q2 = np.arctan2(rest[1, 3], rest[0, 3]) - np.angle(a2 + a3 * np.exp(1j * q3))
             q4 = np.arctan2(rest[1, 0], rest[0, 0]) - q2 - q3
-            found.append([q1, q2, q3, q4, q5, q6])
+            joint_angles.append([q1, q2, q3, q4, q5, q6])
             apart.append(min(np.sqrt(1 - lean**2), abs(s5), abs(np.sin(q3))))
-    return np.array(found).reshape(-1, 6), np.array(apart)
+    return np.array(joint_angles).reshape(-1, 6), np.array(apart)

@@ -78,8 +78,8 @@ def test_the_smaller_of_two_radii_limits():
     path = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.0)])
     limits = ac.Limits.only(joint_velocity=[10.0, 10.0])
     for radii in ([0.5], [0.5, 0.7]):
-        own = [Round(x) for x in radii]
-        planned = plan_optimal(path, TwoJoints(), limits, ac.Optimal(constraints=own))
+        constraints = [Round(x) for x in radii]
+        planned = plan_optimal(path, TwoJoints(), limits, ac.Optimal(constraints=constraints))
         assert planned.duration == pytest.approx(2 * np.sqrt(1 / 0.5), rel=1e-6)
 
 
@@ -98,9 +98,9 @@ class Vectors(Constraint):
 
     name = "vectors"
 
-    def __init__(self, share, off, b=(3.0, 2.0, 0.0)):
+    def __init__(self, share, constant, b=(3.0, 2.0, 0.0)):
         self.b = np.array(b)
-        self.a = -2 * WIDTH * share * self.b + np.array([0.0, 0.0, off])
+        self.a = -2 * WIDTH * share * self.b + np.array([0.0, 0.0, constant])
 
     def discretize(self, path):
         before = (path.grid.s[:-1] < 2.0).astype(float)[:, None]
@@ -131,26 +131,26 @@ def test_a_row_whose_part_of_the_mean_cancels_still_limits(steps, share, sign):
 
     bounds = ([-1e3], [1.0]) if sign > 0 else ([-1.0], [1e3])
     limits, grid = ac.Limits.only(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
-    own = SecondOrder("own", coefficients, *bounds)
-    planned = ac.plan(EVEN, limits=limits, options=ac.Optimal(constraints=[own], grid=grid))
+    constraint = SecondOrder("own", coefficients, *bounds)
+    planned = ac.plan(EVEN, limits=limits, options=ac.Optimal(constraints=[constraint], grid=grid))
     u, x = near_the_middle(planned)
     assert (-2 * w * share * u + x).max() <= 1 + 1e-9
     assert (-2 * w * share * u + x).max() > 0.99
 
 
-@pytest.mark.parametrize("off", [0.0, 1e-16, 1e-12, 1e-8, 1e-5])
+@pytest.mark.parametrize("constant", [0.0, 1e-16, 1e-12, 1e-8, 1e-5])
 @pytest.mark.parametrize("share", [1.0, 1 - 1e-12, 1 + 1e-8, 0.5])
-def test_a_vector_whose_part_of_the_mean_cancels_still_limits(share, off):
+def test_a_vector_whose_part_of_the_mean_cancels_still_limits(share, constant):
     limits, grid = ac.Limits.only(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
-    own = Vectors(share, off)
+    constraint = Vectors(share, constant)
     u, x = near_the_middle(
         ac.plan(
             EVEN,
             limits=limits,
-            options=ac.Optimal(constraints=[own], grid=grid),
+            options=ac.Optimal(constraints=[constraint], grid=grid),
         )
     )
-    size = np.linalg.norm(own.a * u[:, None] + own.b * x[:, None], axis=1)
+    size = np.linalg.norm(constraint.a * u[:, None] + constraint.b * x[:, None], axis=1)
     assert size.max() <= 1 + 1e-9
     assert size.max() > 0.99
 
@@ -159,15 +159,15 @@ def test_a_vector_whose_part_of_the_mean_cancels_still_limits(share, off):
 def test_vectors_whose_parts_of_the_mean_cancel_up_to_rounding_still_limit(share):
     limits, grid = ac.Limits(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
     for b in np.random.default_rng(4).uniform(-3, 3, (20, 3)):
-        own = Vectors(share, 0.0, b)
+        constraint = Vectors(share, 0.0, b)
         u, x = near_the_middle(
             ac.plan(
                 EVEN,
                 limits=limits,
-                options=ac.Optimal(constraints=[own], grid=grid),
+                options=ac.Optimal(constraints=[constraint], grid=grid),
             )
         )
-        size = np.linalg.norm(own.a * u[:, None] + own.b * x[:, None], axis=1)
+        size = np.linalg.norm(constraint.a * u[:, None] + constraint.b * x[:, None], axis=1)
         assert 0.99 < size.max() <= 1 + 1e-9
 
 

@@ -18,9 +18,11 @@ def test_the_tool_moves_uniformly_and_velocity_jumps_at_corners(arm, objective, 
     np.testing.assert_allclose(tool, objective((0.04 * t).clip(0, objective.length)), atol=1e-8)
     velocity = arm.tool_velocity(conventional(t), conventional(t, 1))
     np.testing.assert_allclose(np.linalg.norm(velocity, axis=1), 0.04, rtol=1e-6)
-    at = objective.stops[0] / 0.04
+    corner_times = objective.stops[0] / 0.04
     for side in ("left", "right"):
-        velocity = arm.tool_velocity(conventional(at), conventional(at, 1, side=side))
+        velocity = arm.tool_velocity(
+            conventional(corner_times), conventional(corner_times, 1, side=side)
+        )
         expected = 0.04 * objective(objective.stops[0], 1, side=side)
         np.testing.assert_allclose(velocity, expected, atol=1e-9)
     assert (np.abs(conventional([0.0, conventional.duration], 1)).max(axis=1) > 0.05).all()
@@ -81,10 +83,10 @@ def test_kept_between_the_points(way, robot):
     )
     for intervals in (200, 4000):
         planned = ac.plan(way, robot, limits, ac.Optimal(intervals=intervals))
-        found = ac.check(planned, robot, limits, points=30)
-        assert not found.violated, found.worst
-        assert found["angular_speed"].ratio == pytest.approx(1, abs=1e-4)
-        assert 0.998 < found["angular_acceleration"].ratio <= 1 + 1e-9
+        check = ac.check(planned, robot, limits, points=30)
+        assert not check.violated, check.worst
+        assert check["angular_speed"].ratio == pytest.approx(1, abs=1e-4)
+        assert 0.998 < check["angular_acceleration"].ratio <= 1 + 1e-9
         names = {x.name for x in ac.explain(planned, robot, limits).bindings}
         assert {"angular speed", "angular acceleration"} <= names
 
@@ -113,10 +115,10 @@ def test_a_tool_that_keeps_its_direction_is_not_limited(robot):
 
 def test_refused_without_an_orientation(arm, rounded, limits, robot, refuses):
     joints = ac.JointPath.spline([np.zeros(6), np.ones(6)])
-    for path, own, bare in ((rounded, arm, limits), (joints, robot, robot.limits)):
+    for path, moving_arm, bare in ((rounded, arm, limits), (joints, robot, robot.limits)):
         for name in ("angular_speed", "angular_acceleration"):
             own_limits = bare.replace(**{name: 1.0})
-            call = functools.partial(ac.plan, path, own, own_limits)
+            call = functools.partial(ac.plan, path, moving_arm, own_limits)
             refuses(call, ac.InvalidInput)
 
 
@@ -129,9 +131,11 @@ def test_a_path(rounded, arm, limits, worst_ratios, refuses):
         planned = ac.plan(rounded, arm, limits, ac.Optimal(duration=slower * fastest))
         assert planned.duration == pytest.approx(slower * fastest, rel=1e-12)
         assert all(x <= 1 + 1e-9 for x in worst_ratios(planned, limits, arm).values()), slower
-        found = rounded.project(arm.tool_position(planned(np.linspace(0, planned.duration, 2001))))
-        assert found.distance.max() < 1e-7
-        np.testing.assert_allclose(found.s[[0, -1]], [0, rounded.length], atol=1e-7)
+        projection = rounded.project(
+            arm.tool_position(planned(np.linspace(0, planned.duration, 2001)))
+        )
+        assert projection.distance.max() < 1e-7
+        np.testing.assert_allclose(projection.s[[0, -1]], [0, rounded.length], atol=1e-7)
     # It moves as it says: velocities and accelerations are the derivatives, by differences.
     planned, step = ac.plan(rounded, arm, limits, ac.Optimal(duration=9.0)), 1e-6
     middle = (planned.breaks[:-1] + planned.breaks[1:]) / 2
@@ -153,8 +157,8 @@ def test_a_path(rounded, arm, limits, worst_ratios, refuses):
 
 def test_refused(refuses):
     for options in (*({"duration": x} for x in (0.0, np.nan, 2e6)), {"start_speed": 0.01}):
-        given = {"duration": 9.0} | options
-        refuses(lambda x=given: ac.Optimal(**x), ac.InvalidInput)
+        case = {"duration": 9.0} | options
+        refuses(lambda x=case: ac.Optimal(**x), ac.InvalidInput)
     refuses(lambda: ac.Paper(duration=9.0), ac.InvalidInput, "duration")
 
 
@@ -220,8 +224,8 @@ def test_a_tool_on_a_circle(arm):
         ("tool_acceleration", REACH * np.hypot(DDQ, DQ**2)),
         ("tool_jerk", REACH * np.hypot(DDDQ - DQ**3, 3 * DQ * DDQ)),
     ):
-        found = about_joint(arm, 0).bound(name)[0]
-        np.testing.assert_allclose(found, expected, rtol=1e-12, err_msg=name)
+        bound = about_joint(arm, 0).bound(name)[0]
+        np.testing.assert_allclose(bound, expected, rtol=1e-12, err_msg=name)
     states = about_joint(ac.load_arm("ur5e"), 5)
     for name, expected in (("angular_speed", DQ), ("angular_acceleration", DDQ)):
         np.testing.assert_allclose(states.bound(name)[0], np.abs(expected), rtol=1e-12)
@@ -229,8 +233,8 @@ def test_a_tool_on_a_circle(arm):
 
 def test_refusals(arm, refuses):
     states = about_joint(arm, 1)
-    found = states.use("joint_jerk", ac.Limits.only(joint_jerk=[np.inf, 10.0])).ratio
-    np.testing.assert_allclose(found, [[0, 0.7], [0, 0], [0, 0.3]], rtol=1e-12)
+    ratios = states.use("joint_jerk", ac.Limits.only(joint_jerk=[np.inf, 10.0])).ratio
+    np.testing.assert_allclose(ratios, [[0, 0.7], [0, 0], [0, 0.3]], rtol=1e-12)
     without = States(arm, states.columns[:3])
     for name in ("joint_jerk", "tool_jerk"):
         refuses(lambda x=name: without.bound(x), ac.InvalidInput, "states with dddq")
@@ -242,9 +246,9 @@ def test_refusals(arm, refuses):
 def test_each_direction_is_compared_to_its_own_acceleration_if_it_is_limited(arm):
     limits = ac.Limits.only(joint_acceleration=[[-2.0, 5.0]]).for_joints(2)
     states = about_joint(arm, 1)
-    found = states.use("joint_acceleration", limits)
-    np.testing.assert_allclose(found.ratio, [[0, 0.06], [0, 2.0], [0, 1.0]], rtol=1e-12)
-    np.testing.assert_array_equal(found.limit[1], [5.0, 2.0])
+    use = states.use("joint_acceleration", limits)
+    np.testing.assert_allclose(use.ratio, [[0, 0.06], [0, 2.0], [0, 1.0]], rtol=1e-12)
+    np.testing.assert_array_equal(use.limit[1], [5.0, 2.0])
     states = about_joint(arm, 0)
     for name in ("joint_velocity", "joint_acceleration", "speed"):
         assert not states.use(name, ac.Limits.only()).ratio.any()
@@ -257,7 +261,7 @@ def test_dry_friction_at_rest_is_the_one_that_helps(arm):
     without = np.abs(arm.torque(q, still, ddq))
     helped = np.maximum(without - [3.0, 0.5], 0.0)
     for dq in (still, STILL * np.ones((1, 2)), -STILL * np.ones((1, 2))):
-        found = States(rough, (q, dq, ddq)).bound("joint_torque")[0]
-        np.testing.assert_allclose(found, helped, atol=1e-6)
-    found = States(rough, (q, slow, ddq)).bound("joint_torque")[0]
-    np.testing.assert_allclose(found, np.abs(rough.torque(q, slow, ddq)), rtol=1e-12)
+        bound = States(rough, (q, dq, ddq)).bound("joint_torque")[0]
+        np.testing.assert_allclose(bound, helped, atol=1e-6)
+    bound = States(rough, (q, slow, ddq)).bound("joint_torque")[0]
+    np.testing.assert_allclose(bound, np.abs(rough.torque(q, slow, ddq)), rtol=1e-12)

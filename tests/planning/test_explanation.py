@@ -17,18 +17,18 @@ SPEED, ACCELERATION = 0.1, 0.2  # m/s, m/s²
 def explained(path, arm, limits, *, tiled=True, **options):
     """A plan and its explanation, whose parts lie in order and cover all of it."""
     planned = ac.plan(path, arm, limits, ac.Optimal(**options))
-    found = explain(planned, arm, limits, **options)
+    explanation = explain(planned, arm, limits, **options)
     law = planned.laws[0]
-    t, s = (np.array([getattr(x, name) for x in found.bindings]) for name in ("t", "s"))
+    t, s = (np.array([getattr(x, name) for x in explanation.bindings]) for name in ("t", "s"))
     for x, last in ((t, planned.duration), (s, law.s[-1])):
         assert x[0, 0] == 0 and x[-1, 1] == last and (x[:, 0] < x[:, 1]).all()
         np.testing.assert_array_equal(x[:-1, 1], x[1:, 0])
-    for before, after in zip(found.bindings[:-1], found.bindings[1:], strict=True):
+    for before, after in zip(explanation.bindings[:-1], explanation.bindings[1:], strict=True):
         assert before.name != after.name
-    for x in found.bindings:
+    for x in explanation.bindings:
         assert 0 <= x.share <= 1 + 1e-9
         assert not tiled or (x.share >= 0.999) == (x.limit != "nothing")
-    return planned, found
+    return planned, explanation
 
 
 def robot(dof):
@@ -47,15 +47,23 @@ def idle(explanation):
 
 def test_a_trapezoid_of_one_joint():
     limits = ac.Limits.only(joint_acceleration=[[-2.0, 1.0]], joint_velocity=[[-9.0, 0.5]])
-    planned, found = explained(ac.JointPath.spline([(0.0,), (2.0,)]), robot(1), limits)
-    assert names(found) == ["joint 1 acceleration", "joint 1 velocity", "joint 1 acceleration"]
-    middle = next(x for x in found.bindings if x.limit == "velocity")
+    planned, explanation = explained(ac.JointPath.spline([(0.0,), (2.0,)]), robot(1), limits)
+    assert names(explanation) == [
+        "joint 1 acceleration",
+        "joint 1 velocity",
+        "joint 1 acceleration",
+    ]
+    middle = next(x for x in explanation.bindings if x.limit == "velocity")
     # Up at 1 rad/s², down at 2 rad/s²: 0.125 and 0.0625 rad, known to one interval of 0.5 mrad.
     np.testing.assert_allclose(middle.s, [0.125, 2 - 0.0625], atol=1e-3)
     np.testing.assert_allclose(middle.t, [0.5, planned.duration - 0.25], atol=2e-3)
     assert middle.joint == 0
-    assert (found.assigned_length, found.assigned_time, found.shortfalls) == (None, None, ())
-    assert "joint 1 velocity 83%, joint 1 acceleration 17%; 0 shortfalls" in repr(found)
+    assert (explanation.assigned_length, explanation.assigned_time, explanation.shortfalls) == (
+        None,
+        None,
+        (),
+    )
+    assert "joint 1 velocity 83%, joint 1 acceleration 17%; 0 shortfalls" in repr(explanation)
 
 
 def test_the_slowest_joint_and_a_further_constraint_are_named():
@@ -63,8 +71,8 @@ def test_the_slowest_joint_and_a_further_constraint_are_named():
         acceleration = np.full(3, 5.0)
         acceleration[slow] = 1.0
         path = ac.JointPath.spline([(0.0, 0.0, 0.0), (1.0, -1.0, 1.0)])
-        found = explained(path, robot(3), ac.Limits.only(joint_acceleration=acceleration))[1]
-        assert set(names(found)) == {f"joint {slow + 1} acceleration"}
+        explanation = explained(path, robot(3), ac.Limits.only(joint_acceleration=acceleration))[1]
+        assert set(names(explanation)) == {f"joint {slow + 1} acceleration"}
 
     def coefficients(s, side):
         one = np.ones((len(s), 1))
@@ -72,8 +80,8 @@ def test_the_slowest_joint_and_a_further_constraint_are_named():
 
     weak = SecondOrder("torque", coefficients, [-0.5], [0.5], joints=True)
     path, limits = ac.JointPath.spline([(0.0,), (2.0,)]), ac.Limits.only(joint_acceleration=[5.0])
-    found = explained(path, robot(1), limits, constraints=[weak])[1]
-    assert set(names(found)) == {"joint 1 torque"}
+    explanation = explained(path, robot(1), limits, constraints=[weak])[1]
+    assert set(names(explanation)) == {"joint 1 torque"}
 
 
 RAMP, JERK = 0.2, 5.0  # s, m/s³
@@ -88,11 +96,11 @@ def smooth_law(points):
     """
     path = ac.JointPath.spline(points)
     path = ac.JointPath(breaks=[0.0, LENGTH], coefficients=path.coefficients)
-    speed, most = JERK * RAMP**2 / 2, JERK * RAMP
-    ramp, wave = JERK * RAMP**3 / 6, 2 * most / SLOPE
-    s = np.cumsum([0.0, ramp, wave, speed * RAMP - most * RAMP**2 / 2 + JERK * RAMP**3 / 6])
-    time = 2 * np.arctan(most / (speed * np.sqrt(SLOPE))) / np.sqrt(SLOPE)
-    rates = [[0, 0, 0, JERK], [speed, most, -SLOPE, 0], [speed, -most, 0, JERK]]
+    speed, peak = JERK * RAMP**2 / 2, JERK * RAMP
+    ramp, wave = JERK * RAMP**3 / 6, 2 * peak / SLOPE
+    s = np.cumsum([0.0, ramp, wave, speed * RAMP - peak * RAMP**2 / 2 + JERK * RAMP**3 / 6])
+    time = 2 * np.arctan(peak / (speed * np.sqrt(SLOPE))) / np.sqrt(SLOPE)
+    rates = [[0, 0, 0, JERK], [speed, peak, -SLOPE, 0], [speed, -peak, 0, JERK]]
     breaks = np.cumsum([0.0, RAMP, time, RAMP])
     return PathLaw(joint_path=path, breaks=breaks, s=s, rates=Rates(*np.transpose(rates) * 1.0))
 
@@ -104,12 +112,12 @@ def test_jerk_is_named_where_it_binds():
     slope = 2.0 / LENGTH
     t, s = planned.breaks, planned.laws[0].s
     np.testing.assert_allclose(np.abs(planned(t[1:3].mean(), 3)[1]), slope * middle, rtol=1e-12)
-    found = explain(planned, robot(2), ac.Limits.only(joint_jerk=[np.inf, slope * middle]))
-    assert names(found) == ["joint 2 jerk"]
-    assert [x.limit for x in found.bindings] == ["nothing", "jerk", "nothing"]
-    assert (found.bindings[1].t, found.bindings[1].s) == (tuple(t[1:3]), tuple(s[1:3]))
+    explanation = explain(planned, robot(2), ac.Limits.only(joint_jerk=[np.inf, slope * middle]))
+    assert names(explanation) == ["joint 2 jerk"]
+    assert [x.limit for x in explanation.bindings] == ["nothing", "jerk", "nothing"]
+    assert (explanation.bindings[1].t, explanation.bindings[1].s) == (tuple(t[1:3]), tuple(s[1:3]))
     # Next to rests jerk is uniform, and here far below its limit.
-    shares = [x.share for x in found.bindings[:2]]
+    shares = [x.share for x in explanation.bindings[:2]]
     assert shares == pytest.approx([JERK / middle, 1], abs=1e-12)
 
 
@@ -132,12 +140,12 @@ def test_plans_with_limits_of_jerk_are_covered():
     path = ac.JointPath.spline(np.random.default_rng(1).uniform(-1.5, 1.5, (5, 2)))
     for factor in (3, 50):
         limits = ac.Limits.only(joint_velocity=1.5, joint_acceleration=5.0, joint_jerk=5.0 * factor)
-        planned, found = explained(path, robot(2), limits.for_joints(2), tiled=False)
+        planned, explanation = explained(path, robot(2), limits.for_joints(2), tiled=False)
         # It is jerk that holds a motion back next to its rests, and it is a limit at each time but
         # where one limit hands over to another.
-        assert {found.bindings[k].limit for k in (0, -1)} == {"jerk"}
-        assert {x.limit for x in found.bindings} >= {"jerk", "acceleration", "velocity"}
-        assert idle(found) < 0.005 * planned.duration
+        assert {explanation.bindings[k].limit for k in (0, -1)} == {"jerk"}
+        assert {x.limit for x in explanation.bindings} >= {"jerk", "acceleration", "velocity"}
+        assert idle(explanation) < 0.005 * planned.duration
 
 
 def test_random_splines_are_covered():
@@ -148,9 +156,9 @@ def test_random_splines_are_covered():
         limits = ac.Limits.only(
             joint_velocity=rng.uniform(0.5, 3, dof), joint_acceleration=rng.uniform(0.5, 5, dof)
         )
-        planned, found = explained(path, robot(dof), limits)
+        planned, explanation = explained(path, robot(dof), limits)
         # Time-optimal: some limit binds nearly always.
-        assert idle(found) < 0.02 * planned.duration, seed
+        assert idle(explanation) < 0.02 * planned.duration, seed
 
 
 def line(length):
@@ -159,52 +167,54 @@ def line(length):
 
 def test_a_line_in_closed_form_and_one_too_short_for_its_speed(arm):
     only = ac.Limits.only(speed=SPEED, tool_acceleration=ACCELERATION)
-    found = explained(line(0.1), arm, only)[1]
-    assert names(found) == ["tool acceleration", "assigned velocity", "tool acceleration"]
+    explanation = explained(line(0.1), arm, only)[1]
+    assert names(explanation) == ["tool acceleration", "assigned velocity", "tool acceleration"]
     ramp = SPEED**2 / (2 * ACCELERATION)
     time = 0.1 / SPEED + SPEED / ACCELERATION
     # Known to an interval or two at either end.
-    assert found.assigned_length == pytest.approx(1 - 2 * ramp / 0.1, abs=2e-3)
-    assert found.assigned_time == pytest.approx(1 - 2 * SPEED / ACCELERATION / time, abs=2e-3)
-    assert found.shortfalls == ()
-    found = explained(line(0.03), arm, only)[1]
-    assert found.assigned_length == found.assigned_time == 0
-    (short,) = found.shortfalls
+    assert explanation.assigned_length == pytest.approx(1 - 2 * ramp / 0.1, abs=2e-3)
+    assert explanation.assigned_time == pytest.approx(1 - 2 * SPEED / ACCELERATION / time, abs=2e-3)
+    assert explanation.shortfalls == ()
+    explanation = explained(line(0.03), arm, only)[1]
+    assert explanation.assigned_length == explanation.assigned_time == 0
+    (short,) = explanation.shortfalls
     assert (short.kind, short.reason, short.assigned) == ("fastest", "tool acceleration", SPEED)
     assert short.s == pytest.approx(0.015, abs=1e-4)
     assert short.speed == pytest.approx(np.sqrt(ACCELERATION * 0.03), rel=1e-3)
     assert short.sentence == "tool acceleration at s = 15 mm: 77.46 mm/s of 100 mm/s"
     # Without an assigned velocity; the arm's limits are the default.
     planned = ac.plan(line(0.1), arm)
-    found = explain(planned, arm)
-    assert set(names(found)) <= {"joint 1 acceleration", "joint 2 acceleration"}
-    assert found.assigned_length is None
+    explanation = explain(planned, arm)
+    assert set(names(explanation)) <= {"joint 1 acceleration", "joint 2 acceleration"}
+    assert explanation.assigned_length is None
 
 
 def test_the_papers_job(traced, rounded, arm, limits):
-    planned, found = explained(traced, arm, limits)
+    planned, explanation = explained(traced, arm, limits)
     half = ["joint 2 acceleration", "joint 2 acceleration", "centripetal acceleration"]
     middle = ["joint 1 acceleration", "assigned velocity", "joint 1 acceleration"]
-    assert names(found) == [*half, *middle, half[0], half[2], *half[:2]]
+    assert names(explanation) == [*half, *middle, half[0], half[2], *half[:2]]
     # The paper runs each corner at one speed: so does the optimum, under its centripetal bound.
-    turns = [x for x in found.bindings if x.limit == "centripetal acceleration"]
+    turns = [x for x in explanation.bindings if x.limit == "centripetal acceleration"]
     assert [x.joint for x in turns] == [None, None]
     corners = np.column_stack([rounded.corners.start, rounded.corners.end])
     np.testing.assert_allclose([x.s for x in turns], corners, atol=1e-9)
-    assert [x.kind for x in found.shortfalls] == ["fastest", "slowest", "slowest", "fastest"]
+    assert [x.kind for x in explanation.shortfalls] == ["fastest", "slowest", "slowest", "fastest"]
     # docs/method.md: 32.422 and 30.444 mm/s in the corners.
-    slow = [x for x in found.shortfalls if x.kind == "slowest"]
+    slow = [x for x in explanation.shortfalls if x.kind == "slowest"]
     assert [x.reason for x in slow] == ["centripetal acceleration"] * 2
     np.testing.assert_allclose([x.speed for x in slow], [0.032422, 0.030444], rtol=1e-4)
     np.testing.assert_allclose([x.s for x in slow], corners.mean(axis=1), atol=2e-4)
-    fast = [x for x in found.shortfalls if x.kind == "fastest"]
+    fast = [x for x in explanation.shortfalls if x.kind == "fastest"]
     assert [x.reason for x in fast] == ["joint 2 acceleration"] * 2
     # On line 2 only.
-    (only,) = (x for x in found.bindings if x.limit == "assigned velocity")
+    (only,) = (x for x in explanation.bindings if x.limit == "assigned velocity")
     # On the intervals next to it another limit binds more, but the speed is there too.
     shares = np.ptp(only.s) / rounded.length, np.ptp(only.t) / planned.duration
-    for share, given in zip(shares, (found.assigned_length, found.assigned_time), strict=True):
-        assert share <= given < share + 2e-3
+    for share, stated in zip(
+        shares, (explanation.assigned_length, explanation.assigned_time), strict=True
+    ):
+        assert share <= stated < share + 2e-3
 
 
 def test_every_segment_has_its_own_assigned_velocity(arm):
@@ -214,11 +224,11 @@ def test_every_segment_has_its_own_assigned_velocity(arm):
         for k, x in enumerate((0.02, 0.5))
     ]
     path = ac.Path.from_segments(lines)
-    found = explained(path, arm, ac.Limits.only(tool_acceleration=ACCELERATION))[1]
-    slow = next(x for x in found.bindings if x.limit == "assigned velocity")
+    explanation = explained(path, arm, ac.Limits.only(tool_acceleration=ACCELERATION))[1]
+    slow = next(x for x in explanation.bindings if x.limit == "assigned velocity")
     assert slow.s[1] == pytest.approx(0.04, abs=1e-9)
-    assert found.assigned_length == pytest.approx(0.5 * (1 - 0.001 / 0.04), abs=2e-3)
-    (shortfall,) = found.shortfalls
+    assert explanation.assigned_length == pytest.approx(0.5 * (1 - 0.001 / 0.04), abs=2e-3)
+    (shortfall,) = explanation.shortfalls
     assert shortfall.assigned == 0.5 and 0.04 < shortfall.s < 0.08
 
 
@@ -231,9 +241,9 @@ def test_stops_that_limits_of_jerk_force_are_named(arm):
     objective = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15), (0.28, 0.3)])
     limits = arm.limits.replace(speed=0.15, joint_jerk=36.0)
     arcs = ac.round_corners(objective, tolerance=5e-3)
-    found = ac.explain(ac.plan(arcs, arm, limits), arm, limits)
-    np.testing.assert_allclose(found.jerk_stops, arcs.breaks[1:-1])
-    assert "2 stops by jerk" in repr(found)
+    explanation = ac.explain(ac.plan(arcs, arm, limits), arm, limits)
+    np.testing.assert_allclose(explanation.jerk_stops, arcs.breaks[1:-1])
+    assert "2 stops by jerk" in repr(explanation)
     free = limits.replace(joint_jerk=np.inf)
     assert ac.explain(ac.plan(arcs, arm, free), arm, free).jerk_stops == ()
 
@@ -244,9 +254,9 @@ def test_margins_of_wide_intervals_do_not_hide_what_binds(arm):
     path = ac.round_corners(path, tolerance=5e-3, continuity="curvature")
     limits = ac.Limits.only(tool_acceleration=0.3)
     planned = ac.plan(path, arm, limits, ac.Optimal(intervals=300))
-    found = ac.explain(planned, arm, limits)
-    assert idle(found) < 0.03 * planned.duration
-    assert set(names(found)) == {"tool acceleration"}
+    explanation = ac.explain(planned, arm, limits)
+    assert idle(explanation) < 0.03 * planned.duration
+    assert set(names(explanation)) == {"tool acceleration"}
 
 
 def test_a_path_is_traced_on_the_way(arm, rounded, traced, limits):
@@ -284,11 +294,11 @@ def test_refusals(arm, rounded, traced, objective, limits, refuses):
     data = {"limit": "joint_jerk"}
     rows.append((objective, jerk, shaped, ac.NotRealizable, data))
     refuses(lambda: ac.shape(objective, arm, jerk, shaped), ac.NotRealizable, **data)
-    for own in ({"joint_acceleration": np.inf}, {"joint_acceleration": [1.0, 1.0, 1.0]}):
-        rows.append((rounded, limits.replace(**own), ac.Paper(), ac.InvalidInput, {}))
+    for changed_limits in ({"joint_acceleration": np.inf}, {"joint_acceleration": [1.0, 1.0, 1.0]}):
+        rows.append((rounded, limits.replace(**changed_limits), ac.Paper(), ac.InvalidInput, {}))
     rows.append((traced, limits, ac.Optimal(configuration="negative"), ac.InvalidInput, {}))
-    for path, own, options, kind, data in rows:
-        refuses(lambda x=path, y=own, z=options: ac.plan(x, arm, y, z), kind, **data)
+    for path, changed_limits, options, kind, data in rows:
+        refuses(lambda x=path, y=changed_limits, z=options: ac.plan(x, arm, y, z), kind, **data)
 
 
 def test_an_infinite_limit_of_jerk_is_none(arm, traced, limits):
@@ -308,7 +318,9 @@ def test_a_constraint_with_two_rows_has_one_name(arm, limits):
 
     gentle = SecondOrder("gentle", coefficients, [-0.05, -0.09], [0.05, 0.09])
     planned = ac.plan(path, arm, limits, ac.Optimal(constraints=[gentle]))
-    found = ac.explain(planned, arm, limits, constraints=[gentle])
-    assert {x.limit for x in found.bindings} & {"gentle"}
+    explanation = ac.explain(planned, arm, limits, constraints=[gentle])
+    assert {x.limit for x in explanation.bindings} & {"gentle"}
     # The second row is the tighter one.
-    assert max(x.share for x in found.bindings if x.limit == "gentle") == pytest.approx(1, abs=1e-6)
+    assert max(x.share for x in explanation.bindings if x.limit == "gentle") == pytest.approx(
+        1, abs=1e-6
+    )

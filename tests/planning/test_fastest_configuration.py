@@ -37,19 +37,19 @@ def traced(request):
 
 
 def test_no_plan_is_shorter_than_its_bound_and_all_come_the_fastest_first(traced):
-    arm, path, limits, found = traced
-    durations = [roughly(x, arm, limits) for x in found]
-    for joint_path, planned in zip(found, durations, strict=True):
+    arm, path, limits, candidates = traced
+    durations = [roughly(x, arm, limits) for x in candidates]
+    for joint_path, planned in zip(candidates, durations, strict=True):
         assert 0.95 * planned < bound_duration(joint_path, limits) <= planned
     ways = [x for group in trace_by_duration(path, arm, limits) for x in group]
-    expected = [found[k] for k in np.argsort(durations, kind="stable")]
+    expected = [candidates[k] for k in np.argsort(durations, kind="stable")]
     assert len(ways) == len(expected) > 1
     # Chosen as if all had been planned.
     ways.append(trace_fastest(path, arm, limits))
-    for own, other in zip(ways, [*expected, expected[0]], strict=True):
-        assert np.array_equal(own.coefficients, other.coefficients)
+    for candidate, other in zip(ways, [*expected, expected[0]], strict=True):
+        assert np.array_equal(candidate.coefficients, other.coefficients)
     slow = limits.replace(speed=0.01)
-    assert bound_duration(found[0], slow) == pytest.approx(path.length / 0.01, rel=1e-2)
+    assert bound_duration(candidates[0], slow) == pytest.approx(path.length / 0.01, rel=1e-2)
 
 
 def test_rounding_does_not_choose_among_configurations_that_are_as_fast(monkeypatch):
@@ -66,8 +66,8 @@ def test_rounding_does_not_choose_among_configurations_that_are_as_fast(monkeypa
 
     monkeypatch.setattr(here, "plan_optimal", noisy)
     for _ in range(5):
-        found = next(trace_by_duration(path, arm, slow))
-        assert [x(0.0).tolist() for x in found] == [x(0.0).tolist() for x in usual]
+        candidates = next(trace_by_duration(path, arm, slow))
+        assert [x(0.0).tolist() for x in candidates] == [x(0.0).tolist() for x in usual]
 
 
 def test_bounds_in_closed_form():
@@ -111,30 +111,30 @@ def test_long_paths_are_compared_on_parts(monkeypatch, free):
     # Slow configurations, and one of two that differ by the turn of a wrist, are not traced.
     assert 1 <= len(whole) <= len(durations) / 2
     assert roughly(chosen, arm, limits) < 1.001 * min(durations)
-    at = np.linspace(0, path.length, 997)
-    assert np.abs(arm.tool_position(chosen(at)) - path(at)).max() < 2e-10
+    samples = np.linspace(0, path.length, 997)
+    assert np.abs(arm.tool_position(chosen(samples)) - path(samples)).max() < 2e-10
 
 
 def test_starts_of_long_paths_are_those_of_short_ones_without_their_traces(monkeypatch, traced):
-    arm, path, limits, found = traced
+    arm, path, limits, candidates = traced
     monkeypatch.setattr(here, "LONG", 1)
     monkeypatch.setattr(here, "trace_all", None)
     starts = here.find_starts(path, arm, limits)
-    assert len(starts) >= len(found)
+    assert len(starts) >= len(candidates)
     # The turn about a free tool axis, the last joint, depends on what lies between the places.
     others = slice(0, 5 if path.orientation.axis_only else 6)
-    for x in found:
+    for x in candidates:
         assert min(np.abs(x(0.0) - q)[others].max() for q in starts) < 1e-2
     for q in starts:
         assert arm.tool_position(q) == pytest.approx(path(0.0), abs=1e-9)
 
 
 def test_long_path_out_of_reach_is_refused_as_a_short_one(monkeypatch):
-    arm, said = ac.load_arm("ur5e"), []
+    arm, messages = ac.load_arm("ur5e"), []
     path = ac.Path.polyline([(0.4, 0.1, 0.2), (0.6, 0.1, 0.2), (1.4, 0.1, 0.2)]).oriented(DOWN)
     for long in (here.LONG, 1):
         monkeypatch.setattr(here, "LONG", long)
         with pytest.raises(ac.Unreachable) as caught:
             trace_fastest(path, arm)
-        said.append(str(caught.value))
-    assert said[0] == said[1]
+        messages.append(str(caught.value))
+    assert messages[0] == messages[1]

@@ -25,7 +25,7 @@ def robot(dof, **limits):
 
 
 @pytest.fixture
-def kept(worst_ratios):
+def assert_within_limits(worst_ratios):
     """Judges a plan: nothing is exceeded, and given limits bind somewhere. Returns the plan."""
 
     def judge(planned, limits, arm=None, *, binds=(), near=1e-5, **options):
@@ -45,52 +45,62 @@ def planned(traced, arm, limits):
 
 
 def test_the_papers_job_with_these_and_other_limits(
-    planned, rounded, arm, limits, mac, kept, traced
+    planned, rounded, arm, limits, mac, assert_within_limits, traced
 ):
     # The true optimum is 5.32606 s; shorter means a leak.
     assert 5.3260 <= planned.duration <= 5.3263
     assert planned.method == "optimal"
     binds = ("joint_acceleration", "speed", "centripetal_acceleration")
-    kept(planned, limits, arm, binds=binds)
+    assert_within_limits(planned, limits, arm, binds=binds)
     assert ac.plan(rounded, arm, limits).duration == planned.duration
     # docs/method.md: MAC is optimal on this job, to 1e-5; with laps of finite size it is shorter as
     # much as it leaves a corner early.
     assert planned.duration == pytest.approx(mac.duration, rel=2e-4)
     free = limits.replace(centripetal_acceleration=np.inf)
     # docs/method.md gives 4.825 s; printed to three digits.
-    assert kept(ac.plan(traced, arm, free), free, arm).duration == pytest.approx(4.825, abs=5e-4)
+    assert assert_within_limits(ac.plan(traced, arm, free), free, arm).duration == pytest.approx(
+        4.825, abs=5e-4
+    )
     for name, value in (("joint_velocity", (0.3, 0.25)), ("tool_acceleration", 0.1)):
-        own = limits.replace(**{name: value})
-        kept(ac.plan(traced, arm, own), own, arm, binds=(name,))
+        changed_limits = limits.replace(**{name: value})
+        assert_within_limits(
+            ac.plan(traced, arm, changed_limits), changed_limits, arm, binds=(name,)
+        )
 
 
 def test_the_tool_stays_on_the_path_and_goes_one_way(planned, rounded, arm):
     t, ends = np.linspace(0, planned.duration, 20001), [0.0, planned.duration]
-    found = rounded.project(arm.tool_position(planned(t)))
-    assert found.distance.max() < 1e-7 and np.diff(found.s).min() > -1e-9
+    projection = rounded.project(arm.tool_position(planned(t)))
+    assert projection.distance.max() < 1e-7 and np.diff(projection.s).min() > -1e-9
     np.testing.assert_allclose(
         arm.tool_position(planned(ends)), rounded.vertices[[0, -1]], atol=1e-8
     )
     np.testing.assert_allclose(planned(ends, 1), 0, atol=1e-9)
-    at = planned.breaks[1:-1]
+    breaks = planned.breaks[1:-1]
     for order, near in ((0, 1e-12), (1, 1e-7)):
-        np.testing.assert_allclose(planned(at, order, side="left"), planned(at, order), atol=near)
+        np.testing.assert_allclose(
+            planned(breaks, order, side="left"), planned(breaks, order), atol=near
+        )
 
 
-def test_the_line_on_which_the_papers_method_breaks_its_limit(arm, kept):
+def test_the_line_on_which_the_papers_method_breaks_its_limit(arm, assert_within_limits):
     fast = arm.limits.replace(speed=0.3)
     path = ac.Path.polyline(LINE)
     with pytest.raises(ac.NotRealizable):
         ac.plan(path, arm, fast, ac.Paper())
-    planned = kept(ac.plan(path, arm, fast), fast, arm)
+    planned = assert_within_limits(ac.plan(path, arm, fast), fast, arm)
     t = np.linspace(0, planned.duration, 2001)
     assert np.ptp(np.sign(planned(t, 1)[:, 1])) == 2  # joint 2 does turn round
     # With the reversal on a grid point, next to one, and between two.
     for intervals in (2, 10, 17, 50, 113, 300, 398):
-        coarse = kept(ac.plan(path, arm, fast, ac.Optimal(intervals=intervals)), fast, arm)
+        coarse = assert_within_limits(
+            ac.plan(path, arm, fast, ac.Optimal(intervals=intervals)), fast, arm
+        )
         assert 1 <= coarse.duration / planned.duration < 1.02, intervals
     # The path acceleration is a difference of ds² over half a micrometre here.
-    kept(ac.plan(path, arm, fast, ac.Optimal(intervals=400_000)), fast, arm, places=1)
+    assert_within_limits(
+        ac.plan(path, arm, fast, ac.Optimal(intervals=400_000)), fast, arm, places=1
+    )
 
 
 def straight(direction, limits, **options):
@@ -117,7 +127,7 @@ WAYS = {
 
 
 @pytest.mark.parametrize("top", [None, 0.5])
-def test_a_straight_way_in_joint_space(top, kept):
+def test_a_straight_way_in_joint_space(top, assert_within_limits):
     for way, (direction, acceleration, deceleration) in WAYS.items():
         limits = {"joint_acceleration": np.stack([-np.array(deceleration), acceleration], axis=1)}
         length, speed = np.linalg.norm(direction), np.inf
@@ -127,22 +137,22 @@ def test_a_straight_way_in_joint_space(top, kept):
             speed = (top * length / np.abs(direction)).min()
         e, both = np.array(direction) / length, np.array([acceleration, deceleration])
         up, down = (np.min(np.where(e > 0, *x) / np.abs(e)) for x in (both, both[::-1]))
-        planned = kept(straight(direction, limits), ac.Limits.only(**limits))
+        planned = assert_within_limits(straight(direction, limits), ac.Limits.only(**limits))
         # The interval in which the profile turns loses less than its own share.
         expected = trapezoid(length, up, down, speed)
         assert planned.duration == pytest.approx(expected, rel=1e-6), way
 
 
-def test_start_and_end_speeds(kept, refuses):
+def test_start_and_end_speeds(assert_within_limits, refuses):
     # 2 rad at 1.0 rad/s² up and down: from 2 rad/s the arm can just stop.
     limits = {"joint_acceleration": [1.0]}
     for begin, end in ((0.3, 0.0), (0.0, 0.7), (0.4, 0.9), (1.0, 1.0), (2.0, 0.0)):
         planned = straight([2.0], limits, start_speed=begin, end_speed=end)
-        kept(planned, ac.Limits.only(**limits))
+        assert_within_limits(planned, ac.Limits.only(**limits))
         expected = trapezoid(2.0, 1.0, 1.0, np.inf, begin, end)
         assert planned.duration == pytest.approx(expected, rel=1e-6)
-        found = planned([0.0, planned.duration], 1)[:, 0]
-        np.testing.assert_allclose(found, [begin, end], atol=1e-9)
+        velocities = planned([0.0, planned.duration], 1)[:, 0]
+        np.testing.assert_allclose(velocities, [begin, end], atol=1e-9)
     # Too long to stop, not to be reached, above a velocity limit.
     limits["joint_velocity"] = [5.0]
     for end, s in (("start", 0.0), ("end", 2.0)):
@@ -166,17 +176,17 @@ def circle():
 LEMNISCATE = gamma(0.25) ** 2 / (2 * np.sqrt(2 * np.pi))
 
 
-def test_tool_acceleration_on_a_line_and_a_circle(arm, kept):
+def test_tool_acceleration_on_a_line_and_a_circle(arm, assert_within_limits):
     only, line = ac.Limits.only(tool_acceleration=ACCELERATION), [(0.3, 0.2), (0.4, 0.25)]
     path = ac.Path.polyline(line)
-    found = kept(ac.plan(path, arm, only), only, arm).duration
+    trajectory = assert_within_limits(ac.plan(path, arm, only), only, arm).duration
     # Tracing leaves the tool's derivatives a few millionths of play.
-    assert found == pytest.approx(2 * np.sqrt(path.length / ACCELERATION), rel=1e-5)
+    assert trajectory == pytest.approx(2 * np.sqrt(path.length / ACCELERATION), rel=1e-5)
     expected = (LEMNISCATE + 1.5 * np.pi) * np.sqrt(RADIUS / ACCELERATION)
     for intervals, within in ((100, 2e-3), (500, 1e-4), (None, 1e-5)):
-        found = ac.plan(circle(), arm, only, ac.Optimal(intervals=intervals))
-        kept(found, only, arm, binds=("tool_acceleration",), near=1e-6)
-        assert 1 - 1e-9 <= found.duration / expected < 1 + within
+        trajectory = ac.plan(circle(), arm, only, ac.Optimal(intervals=intervals))
+        assert_within_limits(trajectory, only, arm, binds=("tool_acceleration",), near=1e-6)
+        assert 1 - 1e-9 <= trajectory.duration / expected < 1 + within
     # At an assigned velocity.
     speed = 0.1
     both = only.replace(speed=speed)
@@ -187,23 +197,23 @@ def test_tool_acceleration_on_a_line_and_a_circle(arm, kept):
 
     ramp, _ = quad(pace, 0, np.sqrt(turned))
     expected = 2 * ramp + (2 * np.pi * RADIUS - 2 * turned) / speed
-    found = kept(ac.plan(circle(), arm, both), both, arm).duration
-    assert found == pytest.approx(expected, rel=1e-5)
+    trajectory = assert_within_limits(ac.plan(circle(), arm, both), both, arm).duration
+    assert trajectory == pytest.approx(expected, rel=1e-5)
 
 
-def test_circles_and_rounded_corners_at_their_accelerations(arm, kept, rounded):
+def test_circles_and_rounded_corners_at_their_accelerations(arm, assert_within_limits, rounded):
     both = ac.Limits.only(centripetal_acceleration=0.2, joint_acceleration=100.0)
-    planned = kept(ac.plan(circle(), arm, both), both, arm)
+    planned = assert_within_limits(ac.plan(circle(), arm, both), both, arm)
     middle = planned(planned.duration / 2), planned(planned.duration / 2, 1)
     top = np.linalg.norm(arm.tool_velocity(*middle))
     assert top == pytest.approx(np.sqrt(0.2 * RADIUS), rel=1e-5)
     only = ac.Limits.only(tool_acceleration=ACCELERATION, speed=0.15)
-    planned = kept(ac.plan(rounded, arm, only), only, arm)
+    planned = assert_within_limits(ac.plan(rounded, arm, only), only, arm)
     corners = np.sqrt(ACCELERATION * np.array(rounded.corners.radius))
-    found = planned.speed_at((rounded.corners.start + rounded.corners.end) / 2)
+    speeds = planned.speed_at((rounded.corners.start + rounded.corners.end) / 2)
     # Never faster than the arc allows, and nearly so fast in the middle of it.
-    assert (found <= corners * (1 + LEAK)).all()
-    np.testing.assert_allclose(found, corners, rtol=1e-3)
+    assert (speeds <= corners * (1 + LEAK)).all()
+    np.testing.assert_allclose(speeds, corners, rtol=1e-3)
 
 
 STOPPING = {
@@ -214,13 +224,13 @@ STOPPING = {
 
 
 @pytest.mark.parametrize("name", STOPPING)
-def test_it_rests_at_sharp_corners(arm, limits, name, kept):
+def test_it_rests_at_sharp_corners(arm, limits, name, assert_within_limits):
     points = STOPPING[name]
     planned = ac.plan(ac.Path.polyline(points), arm, limits)
-    kept(planned, limits.replace(centripetal_acceleration=np.inf), arm)
-    at = np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))[:-1]
+    assert_within_limits(planned, limits.replace(centripetal_acceleration=np.inf), arm)
+    vertices = np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))[:-1]
     law = planned.laws[0]
-    for s in at:
+    for s in vertices:
         k = int(np.searchsorted(law.s, s - 1e-12))
         assert law.s[k] == pytest.approx(s, abs=1e-12)
         for side in ("left", "right"):
@@ -234,14 +244,14 @@ def test_it_rests_at_sharp_corners(arm, limits, name, kept):
     assert name != "sharp corners" or planned.duration == pytest.approx(5.23, abs=0.01)
 
 
-def test_segments_have_their_own_speeds(arm, objective, limits, kept):
+def test_segments_have_their_own_speeds(arm, objective, limits, assert_within_limits):
     points = objective.vertices
     lines = [
         ac.Line(start=points[k], end=points[k + 1], segment_limits=ac.SegmentLimits(speed=v))
         for k, v in enumerate((0.03, 0.06, None))
     ]
     path = ac.round_corners(ac.Path.from_segments(lines), tolerance=5e-3)
-    planned = kept(ac.plan(path, arm, limits), limits, arm)
+    planned = assert_within_limits(ac.plan(path, arm, limits), limits, arm)
     s, speed = planned.s(planned.breaks), planned.s(planned.breaks, 1)
     segment = path.locate((s[:-1] + s[1:]) / 2)
     top = np.array([speed[:-1][segment == k].max() for k in range(5)])
@@ -249,14 +259,16 @@ def test_segments_have_their_own_speeds(arm, objective, limits, kept):
     assert 0.06 < top[4] <= 0.15
 
 
-def test_joint_acceleration_in_the_general_form(traced, arm, limits, planned, kept):
+def test_joint_acceleration_in_the_general_form(traced, arm, limits, planned, assert_within_limits):
     def coefficients(s, side):
         first, second = traced(s, 1, side=side), traced(s, 2, side=side)
         return first, second, np.zeros_like(first)
 
-    own = SecondOrder("made-up torque", coefficients, [-0.72] * 2, [0.72] * 2, joints=True)
+    constraint = SecondOrder("made-up torque", coefficients, [-0.72] * 2, [0.72] * 2, joints=True)
     free = limits.replace(joint_acceleration=50.0)
-    again = kept(ac.plan(traced, arm, free, ac.Optimal(constraints=[own])), limits, arm)
+    again = assert_within_limits(
+        ac.plan(traced, arm, free, ac.Optimal(constraints=[constraint])), limits, arm
+    )
     assert again.duration == pytest.approx(planned.duration, rel=1e-5)
 
 
@@ -268,8 +280,8 @@ def test_gravity_helps_one_way_hinders_the_other_and_may_be_too_much(refuses):
             one = np.ones((len(s), 1))
             return one, 0 * one, weight * one
 
-        own = SecondOrder("torque", coefficients, [-1.0], [1.0], joints=True)
-        return straight([2.0], {"joint_acceleration": [50.0]}, constraints=[own])
+        constraint = SecondOrder("torque", coefficients, [-1.0], [1.0], joints=True)
+        return straight([2.0], {"joint_acceleration": [50.0]}, constraints=[constraint])
 
     assert gravity(0.4).duration == pytest.approx(trapezoid(2.0, 0.6, 1.4), rel=1e-6)
     for weight in (1.2, -1.2):
@@ -282,21 +294,23 @@ def test_refusals(rounded, traced, arm, limits, refuses):
     refuses(lambda: ac.plan(rounded, arm, only), ac.InvalidInput, "joint_acceleration")
     spline = ac.JointPath.spline([(0.1, 1.0), (0.2, 1.1), (0.5, 1.0)])
     for name in ("speed", "tool_acceleration", "centripetal_acceleration"):
-        own = arm.limits.replace(**{name: 0.1})
-        refuses(lambda x=own: ac.plan(spline, arm, x), ac.InvalidInput, "need a tool path")
+        changed_limits = arm.limits.replace(**{name: 0.1})
+        refuses(
+            lambda x=changed_limits: ac.plan(spline, arm, x), ac.InvalidInput, "need a tool path"
+        )
     for points in (np.array([-0.1, 0.1]), np.array([0.1, 1.0]), np.zeros((2, 2))):
         refuses(lambda x=points: ac.plan(traced, arm, limits, ac.Optimal(grid=x)), ac.InvalidInput)
 
 
-def test_grids_of_ones_own_coarse_and_fine(traced, arm, limits, planned, kept):
-    own = ac.plan(traced, arm, limits, ac.Optimal(grid=np.linspace(0, traced.length, 3001)))
-    assert np.isin(traced.breaks, own.laws[0].s).all()
-    cases = [(own, 1e-4, 50)]
+def test_grids_of_ones_own_coarse_and_fine(traced, arm, limits, planned, assert_within_limits):
+    fine = ac.plan(traced, arm, limits, ac.Optimal(grid=np.linspace(0, traced.length, 3001)))
+    assert np.isin(traced.breaks, fine.laws[0].s).all()
+    cases = [(fine, 1e-4, 50)]
     for intervals, within in ((50, 2e-2), (500, 1e-3), (40_000, 1e-4)):
         other = ac.plan(traced, arm, limits, ac.Optimal(intervals=intervals))
         cases.append((other, within, 50 if intervals < 10_000 else 4))
     for other, within, places in cases:
-        kept(other, limits, arm, places=places)
+        assert_within_limits(other, limits, arm, places=places)
         assert other.duration == pytest.approx(planned.duration, rel=within)
         assert other.duration > 5.3260  # docs/method.md
     assert 1 - 1e-6 < planned.duration / other.duration < 1 + 1e-4
@@ -334,23 +348,25 @@ def test_the_guarantee_costs_little(traced, arm, limits, intervals, cost):
         assert ac.plan(*job, ac.Optimal(intervals=intervals)).duration < bare * (1 + cost), k
 
 
-def test_micro_segments(arm, kept):
+def test_micro_segments(arm, assert_within_limits):
     limits = arm.limits.replace(speed=0.1)
     for step in (1e-6, 1e-5, 1e-4, 1e-2):
         k = np.arange(11)
         sharp = ac.Path.polyline(np.stack([0.30 + step * k, 0.2 + step / 2 * (k % 2)], axis=1))
         paths = sharp, ac.round_corners(sharp, tolerance=step / 10)
-        plans = [kept(ac.plan(x, arm, limits), limits, arm, places=10) for x in paths]
+        plans = [
+            assert_within_limits(ac.plan(x, arm, limits), limits, arm, places=10) for x in paths
+        ]
         assert plans[1].duration < plans[0].duration, step
 
 
-def test_any_size_of_s_will_do(kept):
+def test_any_size_of_s_will_do(assert_within_limits):
     points = np.random.default_rng(3).uniform(-2, 2, (5, 3))
     limits = ac.Limits.only(joint_velocity=[1.0] * 3, joint_acceleration=[2.0] * 3)
     s, durations = np.array([0.0, 1.0, 2.5, 3.0, 4.0]), []
     for size in (1, 1e-9, 1e-4, 1e4, 1e9):
         planned = ac.plan(ac.JointPath.spline(points, s * size), robot(3), limits)
-        durations.append(kept(planned, limits, places=5).duration)
+        durations.append(assert_within_limits(planned, limits, places=5).duration)
     np.testing.assert_allclose(durations, durations[0], rtol=1e-9)
 
 
@@ -367,17 +383,17 @@ def plan_what_is_allowed(path, arm, limits, **options):
 
 
 @pytest.mark.parametrize("jerk", [None, 20.0])
-def test_bounds_by_direction_change_sides_in_the_mirror(kept, jerk):
+def test_bounds_by_direction_change_sides_in_the_mirror(assert_within_limits, jerk):
     rng = np.random.default_rng(700036000)
     points = np.cumsum(rng.normal(size=(6, 3)), axis=0)
     bounds = {"joint_velocity": (0.3, 2), "joint_acceleration": (0.5, 5)}
-    given = {name: rng.uniform(*x, (3, 2)) * (-1, 1) for name, x in bounds.items()}
-    limits = ac.Limits.only(joint_jerk=jerk, **given)
-    mirrored = limits.replace(**{name: -x[:, ::-1] for name, x in given.items()})
+    bounds_by_name = {name: rng.uniform(*x, (3, 2)) * (-1, 1) for name, x in bounds.items()}
+    limits = ac.Limits.only(joint_jerk=jerk, **bounds_by_name)
+    mirrored = limits.replace(**{name: -x[:, ::-1] for name, x in bounds_by_name.items()})
     planned = ac.plan(ac.JointPath.spline(points), robot(3), limits)
     other = ac.plan(ac.JointPath.spline(-points), robot(3), mirrored)
     assert other.duration == pytest.approx(planned.duration, rel=1e-9)
-    kept(planned, limits)
+    assert_within_limits(planned, limits)
     low, high = limits.velocity_bounds(3)
     dq = planned(np.linspace(0, planned.duration, 20001), 1)
     # Each way binds somewhere, and none is taken for both.
@@ -387,7 +403,7 @@ def test_bounds_by_direction_change_sides_in_the_mirror(kept, jerk):
     assert slow.duration > 1.02 * planned.duration
 
 
-def test_a_speed_that_a_refusal_names_is_had(kept):
+def test_a_speed_that_a_refusal_names_is_had(assert_within_limits):
     """Coarse grids, whose margins change with the speed; each end depends on the other."""
     for seed in range(40):
         rng = np.random.default_rng([seed, 700035892])
@@ -398,7 +414,7 @@ def test_a_speed_that_a_refusal_names_is_had(kept):
         options["intervals"], path = int(rng.integers(5, 20)), ac.JointPath.spline(points)
         refusals, planned = plan_what_is_allowed(path, robot(4), limits, **options)
         assert refusals <= 2, seed
-        kept(planned, limits)
+        assert_within_limits(planned, limits)
 
 
 def one_joint(seed):
@@ -413,14 +429,14 @@ def one_joint(seed):
 
 def turns_of(path):
     """Positions of a joint at its ends, stops and turns."""
-    found = []
+    extremes = []
     for i, c in enumerate(path.coefficients[:, :, 0]):
         piece = np.polynomial.Polynomial(c)
         roots = piece.deriv().roots()
         inner = np.sort(roots.real[(abs(roots.imag) < 1e-9) & (0 < roots.real) & (roots.real < 1)])
         begins = i == 0 or path.breaks[i] in path.stops
-        found += [*([c[0]] if begins else []), *piece(inner)]
-    return np.array([*found, path.coefficients[-1, :, 0].sum()])
+        extremes += [*([c[0]] if begins else []), *piece(inner)]
+    return np.array([*extremes, path.coefficients[-1, :, 0].sum()])
 
 
 @pytest.mark.parametrize("seed", range(25))
@@ -449,9 +465,9 @@ def test_a_limit_that_no_grid_resolves_is_refused_in_bounded_memory(refuses):
         return (1 + 0.5 * np.sin(1e9 * s))[:, None], np.zeros((len(s), 1)), np.zeros((len(s), 1))
 
     path, limits = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.5)]), ac.Limits(joint_acceleration=1.0)
-    own = [SecondOrder("rough", rough, [-1.0], [1.0])]
+    constraints = [SecondOrder("rough", rough, [-1.0], [1.0])]
     refuses(
-        lambda: ac.plan(path, limits=limits, options=ac.Optimal(constraints=own)),
+        lambda: ac.plan(path, limits=limits, options=ac.Optimal(constraints=constraints)),
         ac.NotRealizable,
         "grid",
     )

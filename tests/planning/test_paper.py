@@ -61,8 +61,8 @@ def test_a_trapezoid_in_closed_form(scissors, speed):
 
     up, down = brentq(too_fast, 0, 1, (NEAR, 1)), brentq(too_fast, 0, 1, (FAR, -1))
     reached = 2 * LINK * np.cos((elbow(NEAR) - LIMIT * up**2 / 2) / 2)
-    left = 2 * LINK * np.cos((elbow(FAR) + LIMIT * down**2 / 2) / 2)
-    middle = (left - reached) / speed
+    remaining_way = 2 * LINK * np.cos((elbow(FAR) + LIMIT * down**2 / 2) / 2)
+    middle = (remaining_way - reached) / speed
     expected = up + middle + down
     # The middle path starts at the last knot before the assigned velocity: at most one lap below.
     below = np.sqrt(speed**2 - 2 * LINK * LIMIT * (FAR - NEAR) / knots)
@@ -118,13 +118,13 @@ def test_the_papers_job_keeps_every_limit_and_one_joint_is_at_its_limit(arm, rou
 
 
 def test_the_papers_job_is_continuous_and_tiled_by_its_switching_points(arm, rounded, mac):
-    at = mac.breaks[1:-1]
-    np.testing.assert_allclose(mac(at, side="left"), mac(at), atol=1e-12)
-    jumps = np.abs(mac(at, 1) - mac(at, 1, side="left")).max(axis=1)
+    breaks = mac.breaks[1:-1]
+    np.testing.assert_allclose(mac(breaks, side="left"), mac(breaks), atol=1e-12)
+    jumps = np.abs(mac(breaks, 1) - mac(breaks, 1, side="left")).max(axis=1)
     # The laps hand over velocities along the path; the rest is of third order in their time.
     assert jumps.max() < 2e-3 and np.median(jumps) < 1e-5
-    found = rounded.project(arm.tool_position(mac(np.linspace(0, mac.duration, 20001))))
-    assert found.distance.max() < 1e-6 and np.diff(found.s).min() > -1e-9
+    projection = rounded.project(arm.tool_position(mac(np.linspace(0, mac.duration, 20001))))
+    assert projection.distance.max() < 1e-6 and np.diff(projection.s).min() > -1e-9
     s, t = (np.array([getattr(x, name) for x in mac.stretches]) for name in ("s", "t"))
     assert t[0, 0] == 0 and s[0, 0] == 0
     np.testing.assert_allclose([t[-1, 1], s[-1, 1]], [mac.duration, rounded.length], rtol=1e-12)
@@ -152,9 +152,9 @@ def test_corners_are_run_at_their_own_speed(arm, rounded, limits, mac):
 
 def test_a_sharp_corner_is_a_stop_and_a_straight_joint_is_passed_at_speed(arm, objective, limits):
     planned = ac.plan(objective, arm, limits, ac.Paper(knots=200))
-    at = [x.t[1] for x in planned.stretches if x.s[1] in objective.stops]
-    assert len(at) == 2
-    np.testing.assert_allclose(tool_speed(planned, arm, np.array(at)), 0, atol=1e-9)
+    stop_times = [x.t[1] for x in planned.stretches if x.s[1] in objective.stops]
+    assert len(stop_times) == 2
+    np.testing.assert_allclose(tool_speed(planned, arm, np.array(stop_times)), 0, atol=1e-9)
     # docs/method.md, where the method falls short, 4: 5.23 s, less than with rounded corners.
     assert planned.duration == pytest.approx(5.23, abs=0.01)
     places = [(0.30, 0.2), (0.34, 0.2), (0.38, 0.2)]
@@ -178,15 +178,15 @@ def test_a_short_line_lowers_its_corners_speed(arm, limits):
         path = ac.round_corners(ac.Path.polyline(points), tolerance=tolerance)
         assert not path.corners.shrunk.any()
         planned = ac.plan(path, arm, limits, ac.Paper(knots=100))
-        wanted = np.sqrt(0.09 * path.corners.radius)
-        found = np.array([x.speed for x in planned.stretches if x.kind == "corner"])
-        assert found[lowered] < 0.6 * wanted[lowered], points
-        others = (np.delete(x, lowered) for x in (found, wanted))
+        nominal = np.sqrt(0.09 * path.corners.radius)
+        corner_speeds = np.array([x.speed for x in planned.stretches if x.kind == "corner"])
+        assert corner_speeds[lowered] < 0.6 * nominal[lowered], points
+        others = (np.delete(x, lowered) for x in (corner_speeds, nominal))
         np.testing.assert_allclose(*others, rtol=1e-5)
         assert_accelerations_kept(planned, limits.joint_acceleration)
         # The line's own acceleration carries the tool from one speed to the other, no more.
-        at = planned.breaks[1:-1]
-        assert np.abs(planned(at, 1) - planned(at, 1, side="left")).max() < 2e-3, points
+        breaks = planned.breaks[1:-1]
+        assert np.abs(planned(breaks, 1) - planned(breaks, 1, side="left")).max() < 2e-3, points
 
 
 def test_a_meeting_next_to_a_knot_keeps_the_limit(arm, limits):
@@ -208,8 +208,12 @@ def test_segments_have_their_own_speeds(arm, objective, limits):
     top = {}
     for x in ac.plan(rounded, arm, limits, ac.Paper(knots=600)).stretches:
         top[x.name] = max(top.get(x.name, 0.0), x.speed)
-    for name, most, near in (("line 1", 0.03, 2e-3), ("line 2", 0.06, 1e-2), ("corner 1", 0.03, 1)):
-        assert most * (1 - near) <= top[name] <= most * (1 + 1e-6)
+    for name, assigned, near in (
+        ("line 1", 0.03, 2e-3),
+        ("line 2", 0.06, 1e-2),
+        ("corner 1", 0.03, 1),
+    ):
+        assert assigned * (1 - near) <= top[name] <= assigned * (1 + 1e-6)
     assert 0.06 < top["line 3"] <= 0.15
 
 
@@ -217,9 +221,9 @@ def test_a_joint_that_turns_round_too_late_is_not_realizable(arm, limits):
     path = ac.Path.polyline([(-0.065, 0.300), (0.335, 0.300)])
     with pytest.raises(
         ac.NotRealizable, match="line 1 at 0.1329 m .* does not look ahead"
-    ) as found:
+    ) as caught:
         ac.plan(path, arm, limits.replace(speed=0.3), ac.Paper())
-    error = found.value
+    error = caught.value
     assert error.s == pytest.approx(0.133, abs=1e-3)
     assert error.joint == 1 and error.limit == "joint_acceleration"
     assert error.needed > error.allowed == 0.72
@@ -252,8 +256,8 @@ def test_joint_velocities_are_checked(arm, rounded, limits, mac):
     peak = np.abs(mac(np.linspace(0, mac.duration, 20001), 1)).max(axis=0)
 
     def planned(share):
-        own = limits.replace(joint_velocity=peak * share)
-        return ac.plan(rounded, arm, own, ac.Paper(knots=600))
+        changed_limits = limits.replace(joint_velocity=peak * share)
+        return ac.plan(rounded, arm, changed_limits, ac.Paper(knots=600))
 
     assert planned(1.001).duration == mac.duration
     with pytest.raises(ac.NotRealizable) as caught:
@@ -294,8 +298,8 @@ def test_joints_that_hardly_move(robot):
     limits = robot.limits.replace(speed=0.3)
     up = np.array([[0.4, 0.1333, 0.3], [0.4, 0.1333, 0.5]])
     planned = ac.plan(path(up), robot, limits, ac.Paper())
-    found = ac.check(planned, robot, limits, points=5)
-    assert found["joint_acceleration"].ratio == pytest.approx(1, abs=1e-6)
+    check = ac.check(planned, robot, limits, points=5)
+    assert check["joint_acceleration"].ratio == pytest.approx(1, abs=1e-6)
 
 
 @pytest.mark.parametrize("method", ["paper", "conventional"])
@@ -304,8 +308,8 @@ def test_torque_and_turning_are_looked_at_afterwards(method, robot, refuses, arm
     strong = fast.replace(centripetal_acceleration=0.5, joint_torque=weak)
     data = {"joint": 1, "limit": "joint_torque", "allowed": 28.0}
 
-    def call(way, own):
-        return lambda: ac.plan(way, robot, own, METHODS[method]())
+    def call(way, case_limits):
+        return lambda: ac.plan(way, robot, case_limits, METHODS[method]())
 
     refuses(
         call(ac.trace(path(), robot), strong),
@@ -323,10 +327,10 @@ def test_torque_and_turning_are_looked_at_afterwards(method, robot, refuses, arm
     allowed = fast.replace(angular_speed=1e-3)
     with pytest.raises(ac.NotRealizable) as caught:
         ac.plan(TURNING, robot, allowed, METHODS[method]())
-    found = caught.value
-    assert found.s > 0 and found.t > 0 and f"at {found.s:.4g} m" in str(found)
+    error = caught.value
+    assert error.s > 0 and error.t > 0 and f"at {error.s:.4g} m" in str(error)
     planned = ac.plan(TURNING, robot, fast, METHODS[method]())
-    state = (planned([found.t], order) for order in (0, 1))
+    state = (planned([error.t], order) for order in (0, 1))
     tool = robot.tool_twist(*state)[0]
-    assert np.linalg.norm(tool[3:]) == pytest.approx(found.needed, rel=1e-4)
-    np.testing.assert_allclose(robot.tool_position(planned(found.t)), TURNING(found.s), atol=1e-7)
+    assert np.linalg.norm(tool[3:]) == pytest.approx(error.needed, rel=1e-4)
+    np.testing.assert_allclose(robot.tool_position(planned(error.t)), TURNING(error.s), atol=1e-7)

@@ -62,8 +62,8 @@ def judged(program, arm, limits, trajectory):
     seams, spans = trajectory.starts[1:-1], trajectory.spans
     before, after = (trajectory(seams, side=x) for x in ("left", "right"))
     np.testing.assert_allclose(before, after, atol=1e-9)
-    for side, at in (("right", [x.t[0] for x in spans]), ("left", [x.t[1] for x in spans])):
-        np.testing.assert_allclose(trajectory(at, 1, side=side), 0, atol=1e-9)
+    for side, positions in (("right", [x.t[0] for x in spans]), ("left", [x.t[1] for x in spans])):
+        np.testing.assert_allclose(trajectory(positions, 1, side=side), 0, atol=1e-9)
     # Moves follow each other without gaps, and contours come in their order.
     times = np.array([x.t for x in spans])
     assert times[0, 0] == 0
@@ -78,14 +78,20 @@ def judged(program, arm, limits, trajectory):
             np.testing.assert_allclose(trajectory(inside, 1), 0, atol=1e-12)
             continue
         assert span.trajectory.duration == pytest.approx(span.t[1] - span.t[0], abs=1e-12)
-        own = span.trajectory(inside - span.t[0])
-        np.testing.assert_allclose(trajectory(inside), own, atol=1e-9)
-        kept = ac.check(span.trajectory, arm, limits if span.kind == "contour" else free, points=20)
-        over = [(x.name, x.ratio) for x in kept.uses if x.ratio > 1 + 1e-6 and "step" not in x.name]
+        positions_in_span = span.trajectory(inside - span.t[0])
+        np.testing.assert_allclose(trajectory(inside), positions_in_span, atol=1e-9)
+        check = ac.check(
+            span.trajectory, arm, limits if span.kind == "contour" else free, points=20
+        )
+        over = [
+            (x.name, x.ratio) for x in check.uses if x.ratio > 1 + 1e-6 and "step" not in x.name
+        ]
         assert not over, (span.kind, span.name, over)
     for span, contour, offset in zip(contours, program.contours, program.breaks, strict=False):
-        found = contour.path.project(arm.tool_position(trajectory(np.linspace(*span.t, 300)[1:-1])))
-        assert found.distance.max() < 1e-8
+        projection = contour.path.project(
+            arm.tool_position(trajectory(np.linspace(*span.t, 300)[1:-1]))
+        )
+        assert projection.distance.max() < 1e-8
         # Once along all of it, overlaps included.
         times = np.linspace(*span.t, 2000)
         speed = np.linalg.norm(arm.tool_velocity(trajectory(times), trajectory(times, 1)), axis=1)
@@ -93,15 +99,15 @@ def judged(program, arm, limits, trajectory):
         assert span.s == pytest.approx((offset, offset + contour.path.length), abs=1e-12)
         assert span.t[0] <= span.work[0] < span.work[1] <= span.t[1]
         work = contour.work or (0.0, contour.path.length)
-        at = arm.tool_position(trajectory(np.array(span.work)))
-        np.testing.assert_allclose(at, contour.path(work), atol=1e-9)
-    asked = [x for x in program.moves if isinstance(x, Event)]
-    asked += [x for contour in program.contours for x in contour.events]
-    assert sorted(x.name for x in asked) == sorted(x.name for x in trajectory.events)
+        positions = arm.tool_position(trajectory(np.array(span.work)))
+        np.testing.assert_allclose(positions, contour.path(work), atol=1e-9)
+    requested = [x for x in program.moves if isinstance(x, Event)]
+    requested += [x for contour in program.contours for x in contour.events]
+    assert sorted(x.name for x in requested) == sorted(x.name for x in trajectory.events)
     assert [x.t for x in trajectory.events] == sorted(x.t for x in trajectory.events)
     for event in trajectory.events:
-        at = arm.tool_position(trajectory(event.due))
-        np.testing.assert_allclose(at, event.point, atol=1e-9)
+        positions = arm.tool_position(trajectory(event.due))
+        np.testing.assert_allclose(positions, event.point, atol=1e-9)
 
 
 def test_keeps_all_that_holds_of_programs_in_the_plane():
@@ -149,14 +155,14 @@ def test_the_other_methods_plan_programs_too(method):
     np.testing.assert_allclose(trajectory(seams, side="left"), trajectory(seams), atol=1e-9)
     assert len(trajectory.events) == 6
     for event in trajectory.events:
-        here = PMK3S.tool_position(trajectory(event.due))
+        position = PMK3S.tool_position(trajectory(event.due))
         work = [x for x in trajectory.spans if x.work]
         number = next(k for k, x in enumerate(work) if x.s[0] <= event.s <= x.s[1])
         s = event.s - work[number].s[0]
         # Between its knots "paper" leaves the path; along it the tool is at the place.
         tangent = program.contours[number].path(s, 1, side="left" if s else "right")
-        assert abs((here - event.point) @ tangent) < 1e-9
-        assert np.linalg.norm(here - event.point) < 1e-4
+        assert abs((position - event.point) @ tangent) < 1e-9
+        assert np.linalg.norm(position - event.point) < 1e-4
     b = next(x for x in trajectory.events if x.name == "b")
     assert b.t == pytest.approx(b.due - 0.05, abs=1e-15)
 
@@ -168,8 +174,8 @@ def test_leads_of_events_are_exact_in_time_and_along_the_path():
         Event(name=name, s=s, lead_distance=x, lead_time=t)
         for name, s, x, t in zip("abcdefgh", s, way, early, strict=True)
     )
-    found = ac.plan(program_of(Contour(path=BEND, events=events)), PMK3S, IN_PLANE).events
-    t, due = ({x.name: getattr(x, name) for x in found} for name in ("t", "due"))
+    timed_events = ac.plan(program_of(Contour(path=BEND, events=events)), PMK3S, IN_PLANE).events
+    t, due = ({x.name: getattr(x, name) for x in timed_events} for name in ("t", "due"))
     assert due["a"] == due["c"] == due["d"]
     expected = {"a": due["b"], "c": due["c"] - 0.25, "d": due["d"] + 0.25, "e": due["f"]}
     expected |= {"g": due["b"] - 0.1, "h": 0.0}
@@ -178,12 +184,12 @@ def test_leads_of_events_are_exact_in_time_and_along_the_path():
     for length in (0.01, 0.0173, 0.1 / 3, 0.02 + 1e-17):
         contour = Contour(path=SQUARE, events=(Event(name="glue", s=0.0, lead_distance=length),))
         process = Process(lead_in=Lead(length=length), begin=0.07, overlap=0.0123)
-        (found,) = ac.plan(plane(contour, process=process), PMK3S, IN_PLANE).events
-        assert found.t == pytest.approx(0, abs=1e-6)
+        (timed_events,) = ac.plan(plane(contour, process=process), PMK3S, IN_PLANE).events
+        assert timed_events.t == pytest.approx(0, abs=1e-6)
     # As far after the end as a contour takes it.
-    late = Contour(path=BEND, events=(Event(name="x", s=0.1 + 0.9e-9),))
-    (found,) = ac.plan(program_of(late), PMK3S, IN_PLANE).events
-    np.testing.assert_allclose(found.point, BEND(0.1), atol=1e-9)
+    shifted = Contour(path=BEND, events=(Event(name="x", s=0.1 + 0.9e-9),))
+    (timed_events,) = ac.plan(program_of(shifted), PMK3S, IN_PLANE).events
+    np.testing.assert_allclose(timed_events.point, BEND(0.1), atol=1e-9)
 
 
 def test_events_off_the_contour_before_the_motion_or_out_of_order_are_refused(refuses):
@@ -209,24 +215,24 @@ def test_events_off_the_contour_before_the_motion_or_out_of_order_are_refused(re
         process = Process(lead_in=Lead(length=2e-3), switch=switch)
         return ac.plan(ac.prepare(dashes, process), PMK3S, PMK3S.limits.replace(speed=0.05))
 
-    kept = planned(0.01)
-    assert [x.value for x in kept.events] == [True, False, True, False]
+    trajectory = planned(0.01)
+    assert [x.value for x in trajectory.events] == [True, False, True, False]
     # So early that the tool would go off before it goes on.
-    most = kept.events[1].due - kept.events[0].due
-    refuses(lambda: planned(1.1 * most), InvalidInput, "before the one to True")
+    spacing = trajectory.events[1].due - trajectory.events[0].due
+    refuses(lambda: planned(1.1 * spacing), InvalidInput, "before the one to True")
 
 
 @pytest.mark.parametrize("arm", [PMK3S, UR5E], ids=lambda x: x.name)
 def test_free_rapids_are_bang_bang_at_the_limits_of_the_joints(arm):
     paths = (SQUARE, BEND) if arm is PMK3S else (in_space(SQUARE), in_space(BEND))
     # Only joint acceleration and velocity bind, and rapids have no limits of the tool.
-    most, fast = np.linspace(2.0, 3.0, arm.dof), np.linspace(0.3, 0.4, arm.dof)
+    acceleration, fast = np.linspace(2.0, 3.0, arm.dof), np.linspace(0.3, 0.4, arm.dof)
     limits = arm.limits.replace(
         speed=0.05,
         centripetal_acceleration=0.05,
         tool_acceleration=0.5,
         joint_torque=None,
-        joint_acceleration=most,
+        joint_acceleration=acceleration,
         joint_velocity=fast,
     )
     trajectory = ac.plan(program_of(*paths), arm, limits, ac.Optimal())
@@ -235,10 +241,10 @@ def test_free_rapids_are_bang_bang_at_the_limits_of_the_joints(arm):
     way = np.abs(end - begin)
     moved = way > 0
     # Along the straight line the joint with the least share of its limits rules.
-    rate, pull = (float((x[moved] / way[moved]).min()) for x in (fast, most))
+    rate, pull = (float((x[moved] / way[moved]).min()) for x in (fast, acceleration))
     # In shares of the way: up at `pull` to `rate` if there is room, and down again.
-    least = 2 / np.sqrt(pull) if rate**2 / pull >= 1 else 1 / rate + rate / pull
-    assert rapid.t[1] - rapid.t[0] == pytest.approx(least, rel=1e-3)
+    shortest = 2 / np.sqrt(pull) if rate**2 / pull >= 1 else 1 / rate + rate / pull
+    assert rapid.t[1] - rapid.t[0] == pytest.approx(shortest, rel=1e-3)
     t = np.linspace(*rapid.t, 50)
     share = (trajectory(t) - begin) @ (end - begin) / ((end - begin) @ (end - begin))
     np.testing.assert_allclose(trajectory(t), begin + share[:, None] * (end - begin), atol=1e-9)
@@ -256,13 +262,13 @@ def test_rapids_and_approaches_keep_their_speeds_at_all_times(jerk):
         speeds = {}
         for process in (free, slow):
             plan = ac.plan(ac.prepare(drawn, process), UR5E, limits.replace(speed=0.1))
-            found = speeds[process] = []
+            peak_speeds = speeds[process] = []
             for span in plan.spans:
                 if span.kind != "rapid":
                     continue
                 t = np.sort(rng.uniform(0, span.trajectory.duration, 4000))
                 q, dq = span.trajectory.motion(t, 1)
-                found.append(float(np.linalg.norm(UR5E.tool_velocity(q, dq), axis=1).max()))
+                peak_speeds.append(float(np.linalg.norm(UR5E.tool_velocity(q, dq), axis=1).max()))
         long = [x > 0.3 for x in speeds[free]]
         short = [x for x, y in zip(speeds[slow], long, strict=True) if not y]
         assert len(long) == len(speeds[slow]) and any(long)
@@ -280,10 +286,10 @@ def test_contours_take_their_time_alone_and_leave_a_reserve_on_rapids_too():
         ac.plan(x, PMK3S, IN_PLANE, ac.Optimal(configuration=configuration)).duration
         for x in (BEND, SQUARE)
     ]
-    ratios, told = [], []
+    ratios, progress_log = [], []
     for reserve in (0.0, 0.4):
         trajectory = ac.plan(
-            TWO, PMK3S, IN_PLANE, ac.Optimal(reserve=reserve), progress=told.append
+            TWO, PMK3S, IN_PLANE, ac.Optimal(reserve=reserve), progress=progress_log.append
         )
         for span in trajectory.spans:
             use = ac.check(span.trajectory, PMK3S, PMK3S.limits)["joint_acceleration"].ratio
@@ -294,7 +300,7 @@ def test_contours_take_their_time_alone_and_leave_a_reserve_on_rapids_too():
             times = [np.ptp(x.t) for x in trajectory.contour_spans]
             assert times == pytest.approx(alone, rel=1e-9)
     assert ratios == pytest.approx([1.0, 0.6], abs=1e-3)
-    assert told == [Step(("timing",), x) for x in (0.5, 1.0)] * 2
+    assert progress_log == [Step(("timing",), x) for x in (0.5, 1.0)] * 2
 
 
 def test_errors_name_the_contour_or_the_rapid(refuses):
@@ -316,16 +322,16 @@ def test_errors_name_the_contour_or_the_rapid(refuses):
             lambda x={name: x}: ac.plan(TWO, PMK3S, IN_PLANE, ac.Optimal(**x)), InvalidInput, name
         )
     del options["grid"]
-    found = ac.plan(program_of(BEND), PMK3S, IN_PLANE, ac.Optimal(**options))
-    assert found.duration == ac.plan(BEND, PMK3S, IN_PLANE, ac.Optimal(**options)).duration
-    np.testing.assert_allclose(found.speed_at([0.0, BEND.length], side="left")[1], 0.01)
-    np.testing.assert_allclose(found.s(0.0, 1), 0.02)
+    trajectory = ac.plan(program_of(BEND), PMK3S, IN_PLANE, ac.Optimal(**options))
+    assert trajectory.duration == ac.plan(BEND, PMK3S, IN_PLANE, ac.Optimal(**options)).duration
+    np.testing.assert_allclose(trajectory.speed_at([0.0, BEND.length], side="left")[1], 0.01)
+    np.testing.assert_allclose(trajectory.s(0.0, 1), 0.02)
 
 
 def test_explains_every_contour_of_a_program_in_its_own_time_and_place():
     program = plane()
     trajectory = ac.plan(program, PMK3S, IN_PLANE)
-    told = ac.explain(trajectory, PMK3S)
+    explanation = ac.explain(trajectory, PMK3S)
     paths = [x.path for x in program.contours]
     configuration = PMK3S.configuration_of(trajectory(0.0))
     alone = [
@@ -337,10 +343,10 @@ def test_explains_every_contour_of_a_program_in_its_own_time_and_place():
         for one, span in zip(alone, trajectory.contour_spans, strict=True)
         for x in one.bindings
     ]
-    for found, (name, *numbers) in zip(told.bindings, expected, strict=True):
-        assert found.name == name and (*found.t, *found.s) == pytest.approx(numbers, abs=1e-9)
+    for binding, (name, *numbers) in zip(explanation.bindings, expected, strict=True):
+        assert binding.name == name and (*binding.t, *binding.s) == pytest.approx(numbers, abs=1e-9)
     share = np.average([x.assigned_length for x in alone], weights=[x.length for x in paths])
-    assert told.assigned_length == pytest.approx(share, abs=1e-9)
+    assert explanation.assigned_length == pytest.approx(share, abs=1e-9)
 
 
 def test_what_comes_before_the_first_contour_keeps_its_order():
@@ -395,7 +401,7 @@ processes = st.builds(
 
 @settings(max_examples=12)
 @given(st.lists(st.tuples(between, contours()), min_size=1, max_size=4), processes)
-def test_whatever_the_program_it_is_kept_or_refused_with_a_sentence(drawn, process):
+def test_any_program_is_planned_within_limits_or_refused_with_one_sentence(drawn, process):
     moves = [x for before, contour in drawn for x in (*before, contour)]
     try:
         program = plane(*moves, process=process)
@@ -429,8 +435,8 @@ def test_of_configurations_as_fast_for_a_contour_that_for_the_next_ones_is_chose
     assert len(equals) > 1
     durations = [ac.plan(program, UR5E, limits, ac.Optimal(seed=x(0.0))).duration for x in equals]
     assert max(durations) > 1.001 * min(durations)
-    found = ac.plan(program, UR5E, limits)
-    assert found.duration == pytest.approx(min(durations), rel=1e-6)
+    trajectory = ac.plan(program, UR5E, limits)
+    assert trajectory.duration == pytest.approx(min(durations), rel=1e-6)
 
 
 def test_an_approach_does_not_choose_another_configuration_than_the_contour():
@@ -460,9 +466,9 @@ def test_the_tool_pierces_at_rest_above_the_waste_and_the_process_is_on_from_the
     judged(program, UR5E, IN_SPACE, plan)
     first = ["rapid", "dwell", "contour", "rapid"]
     assert [x.kind for x in plan.spans] == [*first, "rapid", *first]
-    on, off = plan.events[::2], plan.events[1::2]
-    assert all(x.value is True for x in on) and all(x.value is False for x in off)
-    moves = zip(program.contours, plan.contour_spans, on, off, strict=True)
+    on, switch_off = plan.events[::2], plan.events[1::2]
+    assert all(x.value is True for x in on) and all(x.value is False for x in switch_off)
+    moves = zip(program.contours, plan.contour_spans, on, switch_off, strict=True)
     for contour, span, begin, end in moves:
         # Ready for 0.3 s at the height, and off where the tool leaves the waste again.
         assert begin.t == pytest.approx(span.t[0] - 0.32) and end.t == pytest.approx(span.t[1])
@@ -483,13 +489,13 @@ def test_the_tool_pierces_at_rest_above_the_waste_and_the_process_is_on_from_the
 def test_a_path_a_program_of_it_and_its_joint_path_have_one_plan(method):
     path = ac.round_corners(BEND, tolerance=1e-3)
     program = program_of(path)
-    given = (
+    motions = (
         path,
         program,
         ac.trace(path, PMK3S, configuration="negative"),
         trace_program(program, PMK3S, IN_PLANE),
     )
-    plans = [ac.plan(x, PMK3S, IN_PLANE, METHODS[method]()) for x in given]
+    plans = [ac.plan(x, PMK3S, IN_PLANE, METHODS[method]()) for x in motions]
     t = np.linspace(0, plans[0].duration, 500)
     for x in plans:
         assert x.duration == plans[0].duration and x.path is path
@@ -501,9 +507,9 @@ def test_a_path_a_program_of_it_and_its_joint_path_have_one_plan(method):
 
 
 def test_a_traced_program_is_timed_again_without_tracing(monkeypatch, refuses):
-    program, told = ac.prepare(program_of(SQUARE, BEND), AROUND), []
-    traced = trace_program(program, PMK3S, IN_PLANE, progress=told.append)
-    assert told == [Step(("tracing",), x) for x in (0.5, 1.0)]
+    program, progress_log = ac.prepare(program_of(SQUARE, BEND), AROUND), []
+    traced = trace_program(program, PMK3S, IN_PLANE, progress=progress_log.append)
+    assert progress_log == [Step(("tracing",), x) for x in (0.5, 1.0)]
     whole = ac.plan(program, PMK3S, IN_PLANE, ac.Optimal(reserve=0.2))
     tracing = sys.modules["armcontour.planning.program_tracing"]
     for name in ("trace_by_duration", "trace"):
@@ -529,29 +535,31 @@ def test_other_processes_give_the_same_plans(monkeypatch):
     # From the second move on others plan.
     monkeypatch.setattr("armcontour.core.pool.START", 1e-9)
     monkeypatch.setattr("armcontour.core.pool.processors", lambda: 2)
-    told = []
-    monkeypatch.setattr("armcontour.core.pool.start", lambda: told.append("started") or start())
-    traced = trace_program(program, UR5E, IN_SPACE, progress=told.append)
-    shared = ac.plan(traced, UR5E, IN_SPACE, options, progress=told.append)
+    progress_log = []
+    monkeypatch.setattr(
+        "armcontour.core.pool.start", lambda: progress_log.append("started") or start()
+    )
+    traced = trace_program(program, UR5E, IN_SPACE, progress=progress_log.append)
+    shared = ac.plan(traced, UR5E, IN_SPACE, options, progress=progress_log.append)
     t = np.linspace(0, alone.duration, 999)
     assert np.array_equal(alone.starts, shared.starts)
     assert all(np.array_equal(alone(t, k), shared(t, k)) for k in range(3))
-    steps = [x.names[0] for x in told if x != "started"]
-    assert "started" in told and steps == ["tracing"] * 12 + ["timing"] * 12
+    steps = [x.names[0] for x in progress_log if x != "started"]
+    assert "started" in progress_log and steps == ["tracing"] * 12 + ["timing"] * 12
     assert len(traced.joint_paths) == 23
 
 
 @pytest.mark.parametrize("traced_first", [False, True])
-def test_what_cannot_be_traced_is_said_before_what_cannot_be_planned(monkeypatch, traced_first):
+def test_tracing_errors_come_before_planning_errors(monkeypatch, traced_first):
     """The first contours are too far out for a weak joint, the last one out of reach."""
     starts = np.linspace(0.3, 0.65, 10) if traced_first else [*[0.65] * 6, 2.0]
     lines = [Path.polyline([[x, 0.0], [x + 0.01, 0.0]]) for x in starts]
     program, refused = program_of(*(in_space(x) for x in lines)), []
-    given = trace_program(program, UR5E, WEAK) if traced_first else program
+    traced_or_not = trace_program(program, UR5E, WEAK) if traced_first else program
     for alone in (1e9, 1e-9) if traced_first else (1e-9,):
         monkeypatch.setattr("armcontour.core.pool.START", alone)
-        with pytest.raises(NotRealizable if traced_first else Unreachable) as found:
-            ac.plan(given, UR5E, WEAK, ac.Optimal(intervals=100))
-        refused.append(int(re.match(r"contour (\d+):", str(found.value))[1]))
+        with pytest.raises(NotRealizable if traced_first else Unreachable) as caught:
+            ac.plan(traced_or_not, UR5E, WEAK, ac.Optimal(intervals=100))
+        refused.append(int(re.match(r"contour (\d+):", str(caught.value))[1]))
     # Of several contours that cannot be planned the first one is named.
     assert 3 < refused[0] == refused[1] < 10 if traced_first else refused == [7]

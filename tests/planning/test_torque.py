@@ -31,9 +31,9 @@ def torque_only(arm, **more):
 
 
 def judged(planned, arm, limits):
-    found = ac.check(planned, arm, limits, points=30)
-    assert not found.violated, found.worst
-    return found
+    check = ac.check(planned, arm, limits, points=30)
+    assert not check.violated, check.worst
+    return check
 
 
 def test_friction_is_kept_where_joints_turn_round():
@@ -109,8 +109,8 @@ def test_refusals(refuses):
         (loaded, "even at rest", {"joint": 1, "limit": "torque", "allowed": -150.0}),
         (stiff, "in the slowest motion, with friction", {"joint": 5, "allowed": 28.0}),
     ):
-        own = torque_only(arm)
-        refuses(lambda x=arm, y=own: ac.plan(path, x, y), ac.NotRealizable, words, **data)
+        torque_limits = torque_only(arm)
+        refuses(lambda x=arm, y=torque_limits: ac.plan(path, x, y), ac.NotRealizable, words, **data)
     bare = ac.load_arm("ur5e")
     chain = bare.chain.replace(masses=None, centers=None, inertias=None)
     hint = "load_arm takes a joint_limits.yaml"
@@ -126,29 +126,29 @@ def test_a_payload_slows_the_arm():
     assert durations[0] < durations[1] < durations[2]
 
 
-def test_a_plan_says_which_torque_binds():
+def test_the_explanation_names_the_limiting_torque():
     arm = ur5e(viscous=VISCOUS, coulomb=COULOMB)
     limits = torque_only(arm)
     planned = ac.plan(ac.JointPath.spline(POINTS), arm, limits)
-    found = ac.explain(planned, arm, limits).bindings
-    binding = [x for x in found if x.limit != "nothing"]
+    bindings = ac.explain(planned, arm, limits).bindings
+    binding = [x for x in bindings if x.limit != "nothing"]
     assert {x.name for x in binding} <= {f"joint {k} torque" for k in range(1, 7)}
     length = sum(x.s[1] - x.s[0] for x in binding)
-    assert length > 0.98 * (found[-1].s[1] - found[0].s[0])
+    assert length > 0.98 * (bindings[-1].s[1] - bindings[0].s[0])
     assert all(0.99 < x.share < 1 + 1e-9 for x in binding)
 
 
-def test_neighbours_tell_what_an_inflection_hides():
+def test_neighbours_bound_the_error_at_an_inflection():
     path = ac.JointPath.spline([(0.0, 0.0), (1.0, 1.0)], s=[0.0, 1.0])
     on = OnGrid(Grid(path, np.linspace(0, 1, 10), np.zeros(9, dtype=int)))
     s = on.grid.s
     cube = (on.places[1] - 0.5)[:, None] ** 3
     none, one = np.zeros_like(cube), np.ones(1)
-    found = on.rows((none, none, cube), -one, one).rise[:, 0, ALONE]
+    margins = on.rows((none, none, cube), -one, one).rise[:, 0, ALONE]
     inside = np.linspace(0, 1, 50)[:, None]
-    value, at = (s[:-1] + inside * on.grid.width - 0.5) ** 3, (s - 0.5) ** 3
-    off = np.abs(value - (at[:-1] + inside * np.diff(at))).max(axis=0)
-    assert (off <= found).all()
+    value, chord = (s[:-1] + inside * on.grid.width - 0.5) ** 3, (s - 0.5) ** 3
+    deviation = np.abs(value - (chord[:-1] + inside * np.diff(chord))).max(axis=0)
+    assert (deviation <= margins).all()
 
 
 def test_no_plan_is_given_up_that_would_gain_much(monkeypatch):

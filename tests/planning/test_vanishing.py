@@ -152,16 +152,16 @@ def test_bent_quintics_from_rest_without_acceleration(seed, worst_ratios):
     fine = ac.plan(path, limits=limits, options=ac.Optimal(intervals=40_000))
     assert 0 <= planned.duration / fine.duration - 1 < 3e-4
     # It is the same curve: Newton's steps from the nearest sample find no distance.
-    found = planned(np.linspace(0, planned.duration, 2001))
+    positions = planned(np.linspace(0, planned.duration, 2001))
     s = np.linspace(0, 1, 20_001) ** 3
     s = np.concatenate([s, 2 - s])
-    s = s[cKDTree(path(s)).query(found)[1]]
+    s = s[cKDTree(path(s)).query(positions)[1]]
     for _ in range(3):
-        away, slope = found - path(s), path(s, 1)
+        away, slope = positions - path(s), path(s, 1)
         square = np.einsum("ij,ij->i", slope, slope)
         step = np.einsum("ij,ij->i", away, slope) / np.where(square > 0, square, 1.0)
         s = np.clip(s + step, 0.0, 2.0)
-    assert np.linalg.norm(found - path(s), axis=1).max() < 1e-10
+    assert np.linalg.norm(positions - path(s), axis=1).max() < 1e-10
 
 
 @pytest.mark.parametrize("ends", ["clamped", "natural"])
@@ -170,8 +170,8 @@ def test_out_and_back_along_a_spline(ends, worst_ratios):
         rng = np.random.default_rng(seed)
         out = rng.uniform(-2, 2, (int(rng.integers(2, 7)), int(rng.integers(1, 7))))
         path = ac.JointPath.spline(np.concatenate([out, out[-2::-1]]), ends=ends)
-        most = rng.uniform(0.5, 5, out.shape[1])
-        limits = ac.Limits.only(joint_acceleration=most, joint_velocity=3.0)
+        acceleration = rng.uniform(0.5, 5, out.shape[1])
+        limits = ac.Limits.only(joint_acceleration=acceleration, joint_velocity=3.0)
         planned = ac.plan(path, limits=limits)
         assert largest_use(planned, limits, worst_ratios) <= 1 + 1e-9, seed
         fine = ac.plan(path, limits=limits, options=ac.Optimal(intervals=40_000))
@@ -188,15 +188,17 @@ def test_pieces_in_which_nothing_moves_are_left_out(refuses):
     planned = ac.plan(path, limits=limits)
     assert planned.duration >= 2 * np.sqrt(2 / 2.0)
     np.testing.assert_allclose(planned(planned.duration), 2.0)
-    given = ac.plan(path, limits=limits, options=ac.Optimal(grid=np.linspace(0, 3, 50)))
-    assert given.duration == pytest.approx(planned.duration, rel=1e-2)
+    motion = ac.plan(path, limits=limits, options=ac.Optimal(grid=np.linspace(0, 3, 50)))
+    assert motion.duration == pytest.approx(planned.duration, rel=1e-2)
     # A constraint counts in s, so that nothing is left out; it is said which piece is at fault.
     idle = SecondOrder("idle", lambda s, side: 3 * (np.zeros((len(s), 1)),), [-1.0], [1.0])
     still[:, 1], still[:, 0] = 0.0, 1.0
     nothing = ac.JointPath(breaks=[0.0, 1.0, 2.0, 3.0], coefficients=still)
-    bent, flat = (of([(0.0, 0.0), (1.0, 2.0)]) for of in (ac.JointPath.spline, ac.Path.polyline))
+    bent, flat = (
+        make_path([(0.0, 0.0), (1.0, 2.0)]) for make_path in (ac.JointPath.spline, ac.Path.polyline)
+    )
     plain = ac.Optimal()
-    for given, own, options, words in (
+    for motion, motion_limits, options, words in (
         (path, limits, ac.Optimal(constraints=[idle]), "No joint moves from s = 1 to"),
         (nothing, limits, plain, "No joint moves"),
         # Without an arm.
@@ -204,7 +206,7 @@ def test_pieces_in_which_nothing_moves_are_left_out(refuses):
         (bent, None, plain, "needs an Arm"),
         (flat, ac.Limits.only(speed=1.0), plain, "needs an Arm"),
     ):
-        call = functools.partial(ac.plan, given, limits=own, options=options)
+        call = functools.partial(ac.plan, motion, limits=motion_limits, options=options)
         refuses(call, ac.InvalidInput, words)
 
 

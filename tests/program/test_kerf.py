@@ -44,12 +44,14 @@ def area(path):
 def test_lines_and_corners_outside_and_inside_of_the_kerf():
     d = 1e-4
     for drawn in (SQUARE, SQUARE.reversed()):
-        (done,) = cut(drawn, kerf=2 * d).contours
-        assert done.closed and len(done.path) == 8
-        assert sorted(done.path.curvatures.tolist()) == pytest.approx([0] * 4 + [1 / d] * 4)
-        assert done.path.length == pytest.approx(0.32 + 2 * np.pi * d, abs=1e-14)
-        assert np.linalg.norm(done.path(0.0)) == pytest.approx(d, abs=1e-12)
-        assert not (done.path.turns > 1e-9).any()
+        (offset_contour,) = cut(drawn, kerf=2 * d).contours
+        assert offset_contour.closed and len(offset_contour.path) == 8
+        assert sorted(offset_contour.path.curvatures.tolist()) == pytest.approx(
+            [0] * 4 + [1 / d] * 4
+        )
+        assert offset_contour.path.length == pytest.approx(0.32 + 2 * np.pi * d, abs=1e-14)
+        assert np.linalg.norm(offset_contour.path(0.0)) == pytest.approx(d, abs=1e-12)
+        assert not (offset_contour.path.turns > 1e-9).any()
     drawn = Contour(path=SQUARE), circle(-0.1, 0, 0.03), circle(0, 0, 0.2)
     inner, small, outer = cut(*drawn, kerf=0.002).contours
     np.testing.assert_allclose(np.ptp(inner.path.vertices, axis=0), [0.098, 0.058], atol=1e-15)
@@ -62,14 +64,14 @@ def test_lines_and_corners_outside_and_inside_of_the_kerf():
 
 def test_what_a_kerf_parts_becomes_several_contours_with_names_of_their_own():
     drawn = circle(0.05, 0.02, 0.2, name="outline"), Contour(path=DUMBBELL, name="slot")
-    done = cut(*drawn, kerf=0.005)
-    assert names(done) == ["slot/1", "slot/2", "outline"]
+    cut_program = cut(*drawn, kerf=0.005)
+    assert names(cut_program) == ["slot/1", "slot/2", "outline"]
     # A square, and what the tool reaches into the mouth, between circles around its vertices.
     d, half = 2.5e-3, 2e-3
     mouth = 2 * d * half - half * np.sqrt(d**2 - half**2) - d**2 * np.arcsin(half / d)
-    areas = [area(x.path) for x in done.contours[:2]]
+    areas = [area(x.path) for x in cut_program.contours[:2]]
     assert areas == pytest.approx([0.035**2 + mouth] * 2, abs=1e-10)
-    assert np.linalg.norm(done.contours[0].path(0.0) - [0.0025, 0.0025]) < 1e-12
+    assert np.linalg.norm(cut_program.contours[0].path(0.0) - [0.0025, 0.0025]) < 1e-12
     assert names(cut(*drawn, kerf=0.003)) == ["slot", "outline"]
 
 
@@ -77,8 +79,8 @@ def test_a_kerf_is_inside_of_holes_and_refused_there_on_every_layer():
     outline = circle(0, 0, 0.05, layer="CUT")
     for layer in ("CUT", "HOLES"):
         hole = circle(0.01, 0, 0.0045, name="hole 7", layer=layer)
-        done = cut(outline, hole, kerf=1.2e-3)
-        assert radii(done) == pytest.approx([3.9e-3, 50.6e-3], abs=1e-15)
+        cut_program = cut(outline, hole, kerf=1.2e-3)
+        assert radii(cut_program) == pytest.approx([3.9e-3, 50.6e-3], abs=1e-15)
         with pytest.raises(InvalidInput, match="contour hole 7: a kerf of 12 mm") as caught:
             cut(outline, hole, kerf=12e-3)
         assert caught.value.allowed == pytest.approx(9e-3, rel=1e-3)
@@ -90,14 +92,16 @@ def test_a_kerf_is_inside_of_holes_and_refused_there_on_every_layer():
 def test_layers_may_have_a_kerf_of_their_own():
     outline, hole = circle(0, 0, 0.05, layer="A"), circle(0, 0, 0.02, layer="B")
     by_layer = {"B": {"kerf": 4e-3}}
-    done = cut(outline, hole, kerf=1e-3, by_layer=by_layer)
-    assert radii(done) == pytest.approx([0.018, 0.0505], abs=1e-15)
+    cut_program = cut(outline, hole, kerf=1e-3, by_layer=by_layer)
+    assert radii(cut_program) == pytest.approx([0.018, 0.0505], abs=1e-15)
     other = circle(0.1025, 0, 0.05, layer="B")
     assert len(cut(outline, other, kerf=1e-3).contours) == 2
     refused((lambda: cut(outline, other, kerf=1e-3, by_layer=by_layer),))
     # A kerf of zero says that the process cuts.
-    done = cut(outline, hole, kerf=0.0)
-    assert [x.layer for x in done.contours] == ["B", "A"] and done.contours[0].path is hole.path
+    cut_program = cut(outline, hole, kerf=0.0)
+    assert [x.layer for x in cut_program.contours] == ["B", "A"] and cut_program.contours[
+        0
+    ].path is hole.path
 
 
 def test_contours_that_cross_themselves_or_are_too_near_are_refused():
@@ -123,12 +127,14 @@ def test_contours_that_cross_themselves_or_are_too_near_are_refused():
 
 def test_open_contours_have_no_waste_and_stay_unless_a_side_is_given():
     mark = Contour(path=BEND, name="mark")
-    done = cut(mark, circle(0, 0, 0.2), kerf=2e-3)
-    assert any(x.path is BEND for x in done.contours)
-    (note,) = done.notes
+    cut_program = cut(mark, circle(0, 0, 0.2), kerf=2e-3)
+    assert any(x.path is BEND for x in cut_program.contours)
+    (note,) = cut_program.notes
     assert "contour mark stays where drawn" in note
-    left = cut(mark, kerf=2e-3, kerf_side="left").path
-    np.testing.assert_allclose(left.vertices, [[0, 1e-3], [0.049, 1e-3], [0.049, 0.05]], atol=1e-15)
+    cut_left = cut(mark, kerf=2e-3, kerf_side="left").path
+    np.testing.assert_allclose(
+        cut_left.vertices, [[0, 1e-3], [0.049, 1e-3], [0.049, 0.05]], atol=1e-15
+    )
     right = cut(mark, kerf=2e-3, kerf_side="right").path
     assert len(right) == 3 and right.curvatures[1] == pytest.approx(1e3)
     np.testing.assert_allclose(right([0, right.length]), [[0, -1e-3], [0.051, 0.05]], atol=1e-15)
@@ -141,8 +147,8 @@ def test_a_cut_beside_an_open_contour_keeps_clear_of_its_ends():
     # Half the kerf on each side of the gap.
     assert caught.value.allowed == pytest.approx(3e-3, rel=1e-3)
     for side in ("left", "right"):
-        done = cut(hook, kerf=2.99e-3, kerf_side=side).path
-        away = hook.project(done(np.linspace(0, done.length, 999))).distance
+        offset_path = cut(hook, kerf=2.99e-3, kerf_side=side).path
+        away = hook.project(offset_path(np.linspace(0, offset_path.length, 999))).distance
         assert away.min() == pytest.approx(2.99e-3 / 2, abs=1e-12)
 
 
@@ -153,15 +159,15 @@ def test_random_cuts_beside_open_contours_keep_their_distance_or_are_refused():
         points = np.cumsum(rng.uniform(-0.02, 0.02, (int(rng.integers(3, 7)), 2)), axis=0)
         kerf = float(rng.choice([1e-3, 4e-3, 8e-3]))
         try:
-            done = cut(Path.polyline(points), kerf=kerf, kerf_side="left").path
+            offset_path = cut(Path.polyline(points), kerf=kerf, kerf_side="left").path
         except InvalidInput:
             refusals += 1
             continue
-        found = done(np.linspace(0, done.length, 500))
+        samples = offset_path(np.linspace(0, offset_path.length, 500))
         a, b = points[:-1], points[1:]
-        share = ((found[:, None] - a) * (b - a)).sum(2) / ((b - a) ** 2).sum(1)
+        share = ((samples[:, None] - a) * (b - a)).sum(2) / ((b - a) ** 2).sum(1)
         foot = a + np.clip(share, 0, 1)[:, :, None] * (b - a)
-        assert np.linalg.norm(found[:, None] - foot, axis=2).min() >= kerf / 2 - 1e-9
+        assert np.linalg.norm(samples[:, None] - foot, axis=2).min() >= kerf / 2 - 1e-9
     assert 5 < refusals < 65
 
 
@@ -171,15 +177,15 @@ def test_in_space_the_cut_lies_in_the_plane_of_the_contour_and_the_tool_keeps_it
     up = frame.rotation[:, 2]
     placed = Program.from_path(SQUARE).placed(frame).path
     placed = placed.pointing(-up) if held == "pointing" else placed.following_tangent(up)
-    done = cut(placed, kerf=2e-3, up=up).path
+    offset_path = cut(placed, kerf=2e-3, up=up).path
     expected = cut(SQUARE, kerf=2e-3).placed(frame).path
-    apart = expected.project(done(np.linspace(0, done.length, 99))).distance
-    assert apart.max() < 1e-12 and done.length == pytest.approx(expected.length, abs=1e-12)
-    places = np.linspace(0.001, done.length - 1e-3, 50)
-    axes = done.orientation(places)
+    apart = expected.project(offset_path(np.linspace(0, offset_path.length, 99))).distance
+    assert apart.max() < 1e-12 and offset_path.length == pytest.approx(expected.length, abs=1e-12)
+    places = np.linspace(0.001, offset_path.length - 1e-3, 50)
+    axes = offset_path.orientation(places)
     np.testing.assert_allclose(axes[:, :, 2], np.tile(-up, (50, 1)), atol=1e-12)
     if held == "following":
-        np.testing.assert_allclose(axes[:, :, 0], done(places, 1), atol=1e-9)
+        np.testing.assert_allclose(axes[:, :, 0], offset_path(places, 1), atol=1e-9)
 
 
 def test_events_rapids_and_leads_come_along():
@@ -192,14 +198,14 @@ def test_events_rapids_and_leads_come_along():
     before, contour, after = prepare(Program(moves=moves), Process(kerf=2e-3)).moves
     below = np.abs(contour.path(contour.path.breaks[:-1] + 1e-6)[:, 1] + 1e-3) < 1e-9
     assert (contour.path.speeds[below] == 0.02).all() and below.sum() >= 1
-    on, off = contour.events
+    on, switch_off = contour.events
     np.testing.assert_allclose(contour.path(on.s), [0.05, -1e-3], atol=1e-12)
-    assert off.s == contour.path.length
+    assert switch_off.s == contour.path.length
     np.testing.assert_array_equal(before.path(before.path.length), contour.path(0.0))
     np.testing.assert_allclose(after.path(0.0), contour.path(contour.path.length), atol=1e-9)
     lead = Lead(length=4e-3, shape="arc")
-    done = cut(circle(0, 0, 0.05), circle(0, 0, 0.02), kerf=1e-3, lead_in=lead)
-    inner, outer = (np.linalg.norm(x.path(0.0)) for x in done.contours)
+    cut_program = cut(circle(0, 0, 0.05), circle(0, 0, 0.02), kerf=1e-3, lead_in=lead)
+    inner, outer = (np.linalg.norm(x.path(0.0)) for x in cut_program.contours)
     assert inner < 0.0195 < 0.0505 < outer
 
 

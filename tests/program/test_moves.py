@@ -36,7 +36,7 @@ def contour(path=LINE, **values):
 def test_refuses_what_makes_no_program():
     nan = float("nan")
     drawn = program(contour(name="1", layer="a"), contour(name="2", layer="b"), source="x.dxf")
-    late = (Event(name="laser", s=0.2),)
+    events_beyond = (Event(name="laser", s=0.2),)
     across = ac.Arc(start=(0, 0, 0), center=(0.1, 0, 0), angle=1.0, normal=(0, 1, 0))
     arcs = contour(ac.Path.from_segments([across]), name="line 7")
     raised = program(contour(SPACE), arcs, source="x.ngc")
@@ -52,7 +52,7 @@ def test_refuses_what_makes_no_program():
         (lambda: Program.from_path([1, 2], "This needs a Path"), "This needs", "list"),
         (lambda: contour([[0, 0], [1, 1]]), "Path", "list"),
         (lambda: Rapid(path=[[0, 0], [1, 1]]), "rapid", "list"),
-        (lambda: contour(name="c", events=late), "laser", "0.2", "0.1"),
+        (lambda: contour(name="c", events=events_beyond), "laser", "0.2", "0.1"),
         (lambda: Event(name=""), "name"),
         (lambda: Event(name=3), "text"),
         (lambda: Event(name="x", s=-0.1), "x", "-0.1"),
@@ -145,23 +145,23 @@ def test_names_are_a_line_of_80_printable_characters():
             (lambda x=name: Switch(name=x), "name of a switch", words),
         )
     for name in ("x" * 80, "größer, 名前, naïve #1 (µ)", "a  b"):
-        found = contour(name=name, layer=name, events=(Event(name=name, value=name),))
-        assert found.name == found.layer == found.events[0].value == name
+        named = contour(name=name, layer=name, events=(Event(name=name, value=name),))
+        assert named.name == named.layer == named.events[0].value == name
     notes = ("left out: \x1b]0;x\x07.", "x" * 1_000_000)
-    found = program(contour(), source="a\u202eb.dxf", notes=notes)
-    assert found.notes[0] == r"left out: \x1b]0;x\x07." and len(found.notes[1]) <= 2000
-    assert found.source == r"a\u202eb.dxf"
+    named = program(contour(), source="a\u202eb.dxf", notes=notes)
+    assert named.notes[0] == r"left out: \x1b]0;x\x07." and len(named.notes[1]) <= 2000
+    assert named.source == r"a\u202eb.dxf"
 
 
 def test_a_path_becomes_a_program_whose_single_path_has_nothing_around_it():
-    found = Program.from_path(LINE)
-    assert found.path is found.single_path is LINE and len(found.moves) == 1
-    assert Program.from_path(found) is found
+    copy = Program.from_path(LINE)
+    assert copy.path is copy.single_path is LINE and len(copy.moves) == 1
+    assert Program.from_path(copy) is copy
     ring = ac.Path.polyline([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.0]])
-    kept, drawn = (
+    prepared, drawn = (
         ac.prepare(x, Process()) for x in (Program.from_path(ring), program(contour(ring)))
     )
-    assert kept.single_path is ring
+    assert prepared.single_path is ring
     assert np.linalg.norm(drawn.path(0.0) - ring(0.0)) > 0.01  # off the corner
     # Rounding gives back what it was given.
     rounded, by_program = (

@@ -58,14 +58,14 @@ PARTS = (
 
 def test_what_lies_inside_comes_first_and_part_after_part():
     for process in ({"lead_in": WASTE}, {"order": "inside_first"}):
-        done = ordered(PARTS, **process)
-        assert names(done) == ["island", "window", "mark", "outline", "hole", "second"]
-        assert not done.notes
+        arranged = ordered(PARTS, **process)
+        assert names(arranged) == ["island", "window", "mark", "outline", "hole", "second"]
+        assert not arranged.notes
     # Only a cutting process changes the order of itself.
-    straight, left = Lead(length=1e-3), Lead(length=1e-3, shape="arc", side="left")
-    for process in ({}, {"lead_in": straight}, {"lead_in": left}):
-        done = ordered(PARTS, **process)
-        assert names(done) == [x.name for x in PARTS] and not done.notes
+    straight, arc_lead = Lead(length=1e-3), Lead(length=1e-3, shape="arc", side="left")
+    for process in ({}, {"lead_in": straight}, {"lead_in": arc_lead}):
+        arranged = ordered(PARTS, **process)
+        assert names(arranged) == [x.name for x in PARTS] and not arranged.notes
 
 
 def test_a_warning_names_what_is_cut_too_early():
@@ -73,8 +73,8 @@ def test_a_warning_names_what_is_cut_too_early():
     assert "contour outline is cut before contour window" in note and "so are 3 more" in note
     # The order of G-code has a meaning, and stays.
     moves = PARTS[0], Event(name="gas"), PARTS[1]
-    done = ordered(moves, lead_in=WASTE)
-    assert names(done) == ["outline", "window"] and len(done.notes) == 1
+    arranged = ordered(moves, lead_in=WASTE)
+    assert names(arranged) == ["outline", "window"] and len(arranged.notes) == 1
     assert not ordered(moves[::-1], lead_in=WASTE).notes
     orders = "inside_first", "nearest", "shortest"
     refused(*((lambda x=x: ordered(moves, order=x), x) for x in orders))
@@ -82,7 +82,7 @@ def test_a_warning_names_what_is_cut_too_early():
 
 @given(order=st.sampled_from(["nearest", "shortest"]), seed=st.integers(0, 10_000))
 @settings(max_examples=12)
-def test_whatever_is_cut_what_lies_inside_comes_before(order, seed):
+def test_inner_contours_are_cut_first_in_any_order(order, seed):
     rng = np.random.default_rng(seed)
     contours, inner = [], {}
     for i, center in enumerate(rng.permutation(16)[:6]):
@@ -91,10 +91,10 @@ def test_whatever_is_cut_what_lies_inside_comes_before(order, seed):
             contours.append(circle(x, y, radius, f"{i}{k}"))
             inner[f"{i}{k}"] = f"{i}{k - 1}"
     moves = (contours[i] for i in rng.permutation(len(contours)))
-    found = names(ordered(moves, lead_in=WASTE, order=order))
-    assert sorted(found) == sorted(inner)
+    order_found = names(ordered(moves, lead_in=WASTE, order=order))
+    assert sorted(order_found) == sorted(inner)
     for name, outer in inner.items():
-        assert outer not in found or found.index(name) < found.index(outer)
+        assert outer not in order_found or order_found.index(name) < order_found.index(outer)
 
 
 # ------------------------------------------------------------------------------------- shortest
@@ -106,33 +106,34 @@ def test_the_shortest_order_of_few_contours_is_that_of_all_orders(seed, turned):
     rng = np.random.default_rng(seed)
     ends = rng.uniform(0, 0.3, (6, 2, 2))
     drawn = (line(a, b, str(i)) for i, (a, b) in enumerate(ends))
-    done = ordered(drawn, order="shortest", reverse_open=turned)
+    arranged = ordered(drawn, order="shortest", reverse_open=turned)
     options = [[x, x[::-1]] if turned else [x] for x in ends]
 
     @functools.cache
-    def least(i, k, left):
-        """The shortest way from option k of contour i over all that are left."""
+    def shortest_way(i, k, remaining):
+        """The shortest way from option k of contour i over all remaining contours."""
         ways = (
-            float(np.linalg.norm(options[j][m][0] - options[i][k][1])) + least(j, m, left - {j})
-            for j in left
+            float(np.linalg.norm(options[j][m][0] - options[i][k][1]))
+            + shortest_way(j, m, remaining - {j})
+            for j in remaining
             for m in range(len(options[j]))
         )
         return min(ways, default=0.0)
 
     every = frozenset(range(6))
-    shortest = min(least(i, k, every - {i}) for i in every for k in range(len(options[i])))
-    assert shortest - 1e-12 <= gaps(done) <= 1.05 * shortest
-    assert sorted(names(done)) == [str(i) for i in range(6)]
+    shortest = min(shortest_way(i, k, every - {i}) for i in every for k in range(len(options[i])))
+    assert shortest - 1e-12 <= gaps(arranged) <= 1.05 * shortest
+    assert sorted(names(arranged)) == [str(i) for i in range(6)]
 
 
 def test_closed_contours_begin_where_the_way_is_short():
     rings = [circle(0.1 * i, 0, 0.04, str(i)) for i in (0, 2, 1, 3)]
-    done = ordered(rings, order="shortest")
-    assert names(done) in (["0", "1", "2", "3"], ["3", "2", "1", "0"])
+    arranged = ordered(rings, order="shortest")
+    assert names(arranged) in (["0", "1", "2", "3"], ["3", "2", "1", "0"])
     # From the right of the first circle to the left of the last one: in and out of each of the two
     # between at one place, in the best case on the straight line.
-    assert 0.22 - 1e-12 <= gaps(done) <= 0.3
-    for x in done.contours:
+    assert 0.22 - 1e-12 <= gaps(arranged) <= 0.3
+    for x in arranged.contours:
         assert x.closed and x.path.length == pytest.approx(0.08 * np.pi, abs=1e-9)
     for x in ordered(rings, order="shortest", begin="drawn").contours:
         np.testing.assert_allclose(x.path(0.0), [0.1 * int(x.name) + 0.04, 0])
@@ -167,25 +168,28 @@ def test_hundreds_of_contours_come_near_a_lower_bound(closed):
     for i, (x, y) in enumerate(rng.uniform(0, 1, (250, 2))):
         end = x + 1e-5 * np.cos(i), y + 1e-5 * np.sin(i)
         contours.append(circle(x, y, 4e-3) if closed else line((x, y), end))
-    done = ordered(contours, order="shortest", begin="drawn" if closed else "auto")
+    arranged = ordered(contours, order="shortest", begin="drawn" if closed else "auto")
     # It is no warning: nothing is wrong.
-    (note,) = done.remarks
-    assert not done.notes
-    starts = np.array([x.path(0.0) for x in done.contours])
-    bound = held_karp(starts, gaps(done))
-    assert 0.99 * bound < gaps(done) <= 1.06 * bound
-    assert f"a total length of {number(gaps(done), 'm')}" in note
+    (note,) = arranged.remarks
+    assert not arranged.notes
+    starts = np.array([x.path(0.0) for x in arranged.contours])
+    bound = held_karp(starts, gaps(arranged))
+    assert 0.99 * bound < gaps(arranged) <= 1.06 * bound
+    assert f"a total length of {number(gaps(arranged), 'm')}" in note
 
 
 def test_open_contours_run_backwards_only_where_they_may():
     first, second = line((0, 0), (1, 0)), ((0, 0.1), (1, 0.1))
     assert gaps(ordered((first, line(*second)), order="nearest")) == pytest.approx(np.hypot(1, 0.1))
     for order in ("nearest", "shortest"):
-        done = ordered((first, line(*second)), order=order, reverse_open=True)
-        assert gaps(done) == pytest.approx(0.1)
+        arranged = ordered((first, line(*second)), order=order, reverse_open=True)
+        assert gaps(arranged) == pytest.approx(0.1)
     switched = line(*second, events=(Event(name="gas", s=0.2),))
-    found = ordered((first, switched), order="shortest", reverse_open=True)
-    assert found.contours[-1].events[0].s == pytest.approx(0.2) or gaps(found) > 0.1
+    ordered_program = ordered((first, switched), order="shortest", reverse_open=True)
+    assert (
+        ordered_program.contours[-1].events[0].s == pytest.approx(0.2)
+        or gaps(ordered_program) > 0.1
+    )
 
 
 def test_outputs_are_on_at_work_only():
@@ -202,35 +206,35 @@ def test_the_judge_sees_events_at_wrong_places(by, monkeypatch):
         return dataclasses.replace(x, events=events)
 
     def shifted(program, process):
-        found = prepare(program, process)
-        moves = (moved(x) if isinstance(x, ac.Contour) else x for x in found.moves)
-        return dataclasses.replace(found, moves=tuple(moves))
+        prepared = prepare(program, process)
+        moves = (moved(x) if isinstance(x, ac.Contour) else x for x in prepared.moves)
+        return dataclasses.replace(prepared, moves=tuple(moves))
 
     monkeypatch.setattr(outputs.ac, "prepare", shifted)
-    seen = 0
+    detections = 0
     for seed in range(10):
         try:
             outputs.judge_program(seed)
         except AssertionError as error:
             assert "without work" in str(error) or "at work" in str(error)
-            seen += 1
+            detections += 1
     # Along active leads an output may be on, so that some shifts there are no error.
-    assert seen >= 8
+    assert detections >= 8
 
 
 def test_the_judge_sees_shorter_leads_and_another_contour_and_else_nothing(monkeypatch):
     write = outputs.DrawnJob.text
 
     def wrong(drawn, other_units):
-        kept = drawn.lead_in, drawn.points
+        original = drawn.lead_in, drawn.points
         drawn.lead_in, drawn.points = 0.5 * drawn.lead_in, drawn.points + 0.5 * drawn.tolerance
         try:
             return write(drawn, other_units)
         finally:
-            drawn.lead_in, drawn.points = kept
+            drawn.lead_in, drawn.points = original
 
     seed = 1  # a small job with a lead-in
     assert outputs.DrawnJob(seed).lead_in and not outputs.judge_job(seed)
     monkeypatch.setattr(outputs.DrawnJob, "text", wrong)
-    said = " ".join(outputs.judge_job(seed))
-    assert "length of the lead-in" in said and "contour not covered" in said
+    messages = " ".join(outputs.judge_job(seed))
+    assert "length of the lead-in" in messages and "contour not covered" in messages

@@ -63,12 +63,14 @@ def straight(*points):
 
 
 def test_leads_along_a_line_go_on_along_the_tangents():
-    done = only(BEND, Process(lead_in=Lead(length=0.02), lead_out=Lead(length=0.01)))
+    prepared_contour = only(BEND, Process(lead_in=Lead(length=0.02), lead_out=Lead(length=0.01)))
     points = [[0.28, 0.2], [0.3, 0.2], [0.35, 0.2], [0.35, 0.25], [0.35, 0.26]]
-    np.testing.assert_allclose(done.path.vertices, points, atol=1e-15)
-    assert done.work == pytest.approx((0.02, 0.12), abs=1e-15)
-    assert done.path.tags[0] == "lead-in" and done.path.tags[-1] == "lead-out"
-    np.testing.assert_allclose(done.path.turns, [0, np.pi / 2, 0], atol=1e-9)
+    np.testing.assert_allclose(prepared_contour.path.vertices, points, atol=1e-15)
+    assert prepared_contour.work == pytest.approx((0.02, 0.12), abs=1e-15)
+    assert (
+        prepared_contour.path.tags[0] == "lead-in" and prepared_contour.path.tags[-1] == "lead-out"
+    )
+    np.testing.assert_allclose(prepared_contour.path.turns, [0, np.pi / 2, 0], atol=1e-9)
 
 
 @each("side, sign", [("left", 1.0), ("right", -1.0)])
@@ -83,8 +85,8 @@ def test_leads_in_an_arc_are_quarters_of_circles_that_touch_the_contour(side, si
     tangents = [[0, -sign], [-sign, 0]]
     np.testing.assert_allclose(path([0, path.length], 1, side="left"), tangents, atol=1e-12)
     centre = np.array([0.3, 0.2 + sign * radius])
-    off = np.linalg.norm(path(np.linspace(0, length, 9)) - centre, axis=1)
-    np.testing.assert_allclose(off, radius, atol=1e-15)
+    radii = np.linalg.norm(path(np.linspace(0, length, 9)) - centre, axis=1)
+    np.testing.assert_allclose(radii, radius, atol=1e-15)
     np.testing.assert_allclose(path.turns[[0, -1]], 0, atol=1e-9)
 
 
@@ -100,14 +102,14 @@ def test_leads_in_a_tilted_plane_are_tangent_and_stay_in_it(yaw, tilt, shape, si
     flat = np.array([[0.0, 0, 0], [0.05, 0.01, 0], [0.05, 0.06, 0]])
     path = Path.polyline(flat @ turn.T + [0.4, 0, 0.3])
     up, lead = turn[:, 2], Lead(length=length, shape=shape, side=side)
-    done = only(path, Process(lead_in=lead, lead_out=lead, up=7 * up)).path
-    assert done.length == pytest.approx(path.length + 2 * length, abs=1e-12)
-    np.testing.assert_allclose(done.turns[[0, -1]], 0, atol=1e-9)
-    s = np.linspace(0, done.length, 50)
-    np.testing.assert_allclose((done(s) - path(0.0)) @ up, 0, atol=1e-12)
+    prepared_path = only(path, Process(lead_in=lead, lead_out=lead, up=7 * up)).path
+    assert prepared_path.length == pytest.approx(path.length + 2 * length, abs=1e-12)
+    np.testing.assert_allclose(prepared_path.turns[[0, -1]], 0, atol=1e-9)
+    s = np.linspace(0, prepared_path.length, 50)
+    np.testing.assert_allclose((prepared_path(s) - path(0.0)) @ up, 0, atol=1e-12)
     if shape == "arc":
         # To the left of the way that it comes in on is where up x tangent points.
-        beside = (done(0.0) - path(0.0)) @ np.cross(up, path(0.0, 1))
+        beside = (prepared_path(0.0) - path(0.0)) @ np.cross(up, path(0.0, 1))
         sign = 1 if side == "left" else -1
         assert beside == pytest.approx(sign * length / (np.pi / 2), abs=1e-12)
 
@@ -125,27 +127,27 @@ def test_the_tool_is_held_along_leads_as_at_the_ends_and_follows_where_it_follow
     expected = base.orientation(0.0).T @ path(0.0, 1)
     for s in (0.0, 0.01, 0.0199, follows.length - 0.015, follows.length):
         side = "left" if s else "right"
-        found = follows.orientation(s, side=side).T @ follows(s, 1, side=side)
-        np.testing.assert_allclose(found, expected, atol=1e-9)
+        tangent = follows.orientation(s, side=side).T @ follows(s, 1, side=side)
+        np.testing.assert_allclose(tangent, expected, atol=1e-9)
 
 
 def test_leads_take_demands_of_segments_and_given_lengths():
     first = line([0.3, 0], [0.4, 0], speed=0.05, tolerance=1e-4)
     lead = Lead(length=0.01)
     drawn = path_of(first, line([0.4, 0], [0.5, 0], speed=0.08))
-    done = only(drawn, Process(lead_in=lead, lead_out=lead)).path
-    assert done.speeds.tolist() == [0.05, 0.05, 0.08, 0.08]
-    assert done.tolerances[0] == 1e-4 and np.isnan(done.tolerances[-1])
-    asked = Process(lead_in=Lead(), lead_out=Lead(length=0.02))
-    assert asked.automatic and not Process(lead_in=Lead(length=0.1)).automatic
+    prepared_path = only(drawn, Process(lead_in=lead, lead_out=lead)).path
+    assert prepared_path.speeds.tolist() == [0.05, 0.05, 0.08, 0.08]
+    assert prepared_path.tolerances[0] == 1e-4 and np.isnan(prepared_path.tolerances[-1])
+    process = Process(lead_in=Lead(), lead_out=Lead(length=0.02))
+    assert process.automatic and not Process(lead_in=Lead(length=0.1)).automatic
     lengths = [Leads(before=0.03, after=0.5), Leads(before=0.0, after=0.5)]
-    first, second = prepare(program(BEND, BEND), asked, lengths).contours
+    first, second = prepare(program(BEND, BEND), process, lengths).contours
     assert first.work == pytest.approx((0.03, 0.13), abs=1e-15)
     assert first.path.length == pytest.approx(0.15, abs=1e-15)
     assert second.work == pytest.approx((0.0, 0.1), abs=1e-15)
     for few in (None, [], [Leads(before=0.01)]):
-        said = f"got {len(few or [])}"
-        refused((lambda x=few: prepare(program(BEND, BEND), asked, x), "2 lengths", said))
+        message = f"got {len(few or [])}"
+        refused((lambda x=few: prepare(program(BEND, BEND), process, x), "2 lengths", message))
 
 
 # ------------------------------------------------------------------------ beginnings and overlaps
@@ -198,9 +200,9 @@ def test_a_beginning_is_left_where_the_program_leads_to_it():
     to = Rapid(path=Path.polyline([[0.35, 0.25], corner]))
     on, rest = Event(name="spindle"), Dwell(duration=0.1)
     for between in ((to,), (to, on), (to, on, rest), (on,), (rest,), (Rapid(),)):
-        done = prepare(program(BEND, *between, SQUARE), Process())
-        np.testing.assert_allclose(done.contours[1].path(0.0), corner, atol=1e-15)
-        assert len(done.moves) == 2 + len(between)
+        prepared_program = prepare(program(BEND, *between, SQUARE), Process())
+        np.testing.assert_allclose(prepared_program.contours[1].path(0.0), corner, atol=1e-15)
+        assert len(prepared_program.moves) == 2 + len(between)
     with_event = Contour(path=SQUARE, events=(on,))
     np.testing.assert_allclose(only(with_event, Process()).path(0.0), corner, atol=1e-15)
     # What comes before all contours leads nowhere.
@@ -219,15 +221,17 @@ def test_a_closed_contour_whose_tool_ends_otherwise_stays_as_drawn():
         only(alike, process)
     # One along which the tool follows begins anywhere.
     follows = square.following_tangent([0, 0, 1])
-    done = only(follows, Process(begin=0.03, overlap=0.01)).path
-    s = np.linspace(0.0, done.length, 77)
-    np.testing.assert_allclose(done.orientation(s)[:, :, 0], done(s, 1), atol=1e-12)
+    prepared_path = only(follows, Process(begin=0.03, overlap=0.01)).path
+    s = np.linspace(0.0, prepared_path.length, 77)
+    np.testing.assert_allclose(
+        prepared_path.orientation(s)[:, :, 0], prepared_path(s, 1), atol=1e-12
+    )
 
 
 def test_an_overlap_of_thousands_of_turns_is_soon_there():
     tiny = Path.polyline([[0, 0], [1e-5, 0], [1e-5, 1e-5], [0, 0]])
-    done = only(tiny, Process(overlap=1000 * tiny.length))
-    assert done.path.length == pytest.approx(1001 * tiny.length)
+    prepared_contour = only(tiny, Process(overlap=1000 * tiny.length))
+    assert prepared_contour.path.length == pytest.approx(1001 * tiny.length)
 
 
 SWITCHED = [
@@ -240,11 +244,13 @@ SWITCHED = [
 ]
 
 
-@each("switched, kept", SWITCHED)
-def test_a_contour_does_not_begin_where_something_would_not_be_switched_as_drawn(switched, kept):
+@each("switched, is_unchanged", SWITCHED)
+def test_a_contour_does_not_begin_where_something_would_not_be_switched_as_drawn(
+    switched, is_unchanged
+):
     events = tuple(Event(name="laser", value=value, s=s) for value, s in switched)
     square, process = Contour(path=SQUARE, name="E7", events=events), Process(begin=0.05)
-    if kept:
+    if is_unchanged:
         only(square, process)
     else:
         refused((lambda: only(square, process), "contour E7", "laser", "0.05 m"))
@@ -269,37 +275,39 @@ def test_events_keep_their_points_through_all_that_is_done_to_their_contour(
     lead = Lead(length=lead, shape=shape) if lead > 1e-6 else None
     ends = {"lead_in": lead, "lead_out": lead, "switch": Switch()}
     process = Process(begin=begin, overlap=overlap, resume_at=resume_at, **ends)
-    done = only(Contour(path=SQUARE, events=events), process)
-    on, off = (x for x in done.events if x.name == "tool")
-    assert (on.value, off.value) == (True, False)
-    assert (on.s, off.s) == pytest.approx(done.work, abs=1e-12)
+    prepared_contour = only(Contour(path=SQUARE, events=events), process)
+    on, switch_off = (x for x in prepared_contour.events if x.name == "tool")
+    assert (on.value, switch_off.value) == (True, False)
+    assert (on.s, switch_off.s) == pytest.approx(prepared_contour.work, abs=1e-12)
     # A place to resume within 1e-9 m of the start is the start; the rest is rounding.
     length = 0.2 + overlap - resume_at
-    assert done.work[1] - done.work[0] == pytest.approx(length, abs=1e-9 + 1e-15)
+    assert prepared_contour.work[1] - prepared_contour.work[0] == pytest.approx(
+        length, abs=1e-9 + 1e-15
+    )
     resumed_at = SQUARE((begin + resume_at) % 0.2)
-    found = {x.name: x for x in done.events if x.name != "tool"}
+    events_by_name = {x.name: x for x in prepared_contour.events if x.name != "tool"}
     for i, s in enumerate(places):
-        event = found.pop(f"e{i}")
+        event = events_by_name.pop(f"e{i}")
         # It was before the place to resume: then it is made up for there.
         passed = (s - begin) % 0.2 < resume_at - 1e-9
         point = resumed_at if passed else SQUARE(s)
         if abs((s - begin) % 0.2 - resume_at) > 1e-8:
-            np.testing.assert_allclose(done.path(event.s), point, atol=1e-9)
-    assert not found
-    (rounded,) = round_corners(program(done), tolerance=tolerance).contours
-    for before, after in zip(done.events, rounded.events, strict=True):
-        off_by = np.linalg.norm(rounded.path(after.s) - done.path(before.s))
+            np.testing.assert_allclose(prepared_contour.path(event.s), point, atol=1e-9)
+    assert not events_by_name
+    (rounded,) = round_corners(program(prepared_contour), tolerance=tolerance).contours
+    for before, after in zip(prepared_contour.events, rounded.events, strict=True):
+        off_by = np.linalg.norm(rounded.path(after.s) - prepared_contour.path(before.s))
         # On a corner's arc, by its share: the arc is off the corner by the tolerance, and along it
         # by less than as much again at right angles.
         assert off_by <= 2 * tolerance + 1e-9
-    assert [x.name for x in rounded.events] == [x.name for x in done.events]
+    assert [x.name for x in rounded.events] == [x.name for x in prepared_contour.events]
 
 
 def test_events_of_the_process_and_at_the_ends_stay_at_their_places():
     events = (Event(name="on", s=0.0), Event(name="off", s=0.2), Event(name="mid", s=0.06))
     process = Process(begin=0.05, overlap=0.03, lead_in=Lead(length=0.01))
-    done = only(Contour(path=SQUARE, events=events), process)
-    places = {x.name: x.s for x in done.events}
+    prepared_contour = only(Contour(path=SQUARE, events=events), process)
+    places = {x.name: x.s for x in prepared_contour.events}
     assert places == pytest.approx({"on": 0.01, "mid": 0.02, "off": 0.24}, abs=1e-12)
     process = Process(lead_in=Lead(length=0.01), events=(Event(name="glue", s=0.05),))
     for contour in prepare(program(BEND, SQUARE), process).contours:
@@ -326,11 +334,11 @@ def test_resumes_on_a_later_contour_with_what_was_switched_before():
         Contour(path=SQUARE, name="b", events=(Event(name="coolant", value=False, s=0.08),)),
         Contour(path=BEND, name="c"),
     )
-    done = prepare(Program(moves=moves), Process(resume_at=0.1 + 0.07))
-    assert kinds(done) == "Event Event Contour Contour"
-    before = {x.name: x.value for x in done.moves if isinstance(x, Event)}
+    prepared_program = prepare(Program(moves=moves), Process(resume_at=0.1 + 0.07))
+    assert kinds(prepared_program) == "Event Event Contour Contour"
+    before = {x.name: x.value for x in prepared_program.moves if isinstance(x, Event)}
     assert before == {"spindle": "reverse", "coolant": True}
-    b, c = done.contours
+    b, c = prepared_program.contours
     np.testing.assert_allclose(b.path(0.0), [0.36, 0.11], atol=1e-12)
     assert b.path.length == pytest.approx(0.13, abs=1e-12)
     assert [(x.name, x.value) for x in b.events] == [("coolant", False)]
@@ -340,8 +348,10 @@ def test_resumes_on_a_later_contour_with_what_was_switched_before():
 
 def test_resuming_at_an_end_within_a_contour_and_where_something_is_switched():
     drawn = program(BEND, Contour(path=SQUARE, name="b"))
-    done = only(drawn, Process(resume_at=BEND.length))
-    assert done.name == "b" and done.path.length == pytest.approx(0.2, abs=1e-15)
+    prepared_contour = only(drawn, Process(resume_at=BEND.length))
+    assert prepared_contour.name == "b" and prepared_contour.path.length == pytest.approx(
+        0.2, abs=1e-15
+    )
     for resume_at in (0.3, 0.31, 5.0):
         refused(
             (
@@ -351,11 +361,11 @@ def test_resuming_at_an_end_within_a_contour_and_where_something_is_switched():
             )
         )
     lead = Lead(length=0.02)
-    done = only(BEND, Process(lead_in=lead, resume_at=0.06))
+    prepared_contour = only(BEND, Process(lead_in=lead, resume_at=0.06))
     # Round the corner: the last centimetre before it and the first after it.
     points = [[0.34, 0.2], [0.35, 0.2], [0.35, 0.21], [0.35, 0.25]]
-    np.testing.assert_allclose(done.path.vertices, points, atol=1e-12)
-    assert done.work == pytest.approx((0.02, 0.06), abs=1e-12)
+    np.testing.assert_allclose(prepared_contour.path.vertices, points, atol=1e-12)
+    assert prepared_contour.work == pytest.approx((0.02, 0.06), abs=1e-12)
     short = only(BEND, Process(lead_in=lead, resume_at=0.01))
     np.testing.assert_allclose(short.path(0.0), [0.29, 0.2], atol=1e-12)
     values = (("spindle", True, 0.0), ("speed", 200.0, 0.02), ("speed", 0.0, 0.05))
@@ -365,8 +375,8 @@ def test_resuming_at_an_end_within_a_contour_and_where_something_is_switched():
         (0.05, [("spindle", True, 0.0), ("speed", 0.0, 0.0)]),
         (0.03, [("spindle", True, 0.0), ("speed", 200.0, 0.0), ("speed", 0.0, 0.02)]),
     ):
-        found = only(drawn, Process(resume_at=resume_at)).events
-        assert [(x.name, x.value, pytest.approx(x.s)) for x in found] == expected
+        prepared_events = only(drawn, Process(resume_at=resume_at)).events
+        assert [(x.name, x.value, pytest.approx(x.s)) for x in prepared_events] == expected
 
 
 # ------------------------------------------------------------------------------ rapids and heights
@@ -375,28 +385,34 @@ def test_resuming_at_an_end_within_a_contour_and_where_something_is_switched():
 def test_rapids_of_the_program_go_where_leads_and_overlaps_have_moved_the_ends():
     up, over = [0.35, 0.25, 0.05], [0.3, 0.1, 0.05]
     rapid = Rapid(path=Path.polyline([[0.35, 0.25, 0], up, over, [0.3, 0.1, 0]]))
-    off = Event(name="spindle", value=False)
-    moves = in_space(BEND), off, rapid, Event(name="spindle"), in_space(SQUARE)
+    spindle_off = Event(name="spindle", value=False)
+    moves = in_space(BEND), spindle_off, rapid, Event(name="spindle"), in_space(SQUARE)
     lead = Lead(length=0.01)
-    done = prepare(program(*moves), Process(lead_in=lead, lead_out=lead, approach=0.1, retract=0.1))
+    prepared_program = prepare(
+        program(*moves), Process(lead_in=lead, lead_out=lead, approach=0.1, retract=0.1)
+    )
     # Neither up nor down where the program's own rapid goes.
-    assert kinds(done) == "Rapid Contour Event Rapid Event Contour Rapid"
-    (start, a), (b, end) = (ends_of(x.path) for x in done.contours)
+    assert kinds(prepared_program) == "Rapid Contour Event Rapid Event Contour Rapid"
+    (start, a), (b, end) = (ends_of(x.path) for x in prepared_program.contours)
     expected = [start + [0, 0, 0.1], start], [a, up, over, b], [end, end + [0, 0, 0.1]]
-    for found, points in zip(rapids(done), expected, strict=True):
-        np.testing.assert_allclose(found.vertices, points, atol=1e-15)
+    for rapid_path, points in zip(rapids(prepared_program), expected, strict=True):
+        np.testing.assert_allclose(rapid_path.vertices, points, atol=1e-15)
 
 
 def test_rapids_of_the_program_keep_their_shape_where_leads_move_their_ends():
     rapid = Rapid(path=Path.polyline([[0.2, 0.2], [0.3, 0.1]]))
-    done = prepare(program(BEND, rapid, SQUARE), Process(lead_out=Lead(length=0.01)))
-    np.testing.assert_allclose(rapids(done)[0].vertices, [[0.2, 0.2], [0.3, 0.1]], atol=1e-15)
+    prepared_program = prepare(program(BEND, rapid, SQUARE), Process(lead_out=Lead(length=0.01)))
+    np.testing.assert_allclose(
+        rapids(prepared_program)[0].vertices, [[0.2, 0.2], [0.3, 0.1]], atol=1e-15
+    )
     lead = Lead(length=0.01)
     for x, leads in ((0.37, {"lead_in": lead, "lead_out": lead}), (0.36, {"lead_out": lead})):
         rapid = Rapid(path=straight(0.35, x))
-        done = prepare(program(straight(0.3, 0.35), rapid, straight(x, 0.4)), Process(**leads))
-        assert not rapids(done) and kinds(done) == "Contour Rapid Contour"
-        np.testing.assert_allclose(done.contours[1].path(0.0), [0.36, 0.1], atol=1e-15)
+        prepared_program = prepare(
+            program(straight(0.3, 0.35), rapid, straight(x, 0.4)), Process(**leads)
+        )
+        assert not rapids(prepared_program) and kinds(prepared_program) == "Contour Rapid Contour"
+        np.testing.assert_allclose(prepared_program.contours[1].path(0.0), [0.36, 0.1], atol=1e-15)
     over, lead = path_of(arc((0.35, 0.1), (0.4, 0.1), -np.pi)), Lead(length=0.01)
     moves = straight(0.3, 0.35), Rapid(path=over), straight(0.45, 0.5)
     (rapid,) = rapids(prepare(program(*moves), Process(lead_in=lead, lead_out=lead)))
@@ -418,32 +434,34 @@ def test_goes_down_and_up_where_no_rapid_of_the_program_links():
     np.testing.assert_allclose(up.orientation(0.01)[:, 2], [0, 0.6, -0.8], atol=1e-12)
     path, other = (Path.polyline([[0.4, y, 0.1], [0.45, y, 0.1]]) for y in (0, 0.1))
     for between in ((), (Rapid(),), (Event(name="x"),)):
-        done = prepare(program(path, *between, other), Process(approach=0.03, retract=0.02))
+        prepared_program = prepare(
+            program(path, *between, other), Process(approach=0.03, retract=0.02)
+        )
         expected = []
-        for begin, end in (ends_of(x.path) for x in done.contours):
+        for begin, end in (ends_of(x.path) for x in prepared_program.contours):
             expected += [begin + [0, 0, 0.03], begin], [end, end + [0, 0, 0.02]]
-        for rapid, points in zip(rapids(done), expected, strict=True):
+        for rapid, points in zip(rapids(prepared_program), expected, strict=True):
             np.testing.assert_allclose(rapid.vertices, points, atol=1e-15)
 
 
 def test_pierces_and_approaches_along_the_axis_of_a_tilted_tool():
     path = Path.polyline([[0.4, 0, 0.1], [0.45, 0, 0.1]]).pointing([0.6, 0, -0.8])
     pierce = {"pierce": Pierce(time=0.1, height=0.01), "switch": Switch(name="laser")}
-    done = prepare(program(path), Process(approach=0.03, **pierce))
-    (contour,), (down,) = done.contours, rapids(done)
+    prepared_program = prepare(program(path), Process(approach=0.03, **pierce))
+    (contour,), (down,) = prepared_program.contours, rapids(prepared_program)
     np.testing.assert_allclose(contour.path.vertices[0], [0.394, 0, 0.108], atol=1e-15)
     np.testing.assert_allclose(down.vertices, [[0.382, 0, 0.124], [0.394, 0, 0.108]], atol=1e-15)
 
 
 def test_a_tool_change_is_a_rest_between_the_spindle_off_and_on():
-    off, on = (Event(name="spindle", value=x) for x in (False, True))
+    spindle_off, on = (Event(name="spindle", value=x) for x in (False, True))
     first, second = (Event(name="tool", value=x) for x in (1.0, 2.0))
-    drawn = program(first, on, BEND, off, second, on, SQUARE, off)
-    done = prepare(drawn, Process(tool_change=5.0))
-    assert kinds(done) == "Event Event Contour Event Event Dwell Event Contour Event"
+    drawn = program(first, on, BEND, spindle_off, second, on, SQUARE, spindle_off)
+    prepared_program = prepare(drawn, Process(tool_change=5.0))
+    assert kinds(prepared_program) == "Event Event Contour Event Event Dwell Event Contour Event"
     # The first tool is mounted already.
-    assert [x.duration for x in done.moves if isinstance(x, Dwell)] == [5.0]
-    assert not done.notes
+    assert [x.duration for x in prepared_program.moves if isinstance(x, Dwell)] == [5.0]
+    assert not prepared_program.notes
     plain = prepare(drawn, Process())
     assert kinds(plain) == kinds(drawn) and ["1 tool change" in x for x in plain.notes] == [True]
     assert not prepare(program(first, on, BEND), Process()).notes
@@ -456,9 +474,14 @@ def test_a_tool_change_is_a_rest_between_the_spindle_off_and_on():
 def test_rapids_get_the_speed_that_nothing_else_gives_them():
     path, other = (Path.polyline([[0.4, y, 0.1], [0.45, y, 0.1]]) for y in (0, 0.1))
     moves = path, Rapid(path=Path.polyline([[0.45, 0, 0.1], [0.4, 0.1, 0.1]])), other
-    done = prepare(program(*moves), Process(retract=0.02, rapid_speed=0.5, approach_speed=0.1))
-    assert [x.speeds.tolist() for x in rapids(done)] == [[0.5], [0.1]]
-    assert done.rapid_speed == 0.5 and prepare(program(path), Process()).rapid_speed is None
+    prepared_program = prepare(
+        program(*moves), Process(retract=0.02, rapid_speed=0.5, approach_speed=0.1)
+    )
+    assert [x.speeds.tolist() for x in rapids(prepared_program)] == [[0.5], [0.1]]
+    assert (
+        prepared_program.rapid_speed == 0.5
+        and prepare(program(path), Process()).rapid_speed is None
+    )
 
 
 # --------------------------------------------------------------------------------- layers, orders
@@ -467,8 +490,14 @@ def test_rapids_get_the_speed_that_nothing_else_gives_them():
 def test_values_of_a_layer_are_none_for_null():
     marks = {"overlap": None, "dwell": None, "events": None, "analog": None, "tabs": None}
     process = Process(overlap=0.01, dwell=0.2, events=(Event(name="x"),), by_layer={"mark": marks})
-    own = process.of_layer("mark")
-    assert (own.overlap, own.dwell, own.events, own.analog, own.tabs) == (0.0, 0.0, (), (), None)
+    layer_process = process.of_layer("mark")
+    assert (
+        layer_process.overlap,
+        layer_process.dwell,
+        layer_process.events,
+        layer_process.analog,
+        layer_process.tabs,
+    ) == (0.0, 0.0, (), (), None)
 
 
 def test_layers_demand_where_segments_do_not():
@@ -489,15 +518,17 @@ def test_the_nearest_order_is_that_of_a_search_by_hand(order):
     starts = np.array([[0, 0], [1, 0], [2.2, 0.1], [0.1, 1.3], [3, 3]]) * 0.1
     paths = [Path.polyline([x, x + [0.02, 0.01]]) for x in starts]
     contours = [Contour(path=paths[i], name=str(i)) for i in order]
-    done = prepare(program(*contours), Process(order="nearest"))
-    names = [x.name for x in done.contours]
+    prepared_program = prepare(program(*contours), Process(order="nearest"))
+    names = [x.name for x in prepared_program.contours]
     assert sorted(names) == sorted(x.name for x in contours) and names[0] == str(order[0])
-    here, left = starts[order[0]] + [0.02, 0.01], set(order[1:])
+    position, remaining = starts[order[0]] + [0.02, 0.01], set(order[1:])
     for name in names[1:]:
-        nearest = min(left, key=lambda i, at=here: float(np.hypot(*(starts[i] - at))))
+        nearest = min(
+            remaining, key=lambda i, position=position: float(np.hypot(*(starts[i] - position)))
+        )
         assert name == str(nearest)
-        left.remove(nearest)
-        here = starts[nearest] + [0.02, 0.01]
+        remaining.remove(nearest)
+        position = starts[nearest] + [0.02, 0.01]
 
 
 def test_refuses_values_that_make_no_process():
@@ -590,18 +621,20 @@ def test_closed_contours_are_run_in_laps_and_open_ones_again():
 
 
 def test_contours_of_a_layer_have_values_of_their_own():
-    own = {"lead_in": None, "overlap": 0.0, "dwell": 0.0, "passes": 2}
-    own["switch"] = Switch(name="laser", value=0.2)
-    given = {"overlap": 1e-3, "lead_in": Lead(length=2e-3, shape="arc"), "dwell": 0.5}
-    given["switch"] = Switch(name="laser")
-    process = Process(begin="drawn", **given, by_layer={"MARK": own})
-    done = prepare(program(*(Contour(path=SQUARE, layer=x) for x in ("CUT", "MARK"))), process)
-    cut, mark = done.contours
+    layer_values = {"lead_in": None, "overlap": 0.0, "dwell": 0.0, "passes": 2}
+    layer_values["switch"] = Switch(name="laser", value=0.2)
+    process_values = {"overlap": 1e-3, "lead_in": Lead(length=2e-3, shape="arc"), "dwell": 0.5}
+    process_values["switch"] = Switch(name="laser")
+    process = Process(begin="drawn", **process_values, by_layer={"MARK": layer_values})
+    prepared_program = prepare(
+        program(*(Contour(path=SQUARE, layer=x) for x in ("CUT", "MARK"))), process
+    )
+    cut, mark = prepared_program.contours
     assert cut.path.length == pytest.approx(SQUARE.length + 3e-3, abs=1e-12)
     assert mark.path.length == pytest.approx(2 * SQUARE.length, abs=1e-12)
     assert [x.value for x in cut.events] == [True, False]
     assert [x.value for x in mark.events] == [0.2, False]
-    assert kinds(done) == "Dwell Contour Contour"
+    assert kinds(prepared_program) == "Dwell Contour Contour"
     assert process.cuts and not process.of_layer("MARK").cuts
     assert process.of_layer("other") is process
 

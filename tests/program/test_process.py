@@ -46,7 +46,7 @@ def parents(*contours, up=UP):
     return find_nesting(contours, up).parents.tolist()
 
 
-def test_the_parent_is_the_smallest_contour_around_whatever_the_order():
+def test_the_parent_is_the_smallest_enclosing_contour_in_any_order():
     rings = [circle(0, 0, 0.01), circle(0, 0, 0.04), circle(0, 0, 0.02), circle(0.1, 0, 0.03)]
     assert parents(*rings, polyline([0.1, 0.0], [0.11, 0.0])) == [2, -1, 1, -1, 3]
     # Contours are seen from above also where their plane is tilted.
@@ -66,10 +66,10 @@ def test_parents_and_areas_are_those_of_exact_arcs():
     expected = [np.pi * 4e-4, -np.pi * 4e-4, 4e-4 + np.pi * 1e-4 / 2]
     np.testing.assert_allclose(areas, expected, rtol=1e-12)
     # Between the chords of any sampling and the arc.
-    for off in (1e-6, -1e-6):
-        at = (0.5 - off) * np.array([np.cos(0.3), np.sin(0.3)])
-        mark = polyline(at, at * (1 - off))
-        assert parents(circle(0, 0, 0.5), mark) == [-1, 0 if off > 0 else -1]
+    for offset in (1e-6, -1e-6):
+        point = (0.5 - offset) * np.array([np.cos(0.3), np.sin(0.3)])
+        mark = polyline(point, point * (1 - offset))
+        assert parents(circle(0, 0, 0.5), mark) == [-1, 0 if offset > 0 else -1]
 
 
 @given(st.integers(0, 10_000))

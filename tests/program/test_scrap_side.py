@@ -45,8 +45,12 @@ def test_waste_is_outside_of_outlines_inside_of_holes_on_layers_that_are_cut():
     turned = [x.reversed() for x in (OUTLINE, HOLE, ISLAND)]
     assert waste_sides(contours(*turned), PLAIN) == ["left", "right", "left"]
     # A hole is a hole whatever layers it and its outline are on.
-    found = [*contours(OUTLINE), *contours(HOLE, layer="HOLES"), *contours(ISLAND, layer="PARTS")]
-    assert waste_sides(found, PLAIN) == ["right", "left", "right"]
+    contour_list = [
+        *contours(OUTLINE),
+        *contours(HOLE, layer="HOLES"),
+        *contours(ISLAND, layer="PARTS"),
+    ]
+    assert waste_sides(contour_list, PLAIN) == ["right", "left", "right"]
     # In space it is looked at from above.
     frame = ac.Frame.rpy((0.4, 0.1, 0.2), (0.4, -0.3, 1.0))
     placed = ac.Program(moves=tuple(contours(OUTLINE, HOLE))).placed(frame).contours
@@ -54,11 +58,11 @@ def test_waste_is_outside_of_outlines_inside_of_holes_on_layers_that_are_cut():
     assert waste_sides(placed, ac.Process(up=up)) == ["right", "left"]
     assert waste_sides(placed, ac.Process(up=-up)) == ["left", "right"]
     ring = circle(0.015)
-    found = [*contours(OUTLINE, HOLE), *contours(ring, layer="MARK")]
-    assert waste_sides(found, PLAIN)[1] == "right"
+    contour_list = [*contours(OUTLINE, HOLE), *contours(ring, layer="MARK")]
+    assert waste_sides(contour_list, PLAIN)[1] == "right"
     marked = {"kerf": 1e-3, "by_layer": {"MARK": {"kerf": None}}}
-    assert waste_sides(found, ac.Process(**marked)) == ["right", "left", "left"]
-    hole, mark, outline = prepared(found, **marked).contours
+    assert waste_sides(contour_list, ac.Process(**marked)) == ["right", "left", "left"]
+    hole, mark, outline = prepared(contour_list, **marked).contours
     assert mark.path is ring
     np.testing.assert_allclose(1 / hole.path.curvatures, 9.5e-3)
     assert outline.path.vertices.min() == pytest.approx(-5e-4)
@@ -67,8 +71,8 @@ def test_waste_is_outside_of_outlines_inside_of_holes_on_layers_that_are_cut():
 def test_arcs_of_leads_lie_in_the_waste():
     for paths in ((OUTLINE, HOLE), (OUTLINE.reversed(), HOLE.reversed())):
         # What lies inside is cut first.
-        done = prepared(contours(*paths), lead_in=lead(), lead_out=lead(), overlap=2e-3)
-        hole, outline = done.contours
+        prepared_program = prepared(contours(*paths), lead_in=lead(), lead_out=lead(), overlap=2e-3)
+        hole, outline = prepared_program.contours
         assert hole.closed and outline.closed
         inside = [((ends(x) > 0) & (ends(x) < [0.1, 0.06])).all() for x in (hole, outline)]
         assert inside == [True, False]
@@ -96,17 +100,21 @@ def test_a_lead_that_leaves_its_hole_is_refused_on_every_layer_with_the_longest_
         # A quarter circle of the hole's own radius runs along the hole.
         assert fits == pytest.approx(3e-3 * np.pi / 2, rel=0.02)
         assert longest(plate, hole, lead_out=lead(0.02)) == pytest.approx(fits)
-        done = prepared((plate, hole), lead_in=lead(0.99 * fits), lead_out=lead(0.99 * fits))
-        (inner,) = (x for x in done.contours if x.layer == layer and x.path.length < 0.1)
+        prepared_program = prepared(
+            (plate, hole), lead_in=lead(0.99 * fits), lead_out=lead(0.99 * fits)
+        )
+        (inner,) = (
+            x for x in prepared_program.contours if x.layer == layer and x.path.length < 0.1
+        )
         assert (np.linalg.norm(ends(inner) - CENTER, axis=1) < 3e-3).all()
     # One of automatic length is shortened to what fits, with a note.
     lengths = [Leads(before=4e-3), Leads(before=0.02)]
     moves = plate, ac.Contour(path=small, name="small")
-    done = prepared(moves, lengths, lead_in=Lead(shape="arc"), order="drawn")
-    outer, hole = done.contours
+    prepared_program = prepared(moves, lengths, lead_in=Lead(shape="arc"), order="drawn")
+    outer, hole = prepared_program.contours
     assert outer.work[0] == pytest.approx(4e-3)
     assert hole.work[0] == pytest.approx(3e-3 * np.pi / 2, rel=0.02)
-    assert sum("small" in x and "lead-in" in x for x in done.notes) == 1
+    assert sum("small" in x and "lead-in" in x for x in prepared_program.notes) == 1
 
 
 def test_a_lead_that_crosses_another_contour_is_refused():
@@ -126,16 +134,16 @@ def test_leads_at_a_corner_of_a_hole_lie_in_the_waste(more):
         window = ac.Path.polyline(points)
         process = {"begin": "drawn", "lead_in": lead(), "lead_out": lead(), **more}
         hole, _ = prepared(contours(OUTLINE, window), **process).contours
-        (on, off), path = hole.work, hole.path
-        for s in (np.linspace(0, 0.99 * on, 20), np.linspace(off + 0.04e-3, path.length, 20)):
+        (on, work_end), path = hole.work, hole.path
+        for s in (np.linspace(0, 0.99 * on, 20), np.linspace(work_end + 0.04e-3, path.length, 20)):
             assert ((path(s) > (0.02, 0.02)) & (path(s) < (0.05, 0.04))).all()
-        assert on == pytest.approx(4e-3) and path.length - off == pytest.approx(4e-3)
+        assert on == pytest.approx(4e-3) and path.length - work_end == pytest.approx(4e-3)
 
 
 def test_leads_of_a_contour_that_has_an_overlap_already_touch_its_tangent():
     around = prepared(contours(circle(0.01)), overlap=2e-3).contours
-    done = prepared(around, begin="drawn", lead_in=lead(), lead_out=lead()).path
-    assert done.curvatures[[0, -1]] == pytest.approx([np.pi / 2 / 4e-3] * 2)
+    prepared_path = prepared(around, begin="drawn", lead_in=lead(), lead_out=lead()).path
+    assert prepared_path.curvatures[[0, -1]] == pytest.approx([np.pi / 2 / 4e-3] * 2)
 
 
 def test_random_leads_lie_in_the_waste_or_are_refused():
@@ -151,14 +159,14 @@ def test_random_leads_lie_in_the_waste_or_are_refused():
         length = rng.uniform(1e-3, 8e-3)
         both = {"lead_in": lead(length), "lead_out": lead(length), "order": "drawn"}
         try:
-            done = prepared(moves, begin=str(rng.choice(["drawn", "auto"])), **both)
+            prepared_program = prepared(moves, begin=str(rng.choice(["drawn", "auto"])), **both)
         except InvalidInput as error:
             assert error.allowed < length
             refusals += 1
             continue
-        path, (on, off) = done.contours[1].path, done.contours[1].work
+        path, (on, work_end) = prepared_program.contours[1].path, prepared_program.contours[1].work
         share = np.linspace(0, 0.98, 30)
-        for p in (*path(share * on), *path(path.length - share * (path.length - off))):
+        for p in (*path(share * on), *path(path.length - share * (path.length - work_end))):
             # The winding number of the hole around the point.
             a = np.arctan2(*(points - p).T[::-1])
             turns = (np.diff(a) + np.pi) % (2 * np.pi) - np.pi
@@ -178,7 +186,7 @@ def turns_left(path, up=(0.0, 0.0, 1.0)):
 
 
 @each(
-    "direction, left",
+    "direction, turning_left",
     [
         ("climb", [False, True, False]),
         ("conventional", [True, False, True]),
@@ -186,7 +194,7 @@ def turns_left(path, up=(0.0, 0.0, 1.0)):
         ("counterclockwise", [True] * 3),
     ],
 )
-def test_closed_contours_run_in_the_direction_of_the_process_however_drawn(direction, left):
+def test_closed_contours_run_in_the_direction_of_the_process_however_drawn(direction, turning_left):
     frame = ac.Frame.rpy((0.4, 0.1, 0.2), (0.4, -0.3, 1.0))
     up = frame.rotation[:, 2]
     drawn = OUTLINE, HOLE, ISLAND
@@ -195,34 +203,41 @@ def test_closed_contours_run_in_the_direction_of_the_process_however_drawn(direc
         paths = [x.reversed() if mask & 1 << k else x for k, x in enumerate(drawn)]
         moves = [*contours(*paths), *contours(OPEN)]
         for values in ({}, {"kerf": 1e-3}):
-            done = prepared(moves, direction=direction, order="drawn", **values).contours
-            assert [turns_left(x.path) for x in done[:3]] == left
-            np.testing.assert_array_equal(done[3].path.vertices, OPEN.vertices)
+            prepared_contours = prepared(
+                moves, direction=direction, order="drawn", **values
+            ).contours
+            assert [turns_left(x.path) for x in prepared_contours[:3]] == turning_left
+            np.testing.assert_array_equal(prepared_contours[3].path.vertices, OPEN.vertices)
     placed = ac.Program(moves=tuple(moves)).placed(frame)
-    done = ac.prepare(placed, ac.Process(direction=direction, up=up)).contours
-    assert [turns_left(x.path, up) for x in done[:3]] == left
+    prepared_contours = ac.prepare(placed, ac.Process(direction=direction, up=up)).contours
+    assert [turns_left(x.path, up) for x in prepared_contours[:3]] == turning_left
 
 
 def test_climb_has_the_kerf_to_the_left_of_the_edge():
     moves = contours(OUTLINE, HOLE)
-    done = prepared(moves, direction="climb", kerf=2e-3, order="drawn").contours
+    prepared_contours = prepared(moves, direction="climb", kerf=2e-3, order="drawn").contours
     sides = prepared(moves, direction="climb", kerf=2e-3, kerf_side="left", order="drawn").contours
-    for one, other in zip(done, sides, strict=True):
+    for one, other in zip(prepared_contours, sides, strict=True):
         assert one.path.length == pytest.approx(other.path.length, abs=1e-12)
-    assert done[0].path.length > OUTLINE.length and done[1].path.length < HOLE.length
+    assert (
+        prepared_contours[0].path.length > OUTLINE.length
+        and prepared_contours[1].path.length < HOLE.length
+    )
 
 
 def test_a_layer_has_its_own_direction_and_events_on_the_way_keep_the_drawn_one():
     moves = [*contours(OUTLINE), *contours(HOLE, layer="HOLES")]
     by_layer = {"HOLES": {"direction": "clockwise"}}
-    done = prepared(moves, direction="counterclockwise", by_layer=by_layer, order="drawn").contours
-    assert [turns_left(x.path) for x in done] == [True, False]
+    prepared_contours = prepared(
+        moves, direction="counterclockwise", by_layer=by_layer, order="drawn"
+    ).contours
+    assert [turns_left(x.path) for x in prepared_contours] == [True, False]
     end, inner = (
         ac.Contour(path=OUTLINE, name="rim", events=(ac.Event(name="glue", s=s),))
         for s in (OUTLINE.length, 0.05)
     )
-    (done,) = prepared([end], direction="clockwise").contours
-    assert [x.s for x in done.events] == pytest.approx([done.path.length])
+    (prepared_contours,) = prepared([end], direction="clockwise").contours
+    assert [x.s for x in prepared_contours.events] == pytest.approx([prepared_contours.path.length])
     with pytest.raises(InvalidInput, match=r"contour rim .* clockwise.* glue"):
         prepared([inner], direction="clockwise")
     assert prepared([inner], direction="counterclockwise").contours[0].events[0].s == 0.05

@@ -29,6 +29,6 @@ WRONG = [{"kerf": None}, {"kerf_side": "right"}, {"kerf": 1.996e-4}, {"kerf": 5e
 @pytest.mark.parametrize("wrong", WRONG, ids=str)
 def test_the_judge_sees_wrong_sides_and_widths(wrong, monkeypatch):
     made = ac.Process
-    monkeypatch.setattr(ac, "Process", lambda **given: made(**given | wrong))
+    monkeypatch.setattr(ac, "Process", lambda **fields: made(**fields | wrong))
     with pytest.raises(AssertionError, match="wrong side|into the part|left over"):
         kerf.run_file(DRAWINGS[0], kerf=2e-4)

@@ -39,14 +39,14 @@ def contours(path, *events, **process):
 
 
 def test_what_is_on_over_rapids_is_off_between_them():
-    drawn, found = laser(), laser(off_between=("spindle",))
+    drawn, separated = laser(), laser(off_between=("spindle",))
     assert [states(x) for x in drawn.contours] == [[], [(False, 0.03)], []]
-    first, second, third = map(states, found.contours)
+    first, second, third = map(states, separated.contours)
     assert first == [("reverse", 0.0), (False, 0.02)]
     assert [x[0] for x in second] == ["reverse", False]
     # It was off at the end of the second, and stays so.
     assert third == []
-    assert not [x for x in found.moves if isinstance(x, ac.Event) and x.name == "spindle"]
+    assert not [x for x in separated.moves if isinstance(x, ac.Event) and x.name == "spindle"]
     # Other names stay as they are.
     other = laser(off_between=("coolant",))
     assert [states(x) for x in other.contours] == [states(x) for x in drawn.contours]
@@ -84,13 +84,13 @@ def test_passes_and_tabs_leave_the_output_as_the_program_has_it():
             ac.Event(name="laser", value=x, s=s) for x, s in zip((False, True), gap, strict=False)
         )
         tabs = Tabs(width=0.01, count=1)
-        (found,) = contours(square, *events, begin="drawn", tabs=tabs)
-        return states(found, "laser")
+        (contour,) = contours(square, *events, begin="drawn", tabs=tabs)
+        return states(contour, "laser")
 
-    start, (_, off), (_, on), end = cut()
-    later, sooner = round(on + 1e-2, 9), round(off - 4e-3, 9)
-    assert cut(off + 4e-3, on + 1e-2) == [start, (False, off), (True, later), end]
-    assert cut(off - 4e-3, on - 4e-3) == [start, (False, sooner), (True, on), end]
+    start, (_, switch_off), (_, on), end = cut()
+    later, sooner = round(on + 1e-2, 9), round(switch_off - 4e-3, 9)
+    assert cut(switch_off + 4e-3, on + 1e-2) == [start, (False, switch_off), (True, later), end]
+    assert cut(switch_off - 4e-3, on - 4e-3) == [start, (False, sooner), (True, on), end]
 
 
 def test_resuming_behind_a_contour_with_tabs_keeps_the_output_off_until_the_work():

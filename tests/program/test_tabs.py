@@ -23,14 +23,14 @@ def cut(path, tabs, **more):
 
 def gaps(contour):
     """Arc lengths between which the laser is off, by the events alone."""
-    found, off = [], None
+    intervals, gap_start = [], None
     for x in contour.events:
         if x.value is False:
-            off = x.s
-        elif off is not None:
-            found.append((off, x.s))
-            off = None
-    return found
+            gap_start = x.s
+        elif gap_start is not None:
+            intervals.append((gap_start, x.s))
+            gap_start = None
+    return intervals
 
 
 def check_even(path, tabs):
@@ -53,13 +53,13 @@ def test_tabs_of_a_circle_are_evenly_spaced(count):
 @given(st.integers(1, 12), st.floats(1e-4, 2e-3), st.booleans())
 def test_tabs_keep_a_width_from_corners_starts_and_each_other(count, width, smooth):
     path = CIRCLE if smooth else SQUARE
-    found = gaps(cut(path, Tabs(count=count, width=width)))
-    assert len(found) == count
+    intervals = gaps(cut(path, Tabs(count=count, width=width)))
+    assert len(intervals) == count
     corners = [0.0, path.length] if smooth else [0.0, 0.1, 0.16, 0.26, 0.32]
-    for a, b in found:
+    for a, b in intervals:
         assert b - a == pytest.approx(width, abs=1e-12)
         assert all(s <= a - width + 1e-12 or s >= b + width - 1e-12 for s in corners)
-    for (_, before), (after, _) in zip(found[:-1], found[1:], strict=True):
+    for (_, before), (after, _) in zip(intervals[:-1], intervals[1:], strict=True):
         assert after - before >= width - 1e-12
 
 
@@ -67,10 +67,10 @@ def test_tabs_of_laps_polylines_and_resumed_programs():
     plain = gaps(cut(CIRCLE, TWO))
     lap = CIRCLE.length
     # The overlap ends within the first tab of the fourth lap.
-    done = cut(CIRCLE, TWO, passes=3, overlap=plain[0][0] + 5e-4)
+    cut_contour = cut(CIRCLE, TWO, passes=3, overlap=plain[0][0] + 5e-4)
     expected = [(a + k * lap, b + k * lap) for k in range(3) for a, b in plain]
-    np.testing.assert_allclose(gaps(done), expected, atol=1e-12)
-    last = done.events[-2]
+    np.testing.assert_allclose(gaps(cut_contour), expected, atol=1e-12)
+    last = cut_contour.events[-2]
     assert last.value is False and last.s == pytest.approx(3 * lap + plain[0][0], abs=1e-12)
     angles = np.linspace(0, 2 * np.pi, 361)
     path = Path.polyline(0.05 * np.column_stack([np.cos(angles), np.sin(angles)]))

@@ -112,21 +112,21 @@ SPACE: dict[str, Any] = {
 
 def _with(base: dict[str, Any], **changes: Any) -> dict[str, Any]:
     """A base with some of its keys replaced; mappings are merged, and None takes a key out."""
-    found = copy.deepcopy(base)
+    data = copy.deepcopy(base)
     for key, value in changes.items():
         if value is None:
-            found.pop(key, None)
-        elif isinstance(value, dict) and isinstance(found.get(key), dict):
-            found[key] = _with(found[key], **value)
+            data.pop(key, None)
+        elif isinstance(value, dict) and isinstance(data.get(key), dict):
+            data[key] = _with(data[key], **value)
         else:
-            found[key] = copy.deepcopy(value)
-    return found
+            data[key] = copy.deepcopy(value)
+    return data
 
 
 def _path(**path: Any) -> dict[str, Any]:
-    found = copy.deepcopy(PLANE)
-    found["path"] = path
-    return found
+    data = copy.deepcopy(PLANE)
+    data["path"] = path
+    return data
 
 
 def _oriented(orientation: Any) -> dict[str, Any]:
@@ -252,8 +252,8 @@ _BODY_TURNS: tuple[dict[str, Any], ...] = (
 
 def _bodies(*kinds: str, **more: Any) -> dict[str, Any]:
     """Bodies of some kinds below everything, one of each."""
-    at = [0.0, 0.0, -2.0]
-    return {x: [{"name": f"a {x}", "at": at, **_SIZES[x], **more}] for x in kinds}
+    position = [0.0, 0.0, -2.0]
+    return {x: [{"name": f"a {x}", "at": position, **_SIZES[x], **more}] for x in kinds}
 
 
 _MOVING = tuple(x for x in _SIZES if x != "halfspaces")
@@ -359,21 +359,21 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, servo=_LATE, certificate=_CERTIFIED | {"box": {"gains": [[0.01] * 2] * 2}}),
     _with(PLANE, runs={"one": {"compensation": _POLED | {"poles": [[-99.0, -99.0, -150.0]] * 2}}}),
     *(
-        _with(of, placement=_ASKED | {"over": {x: _AXIS}, "uncertainty": {x: 1e-3}})
-        for of, names in ((PLANE, ("x", "y", "yaw")), (SPACE, ("z", "tilt")))
+        _with(base, placement=_ASKED | {"over": {x: _AXIS}, "uncertainty": {x: 1e-3}})
+        for base, names in ((PLANE, ("x", "y", "yaw")), (SPACE, ("z", "tilt")))
         for x in names
     ),
     _with(PLANE, placement=_ASKED | {"about": [0.3, 0.2, 0.0]}),
     _with(SPACE, tools={"T1": [0.0, 0.0, 0.1]}),
     _with(SPACE, tools={"T1": {"payload": SPACE["arm"]["payload"]}}),
     *(
-        _with(SPACE, **of({"short": x}))
-        for of in _TOOLS
+        _with(SPACE, **tool_of({"short": x}))
+        for tool_of in _TOOLS
         for x in (_TURNED, *(_BODY_TURNS[k] | {"position": [0.0, 0.0, 0.1]} for k in (0, 1)))
     ),
     *(
-        _with(SPACE, **of({"short": {"shapes": x}}))
-        for of in _TOOLS
+        _with(SPACE, **tool_of({"short": {"shapes": x}}))
+        for tool_of in _TOOLS
         for x in (
             *(_bodies(*_MOVING, **turn) for turn in _BODY_TURNS),
             *(_bodies(*_SIZES, margin=0.01, **turn) for turn in _BODY_TURNS),
@@ -396,8 +396,8 @@ BASES: list[dict[str, Any]] = [
     *(_with(SPACE, arm={"tool": {"shapes": _bodies(*_MOVING, **x)}}) for x in _BODY_TURNS),
     *(_with(SPACE, arm={"shapes": _bodies(*_MOVING, link="base", **x)}) for x in _BODY_TURNS),
     *(
-        _with(SPACE, arm=of(_bodies(*_SIZES, margin=0.01, **x)))
-        for of in (lambda x: {"tool": {"shapes": x}}, lambda x: {"shapes": x})
+        _with(SPACE, arm=arm_of(_bodies(*_SIZES, margin=0.01, **x)))
+        for arm_of in (lambda x: {"tool": {"shapes": x}}, lambda x: {"shapes": x})
         for x in (*_BODY_TURNS, {"normal": [0.0, 0.0, 1.0]})
     ),
 ]  # fmt: skip
@@ -443,12 +443,12 @@ def base_of(place: Place) -> dict[str, Any]:
 
 def put(base: dict[str, Any], place: Place, value: Any) -> dict[str, Any]:
     """The job with a value in a place."""
-    found = copy.deepcopy(base)
-    inner: Any = found
+    data = copy.deepcopy(base)
+    inner: Any = data
     for key in place[:-1]:
         inner = inner[_key(inner, key)]
     inner[_key(inner, place[-1])] = value
-    return found
+    return data
 
 
 def shown(place: Place) -> str:
@@ -508,6 +508,7 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--resume-at": ("# m", "# mm"),
     "--tool-diameter": ("1: # m", "1: # mm"),
     "--cycle": ("# s", "# ms"),
+    "--rate": ("# Hz",),
     "--servo-error": ("# m", "# um"),
     "--set": ("limits.speed=#", "limits.speed=# mm/s", "corners.tolerance=#"),
     "--over": ("x: # m .. 0 m, 2", "yaw: 0 deg .. # deg, 2", "x: 0 mm .. 1 mm, #"),
@@ -521,7 +522,7 @@ FORMS: dict[str, tuple[str, ...]] = {
 }
 TEXTS = {
     "--arm", "--base", "--cell", "--cluster", "--color", "--columns", "--continuity",
-    "--contour", "--corner-shape", "--export", "--format",
+    "--contour", "--controller", "--corner-shape", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
     "--model", "--move", "--objective", "--only-tool", "--out", "--output", "--package", "--path",
     "--plant", "--validate", "--run", "--scene", "--skip", "--set-points", "--texts",
@@ -557,8 +558,8 @@ def _options() -> Iterator[tuple[str, str, type]]:
         for x in inspect.signature(command.callback, eval_str=True).parameters.values():
             kind, *extra = get_args(x.annotation)
             # With Annotated, typer takes an option's name where the default was.
-            said = [y for z in extra for y in (getattr(z, "default", None), *_declared(z))]
-            names = [y for y in said if isinstance(y, str) and y.startswith("--")]
+            declared = [y for z in extra for y in (getattr(z, "default", None), *_declared(z))]
+            names = [y for y in declared if isinstance(y, str) and y.startswith("--")]
             if names:
                 kinds = [y for y in get_args(kind) or (kind,) if y is not type(None)]
                 yield command.callback.__name__, names[0].split("/")[0], kinds[0]

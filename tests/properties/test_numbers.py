@@ -69,8 +69,8 @@ def test_the_schema_and_the_options_have_their_numbers():
     assert len(FIELDS) >= 142
     for place in [("servo", "kp"), ("servo", "kp", 0), ("runs", "*", "timing", "intervals")]:
         assert place in FIELDS
-    found = {(command, option) for command, option, _ in numeric_options()}
-    assert found >= {("run", "--speed"), ("identify", "--to")}
+    options = {(command, option) for command, option, _ in numeric_options()}
+    assert options >= {("run", "--speed"), ("identify", "--to")}
 
 
 def check_field(place, words, folder):
@@ -81,11 +81,11 @@ def check_field(place, words, folder):
     for word in words:
         if (shown(place), word) in SLOW:
             continue
-        said = read(put(base, place, HOSTILE[word]), folder)
-        if said is not None:
-            key = re.search(rf"\b{place[0].replace('_', '[_ ]')}[.: ]", said)
-            if "\n" in said or not (key or any(x in said for x in WITHOUT_KEY)):
-                yield f"{shown(place)}: {word}: {said}"
+        message = read(put(base, place, HOSTILE[word]), folder)
+        if message is not None:
+            key = re.search(rf"\b{place[0].replace('_', '[_ ]')}[.: ]", message)
+            if "\n" in message or not (key or any(x in message for x in WITHOUT_KEY)):
+                yield f"{shown(place)}: {word}: {message}"
         # What is no finite number is refused in any field, but for text where that may stand; and
         # infinity where it lifts a limit, or stands for a loop without a delay. An end of a range
         # that is infinite is no end, whatever its sign.
@@ -100,7 +100,7 @@ def test_a_number_is_read_or_refused_with_one_sentence(tmp_path):
         warnings.warn("overflow", RuntimeWarning, stacklevel=1)
     # One of the hostile numbers for each field, in turn; tests/slow has all.
     write_files(tmp_path)
-    words, found = itertools.cycle(HOSTILE), list[str]()
+    words, faults = itertools.cycle(HOSTILE), list[str]()
     for place in FIELDS:
-        found += check_field(place, itertools.islice(words, 1), tmp_path)
-    assert found == []
+        faults += check_field(place, itertools.islice(words, 1), tmp_path)
+    assert faults == []

@@ -67,8 +67,8 @@ def test_speeds_k_and_accelerations_k_squared_take_the_time_by_k(problem, power)
     faster = ac.Limits.only(
         joint_velocity=velocity, joint_acceleration=limits.joint_acceleration * k**2
     )
-    own = plan(points, limits).duration
-    assert plan(points, faster).duration * k == pytest.approx(own, rel=1e-9)
+    duration = plan(points, limits).duration
+    assert plan(points, faster).duration * k == pytest.approx(duration, rel=1e-9)
 
 
 # The only joint turns round three times.
@@ -90,8 +90,8 @@ def test_the_motion_goes_forward_and_keeps_its_limits(problem, intervals, worst_
     t = (law.breaks[:-1, None] + np.diff(law.breaks)[:, None] * np.linspace(0, 1, 5)).ravel()
     assert (np.diff(law.path_position(i, t)) >= -1e-12 * law.s[-1]).all()
     assert (law.path_position(i, t, 1) >= -1e-9 * law.rates.ds.max()).all()
-    found = worst_ratios(planned, limits)
-    assert max(found.values()) <= 1 + LEAK
+    ratios = worst_ratios(planned, limits)
+    assert max(ratios.values()) <= 1 + LEAK
 
 
 def turning_line(arm, rng):
@@ -118,9 +118,9 @@ def test_lines_on_which_a_joint_turns_round(arm, worst_ratios):
             joint_acceleration=10 ** rng.uniform(-0.5, 0.5, 2), speed=10 ** rng.uniform(-1.5, 0)
         )
         planned = ac.plan(path, arm, limits, ac.Optimal(intervals=INTERVALS))
-        found = worst_ratios(planned, limits, arm, places=10)
-        assert max(found.values()) <= 1 + LEAK, path.vertices
-        assert set(found) == {"joint_acceleration", "speed"}
+        ratios = worst_ratios(planned, limits, arm, places=10)
+        assert max(ratios.values()) <= 1 + LEAK, path.vertices
+        assert set(ratios) == {"joint_acceleration", "speed"}
 
 
 def random_job(rng):
@@ -163,8 +163,8 @@ def test_random_polylines(arm, batch):
         speed = np.linalg.norm(arm.tool_velocity(q, dq), axis=1)
         # Tracing leaves the tool 1e-8 m of play, and its speed a few millionths.
         assert speed.max() <= limits.speed * (1 + 1e-5)
-        found = path.project(arm.tool_position(q))
-        assert found.distance.max() < 2e-5
+        projection = path.project(arm.tool_position(q))
+        assert projection.distance.max() < 2e-5
         inner = breaks[1:-1]
         np.testing.assert_allclose(planned(inner, side="left"), planned(inner), atol=1e-9)
         assert np.abs(planned([0.0, planned.duration], 1)).max() < 1e-9
@@ -189,14 +189,14 @@ def run(arm, q, cycle, kp, kv, limit, interpolation="linear"):
     servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation)
     set_points = ac.SetPoints(cycle=cycle, q=q, trajectory=still(), method="x")
     plant = ac.ServoPlant(arm, servo, ac.Limits.only(joint_acceleration=limit))
-    done = ac.simulate(set_points, plant, resolution=cycle)
-    np.testing.assert_allclose(done.q[-1], set_points.q[-1], atol=1e-8)
-    np.testing.assert_allclose(done.dq[-1], 0, atol=1e-8)
-    assert (done.saturated_time <= done.t[-1] * (1 + 1e-9)).all()
-    assert np.isfinite(done.peak_demand).all()
+    execution = ac.simulate(set_points, plant, resolution=cycle)
+    np.testing.assert_allclose(execution.q[-1], set_points.q[-1], atol=1e-8)
+    np.testing.assert_allclose(execution.dq[-1], 0, atol=1e-8)
+    assert (execution.saturated_time <= execution.t[-1] * (1 + 1e-9)).all()
+    assert np.isfinite(execution.peak_demand).all()
     # No joint ever moves faster than the limit lets it.
-    assert (np.abs(np.diff(done.dq, axis=0)) <= limit * cycle * (1 + 1e-9)).all()
-    return done
+    assert (np.abs(np.diff(execution.dq, axis=0)) <= limit * cycle * (1 + 1e-9)).all()
+    return execution
 
 
 gains = st.floats(1.0, 200.0)
@@ -250,8 +250,10 @@ def test_plans_at_the_very_limit(arm, signs, cycle, share, gain, lap):
     servo = ac.ServoModel(kp=kp, kv=kv)
     planned = ac.Trajectory(laws=(law,), method="hand")
     set_points = ac.compensate(planned, servo, ac.Inverse(), cycle=cycle)
-    done = run(arm, set_points.q, cycle, kp, kv, LIMIT)
-    np.testing.assert_allclose(done.q[:, 0], -done.q[:, 1], atol=1e-9)  # the two mirror each other
+    execution = run(arm, set_points.q, cycle, kp, kv, LIMIT)
+    np.testing.assert_allclose(
+        execution.q[:, 0], -execution.q[:, 1], atol=1e-9
+    )  # the two mirror each other
 
 
 @given(

@@ -57,8 +57,8 @@ def check_polylines(seed, count):
         u = rounded.lengths[arcs, None] * np.array([0.0, 0.25, 0.5, 0.75, 1.0])
         on_arcs = rounded.on_segment(np.repeat(arcs, 5), u.ravel())
         if len(arcs):
-            off = distances(on_arcs, path.starts, path.tangents, path.lengths)
-            assert off.max() <= tolerance + 1e-12
+            errors = distances(on_arcs, path.starts, path.tangents, path.lengths)
+            assert errors.max() <= tolerance + 1e-12
             gap = np.linalg.norm(on_arcs[2::5] - corners.point[~corners.stopped], axis=1)
             assert gap.max() <= tolerance + 1e-12
         # Tangents: continuous but for the full stops that are recorded.
@@ -129,8 +129,8 @@ def test_rounding_commutes_with_moving_turning_and_scaling(points, tolerance, an
     moved = ac.round_corners(ac.Path.polyline(move(points)), tolerance=scale * tolerance)
     np.testing.assert_allclose(moved.corners.radius, scale * first.corners.radius, rtol=1e-7)
     s = np.linspace(0, first.length, 57)
-    found = moved((scale * s).clip(0, moved.length))
-    np.testing.assert_allclose(found, move(first(s)), atol=1e-8 * scale)
+    moved_points = moved((scale * s).clip(0, moved.length))
+    np.testing.assert_allclose(moved_points, move(first(s)), atol=1e-8 * scale)
 
 
 @given(polylines, tolerances)
@@ -138,13 +138,13 @@ def test_every_corner_gets_what_it_asks_for_or_half_of_a_line(points, tolerance)
     path = ac.Path.polyline(points)
     if not gentle(path):
         return
-    found = ac.round_corners(path, tolerance=tolerance).corners
-    half_turn = found.turn / 2
+    corners = ac.round_corners(path, tolerance=tolerance).corners
+    half_turn = corners.turn / 2
     cosine = np.cos(half_turn)
-    wanted = tolerance * cosine / (1 - cosine) * np.tan(half_turn)
+    required = tolerance * cosine / (1 - cosine) * np.tan(half_turn)
     half_lines = np.minimum(path.lengths[:-1], path.lengths[1:]) / 2
-    assert (found.tangent >= np.minimum(wanted, half_lines) * (1 - 1e-6)).all()
-    assert (found.shrunk | np.isclose(found.tangent, wanted, rtol=1e-6)).all()
+    assert (corners.tangent >= np.minimum(required, half_lines) * (1 - 1e-6)).all()
+    assert (corners.shrunk | np.isclose(corners.tangent, required, rtol=1e-6)).all()
 
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -190,9 +190,9 @@ def test_position_and_orientation_keep_their_tolerances_together(seed, axis_only
     assert not corners.stopped.any()
     # In the middle of a corner, both the point and the rotation are near those of the corner.
     middle = (corners.start + corners.end) / 2
-    off = np.linalg.norm(made(middle) - corners.point, axis=1)
-    assert (off <= tolerance + 1e-12).all()
-    np.testing.assert_allclose(off, corners.error, atol=1e-12)
+    errors = np.linalg.norm(made(middle) - corners.point, axis=1)
+    assert (errors <= tolerance + 1e-12).all()
+    np.testing.assert_allclose(errors, corners.error, atol=1e-12)
     at_corner = path.orientation.starts[corners.vertex]
     apart = axis_angles if axis_only else angles
     turned = apart(orientation(middle), at_corner)
@@ -203,11 +203,11 @@ def test_position_and_orientation_keep_their_tolerances_together(seed, axis_only
     assert len(made.stops) == 0
     # Halfway along a line nothing has changed, unless a corner takes more than half of it.
     middles = (path.breaks[:-1] + path.breaks[1:]) / 2
-    kept = made.project(path(middles))
-    eased = orientation.second[orientation.locate(kept.s)].any(axis=1)
-    on = (kept.distance <= 1e-12) & ~eased
+    projection = made.project(path(middles))
+    eased = orientation.second[orientation.locate(projection.s)].any(axis=1)
+    on = (projection.distance <= 1e-12) & ~eased
     before = path.orientation(middles[on])
-    assert angles(orientation(kept.s[on]), before).max(initial=0.0) <= 1e-7
+    assert angles(orientation(projection.s[on]), before).max(initial=0.0) <= 1e-7
     # It begins and ends as it was.
     ends = orientation(np.array([0.0, made.length]))
     assert angles(ends, path.orientation(np.array([0.0, path.length]))).max() <= 1e-9
@@ -227,9 +227,9 @@ def test_turning_about_a_free_axis_makes_no_arc_smaller(seed):
     assert (free.corners.tangent >= 0.5 * whole.corners.tangent - 1e-12).all()
     middle = (free.corners.start + free.corners.end) / 2
     at_corner = path.oriented(turns).orientation.starts[free.corners.vertex]
-    off = axis_angles(free.orientation(middle), at_corner)
-    assert (off <= angular + 1e-9).all()
-    np.testing.assert_allclose(off, free.corners.angular_error, atol=1e-9)
+    deviations = axis_angles(free.orientation(middle), at_corner)
+    assert (deviations <= angular + 1e-9).all()
+    np.testing.assert_allclose(deviations, free.corners.angular_error, atol=1e-9)
 
 
 def test_only_the_tilt_of_a_free_axis_counts():
@@ -242,8 +242,8 @@ def test_only_the_tilt_of_a_free_axis_counts():
     # With a tilt that stays and turning about the axis that does not, it bends to second order.
     both = Rotation.from_rotvec([[0, 0, 0], [0.8, 0, 0.0], [1.6, 0, 0]]) * about
     tilting = corner.oriented(both, axis_only=True)
-    found = rounded(tilting, 0.5, 0.01).corners
-    assert found.shrunk[0] and 0.002 < found.angular_error[0] <= 0.01
+    corners = rounded(tilting, 0.5, 0.01).corners
+    assert corners.shrunk[0] and 0.002 < corners.angular_error[0] <= 0.01
     assert rounded(tilting, 0.5, 0.0).corners.stopped.all()
 
 
@@ -266,14 +266,14 @@ def test_the_rotation_on_a_corner_is_as_near_as_its_blend_allows(seed):
         # Cubics from (-t, 1) to (0, 0) and from (0, 0) to (t, 1): value and slope at the ends.
         f = -t * (1 + 2 * p) * (1 - p) ** 2 + length * p * (1 - p) ** 2
         g = t * p**2 * (3 - 2 * p) + length * p**2 * (p - 1)
-        at = (2 * p - 1) * t
-        before, after = np.minimum(at, 0), np.maximum(at, 0)
+        s_from_corner = (2 * p - 1) * t
+        before, after = np.minimum(s_from_corner, 0), np.maximum(s_from_corner, 0)
         # Rotations are nowhere farther apart than their rotation vectors.
         bound = np.linalg.norm(np.outer(f - before, a) + np.outer(g - after, b), axis=1)
-        was = path.orientation(path.breaks[vertex] + at)
-        off = angles(made.orientation(corners.start[k] + p * length), was)
-        assert (off <= bound + 1e-9).all()
-        assert off[20] <= angular + 1e-9
+        was = path.orientation(path.breaks[vertex] + s_from_corner)
+        angles_from_corner = angles(made.orientation(corners.start[k] + p * length), was)
+        assert (angles_from_corner <= bound + 1e-9).all()
+        assert angles_from_corner[20] <= angular + 1e-9
 
 
 @given(seed=SEEDS)
@@ -284,14 +284,14 @@ def test_what_follows_the_tangent_leaves_it_by_no_more_than_its_tolerance(seed):
     angular = 10.0 ** rng.uniform(-4, -0.5)
     made = rounded(path, scale * 10.0 ** rng.uniform(-4, 0), angular)
     # The tangent as the tool sees it is one direction, but for the tolerance.
-    own = path.orientation.starts[0].T @ path.tangents[0]
+    tangent_in_tool = path.orientation.starts[0].T @ path.tangents[0]
     share = np.linspace(0, 1, 13)
     i = np.repeat(np.arange(len(made.orientation)), len(share))
     u = (np.diff(made.orientation.breaks)[:, None] * share).ravel()
     s = np.clip(made.orientation.breaks[i] + u, 0, made.length)
-    along = np.einsum("nij,j->ni", made.orientation.on_piece(i, u), own)
-    off = np.linalg.norm(along - made(s, 1), axis=1)
-    assert off.max() <= angular + 1e-7
+    along = np.einsum("nij,j->ni", made.orientation.on_piece(i, u), tangent_in_tool)
+    errors = np.linalg.norm(along - made(s, 1), axis=1)
+    assert errors.max() <= angular + 1e-7
     assert made.orientation.jumps.max(initial=0.0) <= 1e-8
     assert len(made.stops) == 0
 
@@ -314,8 +314,8 @@ def test_a_kink_without_a_corner_needs_an_angular_tolerance_as_others_do(refuses
     kinked = line.oriented(turns)
     made = rounded(kinked, 0.1, 0.01)
     assert len(made.stops) == 0 and len(made) == 3
-    off = angles(made.orientation(np.array([2.0])), turns[2].as_matrix()[None])
-    assert off[0] == pytest.approx(0.01)
+    deviation = angles(made.orientation(np.array([2.0])), turns[2].as_matrix()[None])
+    assert deviation[0] == pytest.approx(0.01)
     # Nor does what follows the tangent, or is negative, or rounded already, go without one.
     corner = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)])
     following = corner.following_tangent([0, 0, 1])
@@ -339,13 +339,13 @@ def test_an_angular_tolerance_of_zero_stops():
     corner = ac.Path.polyline([(0, 0, 0), (0.7, 0, 0), (0.7, 0.7, 0)])
     steady = Rotation.from_rotvec(np.outer([0, 1, 2], [0.11, 0.07, 0.2]))
     for held in (corner.oriented(steady), corner.oriented(Rotation.from_rotvec([0.1, 0.2, 0.3]))):
-        kept = rounded(held, 0.1, 0.0)
-        assert len(kept.stops) == 0 and not kept.corners.stopped.any()
+        rounded_path = rounded(held, 0.1, 0.0)
+        assert len(rounded_path.stops) == 0 and not rounded_path.corners.stopped.any()
     followed = rounded(corner.following_tangent([0, 0, 1]), 0.1, 0.0)
     np.testing.assert_allclose(followed.stops, [followed.corners.start[0], followed.corners.end[0]])
 
 
-def test_a_large_turn_makes_the_arc_smaller_and_says_so():
+def test_a_large_turn_makes_the_arc_smaller_and_is_reported():
     corner = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)])
     turning = corner.oriented(Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.5], [0, 0, 0]]))
     free, tight = (rounded(turning, 0.1, x).corners for x in (1.0, 0.02))

@@ -38,8 +38,8 @@ def test_no_verdict_on_printed_trajectories_contradicts_what_the_samples_prove(v
     outcomes = [check.judge(check.draw(seed, violating)) for seed in range(CHECKS)]
     assert [(x.case.seed, x.case.kind, x.said, x.proof) for x in outcomes if x.wrong] == []
     # Most are decided, so that "cannot tell" is no way out.
-    said = Counter(x.said for x in outcomes)
-    assert said["violated" if violating else "kept"] > CHECKS * 0.6
+    verdicts = Counter(x.said for x in outcomes)
+    assert verdicts["violated" if violating else "kept"] > CHECKS * 0.6
 
 
 def test_the_oracle_of_check_knows_where_the_tool_is():

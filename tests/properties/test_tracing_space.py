@@ -60,12 +60,12 @@ def judge(arm, path, traced):
     q = traced(s)
     points, rotations = arm.pose(q)
     assert np.linalg.norm(points - path(s), axis=1).max() < 2e-10
-    wanted = path.orientation(s)
+    expected = path.orientation(s)
     if path.orientation.axis_only:
-        off = np.linalg.norm(rotations[:, :, 2] - wanted[:, :, 2], axis=1)
+        errors = np.linalg.norm(rotations[:, :, 2] - expected[:, :, 2], axis=1)
     else:
-        off = np.linalg.norm(log(rotations @ np.swapaxes(wanted, 1, 2)), axis=1)
-    assert off.max() < 3e-9
+        errors = np.linalg.norm(log(rotations @ np.swapaxes(expected, 1, 2)), axis=1)
+    assert errors.max() < 3e-9
     lower, upper = arm.limits.joint_range(arm.dof)
     assert (q >= lower - 1e-8).all() and (q <= upper + 1e-8).all()
     assert set(path.stops) <= set(traced.stops)
@@ -86,7 +86,7 @@ def test_random_paths_are_traced_or_refused_with_a_reason(batch):
             tolerance = rng.choice([0.0, size * 10.0 ** rng.uniform(-3, 0)])
             angular = 10.0 ** rng.uniform(-4, -0.3)
             path = ac.round_corners(path, tolerance=tolerance, angular_tolerance=angular)
-            found = trace_all(path, arm)
+            candidates = trace_all(path, arm)
         except ac.ArmContourError as error:
             message = str(error)
             assert message.endswith(".") and "\n" not in message and "nan" not in message
@@ -94,7 +94,7 @@ def test_random_paths_are_traced_or_refused_with_a_reason(batch):
                 assert error.s is not None and error.point is not None
                 assert ":" in message or ";" in message  # what would mend it
             continue
-        for x in found:
+        for x in candidates:
             judge(arm, path, x)
         traced += 1
     assert traced > 0.4 * PATHS

@@ -12,11 +12,11 @@ from armcontour.report.figure import Figure, to_json
 @pytest.fixture(autouse=True, scope="module")
 def accepted():
     """Have the first figure of every key checked: the check takes longer than the figure."""
-    write, seen = Figure.to_html, set()
+    write, checked = Figure.to_html, set()
 
     def check_and_write(self, key):
-        if key not in seen:
-            seen.add(key)
+        if key not in checked:
+            checked.add(key)
             drawn = {"data": self.data, "layout": self.layout, "frames": self.frames}
             go.Figure(json.loads(to_json(drawn)))
         return write(self, key)

@@ -71,8 +71,8 @@ def first_screen(page):
 def test_the_first_screen_answers_before_any_figure(study, page):
     front = first_screen(page)
     assert "<script" not in front
-    kept = {x: y.trajectory.duration for x, y in study.runs.items() if y.kept}
-    fastest = min(kept, key=kept.get)
+    durations = {x: y.trajectory.duration for x, y in study.runs.items() if y.kept}
+    fastest = min(durations, key=durations.get)
     assert f"Run {fastest}: Kept" in front and '<p class="verdict kept">' in front
     # Several runs are compared; a single one has three figures in large print.
     for name in study.runs:
@@ -83,7 +83,7 @@ def test_the_first_screen_answers_before_any_figure(study, page):
     assert f"<b>{number(result.trajectory.duration, 's')}</b>" in front
 
 
-def test_what_is_not_kept_is_said_first(study):
+def test_the_report_begins_with_a_run_that_is_not_kept(study):
     # Without compensation, and nearer to the drawing than the servo can be.
     (loose,) = (x for x in study.job.runs if x.name == "uncompensated")
     strict = dataclasses.replace(study.job, runs=(dataclasses.replace(loose, accuracy=1e-6),))
@@ -120,7 +120,7 @@ def test_thinning_keeps_every_peak_and_both_ends_of_every_part():
     assert (y2.max(), y2.min()) == (7.0, -3.0) and (t2[0], t2[-1]) == (0, 1)
     # Ten contours, each from rest to rest; the ends are no extremes of their intervals.
     y = np.tile(np.append(np.sin(np.linspace(0, np.pi, 4001)), np.nan), 10)
-    _, y2 = thin(np.arange(len(y), dtype=float), y, most=500)
+    _, y2 = thin(np.arange(len(y), dtype=float), y, count=500)
     gaps = np.flatnonzero(np.isnan(y2))
     assert len(gaps) == 10 and len(y2) < 600
     np.testing.assert_allclose([y2[0], *y2[gaps - 1], *y2[gaps[:-1] + 1]], 0.0, atol=1e-12)
@@ -138,14 +138,14 @@ PLACES = [
 
 
 def written(figure):
-    """What a page gives to plotly.js: its key, data, layout, configuration, frames."""
+    """Arguments of a page for plotly.js: key, data, layout, configuration, frames."""
     page = figure.to_html("key")
-    found, at = [], page.index("draw(") + len("draw(")
-    while page[at - 1] != ")":
-        value, at = json.JSONDecoder().raw_decode(page, at)
-        found.append(value)
-        at += 1
-    return found
+    figures, position = [], page.index("draw(") + len("draw(")
+    while page[position - 1] != ")":
+        value, position = json.JSONDecoder().raw_decode(page, position)
+        figures.append(value)
+        position += 1
+    return figures
 
 
 def test_several_plots_are_where_plotly_puts_them():
@@ -168,10 +168,10 @@ def test_several_plots_are_where_plotly_puts_them():
 
 def test_arrays_are_written_in_base64_and_cannot_end_a_script():
     for values in (np.array([1.5, np.nan], np.float32), np.arange(6.0).reshape(2, 3)):
-        found = json.loads(to_json({"x": values}))["x"]
-        back = np.frombuffer(base64.b64decode(found["bdata"]), found["dtype"])
+        encoded = json.loads(to_json({"x": values}))["x"]
+        back = np.frombuffer(base64.b64decode(encoded["bdata"]), encoded["dtype"])
         np.testing.assert_array_equal(back, values.ravel())
-        assert found.get("shape") == (None if values.ndim == 1 else "2, 3")
+        assert encoded.get("shape") == (None if values.ndim == 1 else "2, 3")
     for whole, kind in (([3, -4], "i1"), ([200], "i2"), ([-40_000], "i4")):
         assert json.loads(to_json(np.array(whole)))["dtype"] == kind
     assert json.loads(to_json([np.float32(0.5), np.array([]), np.array(["a"])])) == [0.5, [], ["a"]]
@@ -228,19 +228,19 @@ def traces(figure):
 
 def test_bodies_stand_in_the_coordinates_of_the_arms_base():
     job = parse_job(TILTED + OBSTACLES)
-    own = parse_job(TILTED.replace(WORK, ""))
+    same_job = parse_job(TILTED.replace(WORK, ""))
     links = seen_from_base(job.arm, job.arm.links(Q))[0]
-    np.testing.assert_allclose(links, own.arm.links(Q)[0] * 1e3, atol=1e-9)
+    np.testing.assert_allclose(links, same_job.arm.links(Q)[0] * 1e3, atol=1e-9)
     assert np.abs(links[0]).max() < 1e-9
-    found = {trace.name: points for trace, points in draw_surroundings(job, links)}
-    table, block = found["table"], found["block"]
+    traces = {trace.name: points for trace, points in draw_surroundings(job, links)}
+    table, block = traces["table"], traces["block"]
     # The table is that of the base; its plate is larger than the arm, which stands on it.
     assert table[:, 2].max() == pytest.approx(0, abs=1e-9)
     assert np.ptp(table[:, 0]) > np.ptp(links[:, 0])
     base = job.arm.chain.base.inverse
     middle = base.position + base.rotation @ [0.1, 0, 0]
     np.testing.assert_allclose(block.mean(axis=0), middle * 1e3, atol=1e-9)
-    assert found["base_link_inertia"][:, 2].min() > -5
+    assert traces["base_link_inertia"][:, 2].min() > -5
     drawn = draw_surroundings(parse_job(TILTED), np.array([[0, 0, 9.0], [400, 90, 5]]))
     plane = {trace.name: points for trace, points in drawn}["plane of the base"]
     assert (plane[:, 2] == 0).all() and np.ptp(plane[:, :2], axis=0).tolist() == [400, 90]
@@ -332,10 +332,10 @@ def placed(names, shape, verdicts):
 
 def test_a_map_shows_the_best_over_other_axes_and_refusals_in_grey():
     assert tuple(GREYS) == KINDS
-    found = placed("x y yaw", (2, 2, 2), VERDICTS)
-    section = sections.placement(found)
+    placement = placed("x y yaw", (2, 2, 2), VERDICTS)
+    section = sections.placement(placement)
     assert [name for name, _ in section.choices] == ["least singular value"]
-    (figure,) = sections.placed(found).parts
+    (figure,) = sections.placed(placement).parts
     heat = [x for x in figure.data if x.type == "heatmap"]
     maps = {x.colorbar.title.text if x.colorbar else x.hovertemplate: x for x in heat}
     values = np.array(maps.pop("motion [s]").z, dtype=float)

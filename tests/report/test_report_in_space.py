@@ -47,8 +47,8 @@ def page(study):
 
 
 def trace(figure, name):
-    (found,) = (x for x in figure.data if x.name == name)
-    return found
+    (match,) = (x for x in figure.data if x.name == name)
+    return match
 
 
 def test_the_page(page, in_order):
@@ -65,8 +65,8 @@ def test_executed_paths_have_their_largest_error_and_equal_axes(study):
     ratios = [scene.aspectratio[c] for c in "xyz"]
     np.testing.assert_allclose(np.divide(sizes, ratios), sizes[0] / ratios[0], rtol=1e-6)
     for name in ("plain", "slow", "tried", "tried, experiment"):
-        found, result = trace(figure, name), study.runs[name.removesuffix(", experiment")]
-        points = np.stack([found.x, found.y, found.z], axis=1) * 1e-3
+        curve, result = trace(figure, name), study.runs[name.removesuffix(", experiment")]
+        points = np.stack([curve.x, curve.y, curve.z], axis=1) * 1e-3
         judged = result.experiment if "experiment" in name else result
         largest = result.path.path.project(points).distance.max()
         assert largest == pytest.approx(judged.evaluation.contour_error.max, rel=1e-2)
@@ -78,6 +78,6 @@ def test_seven_joints_have_a_report():
     assert "panda_joint7" in page
     assert "tool x axis" not in {x.name for x in sections.paths(study).parts[0].data}
     # What is embedded is JSON, without numbers that are none.
-    given = re.findall(r'<script>draw\("[^"]+",(.*?)\);</script>', page, re.DOTALL)
-    assert given and not any("NaN" in x for x in given)
-    json.loads(f"[[{'],['.join(given)}]]")
+    figures = re.findall(r'<script>draw\("[^"]+",(.*?)\);</script>', page, re.DOTALL)
+    assert figures and not any("NaN" in x for x in figures)
+    json.loads(f"[[{'],['.join(figures)}]]")

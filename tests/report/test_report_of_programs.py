@@ -60,8 +60,8 @@ def study(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def result(study):
-    (found,) = study.runs.values()
-    return found
+    (run,) = study.runs.values()
+    return run
 
 
 @pytest.fixture(scope="module")
@@ -83,49 +83,51 @@ def test_contours_have_a_table(study, in_space, in_order):
 
 def drawn_paths(svg):
     """Points of the paths of a drawing [px], by their titles, with a gap (NaN) after each part."""
-    found = {}
+    paths = {}
     for look, d, title in re.findall(
         r'<path class="([^"]*)"[^>]* d="([^"]*)">(?:<title>([^<]*)</title>)?', svg
     ):
         parts = [np.array(x.split(), dtype=float).reshape(-1, 2) for x in d.split("M")[1:]]
         gap = np.full((1, 2), np.nan)
-        found[title or look] = np.concatenate([y for x in parts for y in (x, gap)])
-    return found
+        paths[title or look] = np.concatenate([y for x in parts for y in (x, gap)])
+    return paths
 
 
 def marked(svg, name):
-    """Where marks of a kind are [px]."""
-    at = rf'<use href="#mark-{name}" (?:x="|transform="translate\()([-\d.]+)(?:" y="| )([-\d.]+)'
-    return np.array(re.findall(at, svg), dtype=float)
+    """Positions of marks of a kind [px]."""
+    pattern = (
+        rf'<use href="#mark-{name}" (?:x="|transform="translate\()([-\d.]+)(?:" y="| )([-\d.]+)'
+    )
+    return np.array(re.findall(pattern, svg), dtype=float)
 
 
 def distances(points, curve):
     """Least distances of points from a curve with gaps [px]."""
     a, b = curve[:-1], curve[1:]
-    known = ~np.isnan(a + b).any(axis=1)
-    a, along = a[known], (b - a)[known]
+    defined = ~np.isnan(a + b).any(axis=1)
+    a, along = a[defined], (b - a)[defined]
     square = np.maximum((along**2).sum(axis=1), 1e-12)
     share = np.clip(((points[:, None] - a) * along).sum(axis=2) / square, 0.0, 1.0)
     return np.linalg.norm(points[:, None] - a - share[..., None] * along, axis=2).min(axis=1)
 
 
 def fitted(svg, result):
-    """Where points are in a drawing, from its marks, and pixels per metre."""
+    """Map of points into a drawing, fitted to its marks, and pixels per metre."""
     events = [x.point for x in result.trajectory.events]
-    seen = [marked(svg, "start")] + ([marked(svg, "event")] if events else [])
-    known = np.array([*(x.path(0.0) for x in result.path.contours), *events])
-    known = np.column_stack([known, np.ones(len(known))])
-    found, *_ = np.linalg.lstsq(known, np.concatenate(seen), rcond=None)
-    np.testing.assert_allclose(known @ found, np.concatenate(seen), atol=0.2)
-    sizes = np.linalg.svd(found[:-1], compute_uv=False)
+    marks = [marked(svg, "start")] + ([marked(svg, "event")] if events else [])
+    points = np.array([*(x.path(0.0) for x in result.path.contours), *events])
+    points = np.column_stack([points, np.ones(len(points))])
+    transform, *_ = np.linalg.lstsq(points, np.concatenate(marks), rcond=None)
+    np.testing.assert_allclose(points @ transform, np.concatenate(marks), atol=0.2)
+    sizes = np.linalg.svd(transform[:-1], compute_uv=False)
     # Equal lengths are equal on the screen.
     assert sizes[0] == pytest.approx(sizes[1], rel=1e-2)
-    return lambda x: np.column_stack([x, np.ones(len(x))]) @ found, sizes[0]
+    return lambda x: np.column_stack([x, np.ones(len(x))]) @ transform, sizes[0]
 
 
-@pytest.mark.parametrize("which", mark_all_but(["study", "in_space"], ["study"]))
-def test_the_drawing_shows_which_limit_restricts_the_speed_where(which, request):
-    study = request.getfixturevalue(which)
+@pytest.mark.parametrize("fixture", mark_all_but(["study", "in_space"], ["study"]))
+def test_the_drawing_shows_which_limit_restricts_the_speed_where(fixture, request):
+    study = request.getfixturevalue(fixture)
     (result,) = study.runs.values()
     drawing = draw_plan(result, study.job)
     paths, (place, size) = drawn_paths(drawing.svg), fitted(drawing.svg, result)
@@ -134,15 +136,15 @@ def test_the_drawing_shows_which_limit_restricts_the_speed_where(which, request)
     limits = {x.limit: x.limit for x in bindings} | {"nothing": "between two limits"}
     words = {x: LIMITS[y].get("word", y) for x, y in limits.items()}
     assert set(paths) <= set(words.values())
-    seen = 0
+    segments_seen = 0
     for x in bindings:
         s = np.linspace(*x.s, 5)[1:-1]
         k = int(np.searchsorted(result.path.breaks, s[0], side="right")) - 1
         points = result.path.contours[k].path(s - result.path.breaks[k])
         if (x.s[1] - x.s[0]) * size > 3.0:
             assert distances(place(points), paths[words[x.limit]]).max() < 1.0, x
-            seen += 1
-    assert seen > 5
+            segments_seen += 1
+    assert segments_seen > 5
     for span in result.trajectory.spans:
         if span.kind == "rapid":
             tool = result.arm.tool_position(result.trajectory(np.linspace(*span.t, 9)[1:-1]))
@@ -216,11 +218,11 @@ def test_a_drawing_of_many_contours_stays_small_and_right(tmp_path):
 @given(st.lists(st.floats(1e-6, 1.0), min_size=1, max_size=40), st.integers(1, 200))
 def test_bars_of_limits_cover_the_time_and_are_bounded(widths, times):
     ends = np.concatenate([[0.0], np.cumsum(widths * times)])
-    found = tuple(
+    bindings = tuple(
         Binding(limit=f"limit {i % 3}", joint=None, t=(a, b), s=(a / 2, b / 2), share=1.0)
         for i, (a, b) in enumerate(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
     )
-    bars = list_bars(found)
+    bars = list_bars(bindings)
     assert len(bars) <= MAX_BARS
     assert bars[0][0] == 0.0 and bars[-1][1] == ends[-1]
     for first, second in zip(bars[:-1], bars[1:], strict=True):
@@ -233,14 +235,14 @@ CURVE = st.lists(st.tuples(SHARE, SHARE), min_size=2, max_size=30)
 
 @given(st.lists(CURVE, min_size=1, max_size=4))
 def test_simplified_curves_stay_within_what_is_not_seen(curves):
-    found = [np.array(x) for x in curves]
-    size = np.ptp(np.concatenate(found), axis=0).max()
-    for points, kept in zip(found, simplify(found, even=1), strict=True):
-        assert kept[0] == 0 and kept[-1] == len(points) - 1
-        assert (np.diff(kept) > 0).all()
+    arrays = [np.array(x) for x in curves]
+    size = np.ptp(np.concatenate(arrays), axis=0).max()
+    for points, indices in zip(arrays, simplify(arrays, even=1), strict=True):
+        assert indices[0] == 0 and indices[-1] == len(points) - 1
+        assert (np.diff(indices) > 0).all()
         for i, x in enumerate(points):
-            k = min(max(int(np.searchsorted(kept, i, side="right")) - 1, 0), len(kept) - 2)
-            a, b = points[kept[k]], points[kept[k + 1]]
+            k = min(max(int(np.searchsorted(indices, i, side="right")) - 1, 0), len(indices) - 2)
+            a, b = points[indices[k]], points[indices[k + 1]]
             along = b - a
             share = np.clip((x - a) @ along / max(along @ along, 1e-300), 0, 1)
             assert np.linalg.norm(x - a - share * along) <= VISIBLE * size + 1e-12
@@ -277,8 +279,8 @@ def test_a_sample_drawing_runs_to_a_report(name, cell, path):
     assert result.evaluation.contour_error.max < 1e-4
     # The ports of the gasket are slower than assigned from where they begin, and the arcs of the
     # pocket have three decimals. Without the extra, distances of the links are not checked.
-    known = ("handle 38", "Repaired ", "armcontour[dynamics]")
-    assert all(any(part in x for part in known) for x in result.warnings)
+    expected = ("handle 38", "Repaired ", "armcontour[dynamics]")
+    assert all(any(part in x for part in expected) for x in result.warnings)
     assert any("Repaired " in x for x in result.warnings) == (name == "pocket.ngc")
 
 
@@ -297,7 +299,7 @@ def test_the_sample_drawings_are_what_their_script_writes(tmp_path):
 
 
 @needs_dynamics
-def test_leads_and_pierces_are_told_apart(tmp_path):
+def test_leads_and_pierces_are_distinguished(tmp_path):
     switch, pierce = Switch(name="laser"), Pierce(time=0.1, height=4e-3)
     leads = {"lead_in": Lead(length=3e-3, active=True), "lead_out": Lead(length=2e-3)}
     process = Process(switch=switch, pierce=pierce, **leads)

@@ -39,14 +39,14 @@ def made(request):
     return request.getfixturevalue(request.param)
 
 
-def known(values):
+def without_gaps(values):
     """Numbers of a curve without its gaps."""
     values = np.asarray(values, dtype=float)
     return values[np.isfinite(values)]
 
 
 def drawn(trace):
-    return known(trace.x), known(trace.y)
+    return without_gaps(trace.x), without_gaps(trace.y)
 
 
 def test_figures_are_those_of_the_results(made):
@@ -68,7 +68,7 @@ def test_figures_are_those_of_the_results(made):
     end = planned.path(planned.path.length) * 1e3
     for x in made:
         last = x.figure("path").data[-1]
-        ends = [known(getattr(last, a))[-1] for a in "xyz"[: len(end)]]
+        ends = [without_gaps(getattr(last, a))[-1] for a in "xyz"[: len(end)]]
         np.testing.assert_allclose(ends, end, atol=0.05)
 
 

@@ -10,7 +10,7 @@ from tests.geometry.tables import each, refused
 import armcontour as ac
 from armcontour.core.frames import Frame, exp
 from armcontour.robot import Chain, Dynamics, Payload, PlanarTwoLink, SerialArm
-from armcontour.robot.planar import Tube
+from armcontour.robot.planar import LinkTube
 
 
 def chain(**changes):
@@ -40,9 +40,9 @@ def test_drives_pay_for_friction(states):
     arm = SerialArm(name="three", chain=chain(), limits=ac.Limits())
     dq[0] = 0
     expected = [0.1, 0.2, 0.0] * dq + [1.0, 0.0, 0.5] * np.sign(dq)
-    found = arm.torque(q, dq, ddq) - arm.dynamics.torque(q, dq, ddq)
-    np.testing.assert_allclose(found, expected, atol=1e-12)
-    assert (found[0] == 0).all()
+    drive_torque = arm.torque(q, dq, ddq) - arm.dynamics.torque(q, dq, ddq)
+    np.testing.assert_allclose(drive_torque, expected, atol=1e-12)
+    assert (drive_torque[0] == 0).all()
 
 
 def test_energy_comes_from_the_drives_alone(states):
@@ -51,8 +51,8 @@ def test_energy_comes_from_the_drives_alone(states):
     h = 1e-5
 
     def energy(sign):
-        at, rate = q + sign * h * dq + h**2 / 2 * ddq, dq + sign * h * ddq
-        return np.einsum("ni,nij,nj->n", rate, still.mass_matrix(at), rate) / 2
+        position, rate = q + sign * h * dq + h**2 / 2 * ddq, dq + sign * h * ddq
+        return np.einsum("ni,nij,nj->n", rate, still.mass_matrix(position), rate) / 2
 
     power = np.sum(still.torque(q, dq, ddq) * dq, axis=1)
     np.testing.assert_allclose((energy(1) - energy(-1)) / (2 * h), power, rtol=1e-5, atol=1e-5)
@@ -72,23 +72,23 @@ def test_gravity_turns_with_the_base_and_a_payload_is_a_part_of_the_last_link(st
     assert np.abs(weight(gravity=[-9.81, 0, 0]) - weight()).max() > 1
     load = Payload(mass=1.5, center=[0.1, 0.2, -0.1], inertia=np.diag([0.02, 0.03, 0.04]))
     base, tip = chain(), chain().tip
-    at = tip.position + tip.rotation @ load.center
+    load_center = tip.position + tip.rotation @ load.center
     mass = base.masses[2] + load.mass
-    center = (base.masses[2] * base.centers[2] + load.mass * at) / mass
+    center = (base.masses[2] * base.centers[2] + load.mass * load_center) / mass
     inertia = base.inertias[2] + tip.rotation @ load.inertia @ tip.rotation.T
-    for weight, where in ((base.masses[2], base.centers[2]), (load.mass, at)):
+    for weight, where in ((base.masses[2], base.centers[2]), (load.mass, load_center)):
         away = where - center
         inertia = inertia + weight * (away @ away * np.eye(3) - np.outer(away, away))
     centers = [*base.centers[:2], center]
     inertias = [*base.inertias[:2], (inertia + inertia.T) / 2]
     heavier = base.replace(masses=[4.0, 3.0, mass], centers=centers, inertias=inertias)
     expected = Dynamics(heavier).torque(*states)
-    found = Dynamics(base.replace(payload=load)).torque(*states)
-    np.testing.assert_allclose(found, expected, atol=1e-11)
+    torque = Dynamics(base.replace(payload=load)).torque(*states)
+    np.testing.assert_allclose(torque, expected, atol=1e-11)
 
 
 def test_two_links_in_the_plane_by_the_textbook():
-    tubes = tuple(Tube(outer_diameter=0.08, wall=0.005, density=2700) for _ in range(2))
+    tubes = tuple(LinkTube(outer_diameter=0.08, wall=0.005, density=2700) for _ in range(2))
     links = {"base": 0.1, "links": (0.3, 0.2), "limits": ac.Limits()}
     arm = PlanarTwoLink(name="plane", **links, tubes=tubes, payload=Payload(mass=2.0))
     outer, inner = 0.04, 0.035
@@ -170,9 +170,9 @@ def by_pinocchio(bodies):
     upper = np.triu_indices(len(bodies))
 
     def mass(q):
-        found = np.array(pin.crba(model, data, q))
-        found.T[upper] = found[upper]
-        return found
+        matrix = np.array(pin.crba(model, data, q))
+        matrix.T[upper] = matrix[upper]
+        return matrix
 
     return (
         lambda *state: np.array([pin.rnea(model, data, *x) for x in zip(*state, strict=True)]),
@@ -191,8 +191,8 @@ def test_torques_and_their_parts_are_those_of_pinocchio(seed, dof, n):
     still, armature, dynamics = np.zeros_like(q), bodies.armature, Dynamics(bodies)
     torque, weightless, mass = by_pinocchio(bodies)
 
-    def same(found, expected):
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    def same(actual, expected):
+        np.testing.assert_allclose(actual, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
     a, b, c = dynamics.path_terms(q, dq, ddq)
     same(a, weightless(q, still, dq) + armature * dq)
@@ -223,14 +223,14 @@ def test_whole_turns_change_no_torque(turns, states):
     dynamics = Dynamics(chain())
     # The position itself is rounded, by half of its last digit.
     rounding = np.spacing(7.0 * abs(turns)) + 1e-15
-    found = dynamics.torque(q + 2 * np.pi * turns, dq, ddq)
+    torque = dynamics.torque(q + 2 * np.pi * turns, dq, ddq)
     expected = dynamics.torque(q, dq, ddq)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=2e3 * rounding)
+    np.testing.assert_allclose(torque, expected, rtol=0, atol=2e3 * rounding)
 
 
 def test_a_position_that_is_no_number_has_no_torque(states):
     q, dq, ddq = states
     q[40, 1] = np.nan
-    found = Dynamics(chain()).torque(q, dq, ddq)
-    assert np.isnan(found[40]).any()
-    assert np.isfinite(np.delete(found, 40, axis=0)).all()
+    torque = Dynamics(chain()).torque(q, dq, ddq)
+    assert np.isnan(torque[40]).any()
+    assert np.isfinite(np.delete(torque, 40, axis=0)).all()

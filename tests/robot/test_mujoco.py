@@ -28,9 +28,9 @@ def test_places_torques_and_jacobians(name):
     armature = np.linspace(0.5, 0.1, arm.dof)
     q, dq, ddq = states(arm)
     torque, point, rotation, jacobian = seen_by_mujoco(model_of(name, armature), q, dq, ddq)
-    found = Dynamics(arm.chain.replace(armature=armature)).torque(q, dq, ddq)
+    computed = Dynamics(arm.chain.replace(armature=armature)).torque(q, dq, ddq)
     largest = np.abs(torque).max(axis=1, keepdims=True)
-    assert (np.abs(found - torque) <= 1e-8 * largest).all()
+    assert (np.abs(computed - torque) <= 1e-8 * largest).all()
     if arm.dimension == 3:
         points, rotations = arm.pose(q)
         np.testing.assert_allclose(points, point, atol=1e-9)
@@ -70,8 +70,8 @@ def test_a_payload_is_a_body_on_the_tip():
 
 def model_of(name, armature, payload=""):
     """A model of a built-in arm, with the site "tool" at its tip."""
-    found = resources.files("armcontour.files.robots") / "library" / f"{name}.yaml"
-    data = yaml.safe_load(found.read_text("utf-8"))
+    file = resources.files("armcontour.files.robots") / "library" / f"{name}.yaml"
+    data = yaml.safe_load(file.read_text("utf-8"))
     bodies = planar(data) if data["kind"] == "planar_two_link" else serial(data)
     tip = words(data["tip"]["value"]) if "tip" in data else bodies.pop("tip", "0 0 0")
     gravity, text = bodies.pop("gravity", "0 0 -9.81"), ""
@@ -93,15 +93,15 @@ def model_of(name, armature, payload=""):
 
 def seen_by_mujoco(model, q, dq, ddq):
     """Torques and the tool's position, rotation and Jacobian, by MuJoCo, one state at a time."""
-    data, found = mujoco.MjData(model), []
+    data, states = mujoco.MjData(model), []
     for state in zip(q, dq, ddq, strict=True):
         data.qpos[:], data.qvel[:], data.qacc[:] = state
         mujoco.mj_inverse(model, data)
         linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
         mujoco.mj_jacSite(model, data, linear, angular, 0)
         place = data.site_xpos[0].copy(), data.site_xmat[0].reshape(3, 3).copy()
-        found.append((data.qfrc_inverse.copy(), *place, np.vstack([linear, angular])))
-    return tuple(np.array(x) for x in zip(*found, strict=True))
+        states.append((data.qfrc_inverse.copy(), *place, np.vstack([linear, angular])))
+    return tuple(np.array(x) for x in zip(*states, strict=True))
 
 
 def serial(data):
@@ -110,8 +110,8 @@ def serial(data):
     if "inertia_angles" in data:
         along = Rotation.from_euler("xyz", data["inertia_angles"]["value"])
     inertias = []
-    for axes, own in zip(along.as_matrix(), data["inertias"]["value"], strict=True):
-        xx, xy, xz, yy, yz, zz = own
+    for axes, inertia in zip(along.as_matrix(), data["inertias"]["value"], strict=True):
+        xx, xy, xz, yy, yz, zz = inertia
         full = axes @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ axes.T
         inertias.append(six(full))
     return {

@@ -244,8 +244,8 @@ class Longer(Slide):
 
 
 def test_a_users_own_arm_is_made_as_usual_and_stays_as_it_is():
-    own = np.arange(2.0)
-    stick, longer = Slide(1.0, own), Longer(1.0)
+    lengths = np.arange(2.0)
+    stick, longer = Slide(1.0, lengths), Longer(1.0)
     assert longer.length == 2.0
     for arm in (stick, longer):
         with pytest.raises(FrozenInstanceError, match="The length of a"):
@@ -253,7 +253,7 @@ def test_a_users_own_arm_is_made_as_usual_and_stays_as_it_is():
         with pytest.raises(ValueError, match="read-only"):
             arm.offsets[0] = 5.0
     # The array that was given stays the user's.
-    own[0] = 7.0
+    lengths[0] = 7.0
     assert stick.offsets[0] == 0.0
     assert longer.with_name("b").length == 2.0
 
@@ -274,8 +274,8 @@ def test_another_load_and_other_drives_change_the_torques_and_nothing_else(made)
     assert np.abs(loaded.torque(q, 0 * q, q) - before).max() > 1e-3
     np.testing.assert_array_equal(made.torque(q, 0 * q, q), before)
     assert made.with_dynamics() is made
-    said = f"coulomb has 9 values, but the arm has {made.dof} joints"
+    message = f"coulomb has 9 values, but the arm has {made.dof} joints"
     refused(
-        (lambda: made.with_dynamics(coulomb=[1.0] * 9), said),
+        (lambda: made.with_dynamics(coulomb=[1.0] * 9), message),
         (lambda: made.with_dynamics(viscous=-1.0), "viscous of a chain"),
     )

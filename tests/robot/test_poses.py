@@ -62,10 +62,10 @@ def test_the_inverse_leads_back_to_near_joint_positions(name):
         )
     # A row of poses: each solution starts from the one before it.
     row = inside(arm, 3, 1) + np.linspace(0, 0.3, 7)[:, None]
-    found = arm.inverse(arm.forward(row), near=row[0])
-    assert found.shape == row.shape and np.abs(np.diff(found, axis=0)).max() < 0.5
+    positions = arm.inverse(arm.forward(row), near=row[0])
+    assert positions.shape == row.shape and np.abs(np.diff(positions, axis=0)).max() < 0.5
     if arm.dof in (2, 6):
-        np.testing.assert_allclose(found, row, atol=1e-7)
+        np.testing.assert_allclose(positions, row, atol=1e-7)
 
 
 def test_all_forms_of_a_pose_are_one_pose(refuses):

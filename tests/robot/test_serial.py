@@ -12,7 +12,7 @@ import armcontour as ac
 from armcontour.core.frames import Frame, exp, log
 from armcontour.robot import Chain, Payload, SerialArm
 from armcontour.robot.limits import UNITS, or_unlimited
-from armcontour.robot.planar import Tube
+from armcontour.robot.planar import LinkTube
 
 STEP = 1e-6
 
@@ -70,9 +70,9 @@ def test_the_jacobian_its_rate_and_the_drift_agree_with_differences(arm3, states
     drift = np.einsum("nij,nj->ni", rate, dq)
     bias = arm3.tool_twist_rate(q, dq, np.zeros_like(q))
     np.testing.assert_allclose(bias, drift, atol=1e-7)
-    found = arm3.tool_twist_rate(q, dq, ddq)
-    np.testing.assert_allclose(found, drift + arm3.tool_twist(q, ddq), atol=1e-7)
-    np.testing.assert_array_equal(arm3.tool_acceleration(q, dq, ddq), found[:, :3])
+    twist_rate = arm3.tool_twist_rate(q, dq, ddq)
+    np.testing.assert_allclose(twist_rate, drift + arm3.tool_twist(q, ddq), atol=1e-7)
+    np.testing.assert_array_equal(arm3.tool_acceleration(q, dq, ddq), twist_rate[:, :3])
     exact = np.einsum("nij,nj->ni", arm3.tool_jacobian_rate(q, dq), dq)
     np.testing.assert_allclose(exact, bias[:, :3], atol=1e-12)
 
@@ -100,24 +100,24 @@ def exact_jerk(arm, states):
 
 def test_the_tools_jerk_has_all_digits(arm3):
     states = np.random.default_rng(3).normal(size=(4, arm3.dof))
-    found = arm3.tool_jerk(*states)
+    jerk = arm3.tool_jerk(*states)
     exact = exact_jerk(arm3, states)
-    np.testing.assert_allclose(found, exact, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(jerk, exact, rtol=1e-12, atol=1e-12)
     # What an arm of a user's own has by itself.
-    own = ac.Arm.tool_jerk(arm3, *states)
+    generic = ac.Arm.tool_jerk(arm3, *states)
     size = np.abs(states[1]).sum() ** 3
-    np.testing.assert_allclose(own, exact, atol=1e-12 * size)
+    np.testing.assert_allclose(generic, exact, atol=1e-12 * size)
 
 
 def test_the_jerk_of_many_states_is_that_of_each(arm3):
     states = np.random.default_rng(4).normal(size=(4, 2, 3, arm3.dof))
-    found = arm3.tool_jerk(*states)
-    assert found.shape == (2, 3, 3)
-    np.testing.assert_array_equal(found[1, 2], arm3.tool_jerk(*states[:, 1, 2]))
+    jerk = arm3.tool_jerk(*states)
+    assert jerk.shape == (2, 3, 3)
+    np.testing.assert_array_equal(jerk[1, 2], arm3.tool_jerk(*states[:, 1, 2]))
     # At rest there is no way to go along.
     q, rest, _, dddq = states
-    found = ac.Arm.tool_jerk(arm3, q, rest * 0, rest * 0, dddq)
-    np.testing.assert_allclose(found, arm3.tool_velocity(q, dddq), atol=1e-12)
+    jerk = ac.Arm.tool_jerk(arm3, q, rest * 0, rest * 0, dddq)
+    np.testing.assert_allclose(jerk, arm3.tool_velocity(q, dddq), atol=1e-12)
 
 
 @each("n", [0, 1, 31, 33])
@@ -155,29 +155,31 @@ def test_pinocchio_sees_the_same_arm():
     data, base = model.createData(), chain.base
     turn = np.kron(np.eye(2), base.rotation)
     for q in np.random.default_rng(2).normal(size=(50, arm.dof)):
-        seen = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+        jacobian = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
         pin.framesForwardKinematics(model, data, q)
         place = data.oMf[frame]
         point, rotation = arm.pose(q)
         expected = base.position + base.rotation @ place.translation
         np.testing.assert_allclose(point, expected, atol=1e-12)
         np.testing.assert_allclose(rotation, base.rotation @ place.rotation, atol=1e-12)
-        np.testing.assert_allclose(arm.jacobian(q), turn @ seen, atol=1e-12)
+        np.testing.assert_allclose(arm.jacobian(q), turn @ jacobian, atol=1e-12)
 
 
-def test_the_work_frame_and_the_tool_only_say_where_from_and_where_to(arm3, states):
+def test_work_frame_and_tool_only_define_the_two_ends_of_the_pose(arm3, states):
     q, dq, ddq = states
     work, tool = Frame.rpy([1, 2, 3], [0.3, 0.2, 0.1]), Frame.rpy([0.1, 0, 0.2], [0, 0.5, 0])
     moved = arm3.with_work(work)
     bare = arm3.with_work(Frame())
     points, rotations = bare.pose(q)
-    seen, turned = moved.pose(q)
-    np.testing.assert_allclose(work.position + seen @ work.rotation.T, points, atol=1e-12)
+    rotation, turned = moved.pose(q)
+    np.testing.assert_allclose(work.position + rotation @ work.rotation.T, points, atol=1e-12)
     np.testing.assert_allclose(work.rotation @ turned, rotations, atol=1e-12)
     equipped = bare.with_tool(tool)
     flange = bare.with_tool(Frame())
-    at, axes = flange.pose(q)
-    np.testing.assert_allclose(equipped.tool_position(q), at + axes @ tool.position, atol=1e-12)
+    position, axes = flange.pose(q)
+    np.testing.assert_allclose(
+        equipped.tool_position(q), position + axes @ tool.position, atol=1e-12
+    )
     np.testing.assert_allclose(equipped.pose(q)[1], axes @ tool.rotation, atol=1e-12)
     # Nor do torques know of either.
     expected = arm3.torque(q, dq, ddq)
@@ -225,9 +227,9 @@ def test_one_state_and_any_shape_of_states():
     ):
         assert method(*[q[0, 0].tolist()] * count).shape == shape
         assert method(*[q[:0]] * count).shape == (0, 5, *shape)
-        found = method(*[q] * count)
-        assert found.shape == (2, 5, *shape)
-        np.testing.assert_allclose(found[1, 2], method(*[q[1, 2]] * count), atol=1e-12)
+        values = method(*[q] * count)
+        assert values.shape == (2, 5, *shape)
+        np.testing.assert_allclose(values[1, 2], method(*[q[1, 2]] * count), atol=1e-12)
 
 
 def test_what_an_arm_is_made_of_stays_as_it_is_and_states_have_to_fit():
@@ -313,7 +315,7 @@ def test_limits_chains_payloads_and_arms_that_cannot_be_are_refused():
         (Chain, GOOD, ODD_CHAINS),
         (Payload, {"mass": 1.0}, ODD_PAYLOADS),
         (ac.PlanarTwoLink, PLANE, ODD_PLANES),
-        (Tube, TUBE, ODD_TUBES),
+        (LinkTube, TUBE, ODD_TUBES),
     ):
         refused(*((partial(kind, **good | x), *more) for x, *more in rows))
     two, jerk = ac.Limits(joint_acceleration=[1.0, 1.0]), ac.Limits(joint_jerk=[np.inf, 5.0])
@@ -345,8 +347,8 @@ def test_limits_are_replaced_added_lifted_and_spread_over_joints():
     assert ac.Limits().for_joints(3).joint_acceleration is None
     # One pair is for all joints.
     pair = ac.Limits(joint_velocity=[[-1.0, 2.0]])
-    for own in (pair, pair.for_joints(3)):
-        np.testing.assert_array_equal(own.velocity_bounds(3), [[-1.0] * 3, [2.0] * 3])
+    for joint_limits in (pair, pair.for_joints(3)):
+        np.testing.assert_array_equal(joint_limits.velocity_bounds(3), [[-1.0] * 3, [2.0] * 3])
     np.testing.assert_array_equal(or_unlimited(None, 2), [np.inf, np.inf])
     np.testing.assert_array_equal(or_unlimited([1.0, 2.0], 2), [1.0, 2.0])
 

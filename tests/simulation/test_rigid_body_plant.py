@@ -106,9 +106,9 @@ def test_one_joint_converges_to_the_servo_plant(interpolation):
     ideal = by_servo(arm, swing(), interpolation=interpolation)
     errors = []
     for step in (4e-3, 1e-3, 2.5e-4, 6.25e-5):
-        done = run(arm, swing(), step=step, interpolation=interpolation)
-        n = min(len(done.t), len(ideal.t))
-        errors.append(np.abs(done.q[:n] - ideal.q[:n]).max())
+        execution = run(arm, swing(), step=step, interpolation=interpolation)
+        n = min(len(execution.t), len(ideal.t))
+        errors.append(np.abs(execution.q[:n] - ideal.q[:n]).max())
     # First order: the torque held over a step is half a step late.
     ratios = np.divide(errors[:-1], errors[1:])
     np.testing.assert_allclose(ratios[1:], 4, rtol=0.1)
@@ -121,11 +121,13 @@ def test_it_starts_and_stays_in_equilibrium_and_sags_as_predicted():
     np.testing.assert_allclose(held.torque, WEIGHT * np.cos(0.3), rtol=1e-9)
     np.testing.assert_allclose(held.peak_demand, 0, atol=1e-9)
     sagged = run(pendulum(), [[0.3]], gravity_feedforward=False)
-    at = sagged.q[0, 0]
-    assert at == pytest.approx(0.3 - WEIGHT * np.cos(at) / (INERTIA * KV * KP), abs=1e-12)
-    np.testing.assert_allclose(sagged.q, at, atol=1e-9)
-    done = run(pendulum(), swing(0.8), gravity_feedforward=False)
-    end = done.q[-1, 0]
+    rest_angle = sagged.q[0, 0]
+    assert rest_angle == pytest.approx(
+        0.3 - WEIGHT * np.cos(rest_angle) / (INERTIA * KV * KP), abs=1e-12
+    )
+    np.testing.assert_allclose(sagged.q, rest_angle, atol=1e-9)
+    execution = run(pendulum(), swing(0.8), gravity_feedforward=False)
+    end = execution.q[-1, 0]
     assert end - 0.8 == pytest.approx(-WEIGHT * np.cos(end) / (INERTIA * KV * KP), rel=1e-5)
     assert run(pendulum(), swing(0.8)).q[-1, 0] == pytest.approx(0.8, abs=1e-7)
 
@@ -135,8 +137,8 @@ def test_an_integrator_holds_the_weight_and_leaves_no_sag():
     for spring in (None, SPRING):
         sagging = {"gravity_feedforward": False, "joint_stiffness": spring}
         set_points = taught_data(swing(1.2))
-        done = ac.simulate(set_points, ac.RigidBodyPlant(pendulum(), servo, **sagging))
-        motor = done.q if spring is None else done.motor_q
+        execution = ac.simulate(set_points, ac.RigidBodyPlant(pendulum(), servo, **sagging))
+        motor = execution.q if spring is None else execution.motor_q
         assert motor[0, 0] == 0.0 and motor[-1, 0] == pytest.approx(1.2, abs=1e-6)
         assert run(pendulum(), swing(1.2), **sagging).q[-1, 0] < 1.2 - 1e-3
         still = ac.simulate(taught_data([[0.3]]), ac.RigidBodyPlant(pendulum(), servo, **sagging))
@@ -173,9 +175,9 @@ def test_integrators_do_not_see_acceleration_feedforward(feed):
     ideal = ac.simulate(set_points, ac.ServoPlant(arm, servo, ac.Limits()), resolution=CYCLE)
     for step in (1e-3, 2.5e-4):
         plant = ac.RigidBodyPlant(arm, servo, ac.Limits(joint_torque=1e12), step=step)
-        done = ac.simulate(set_points, plant, resolution=CYCLE)
-        n = min(len(done.t), len(ideal.t))
-        errors.append(np.abs(done.q[:n] - ideal.q[:n]).max())
+        execution = ac.simulate(set_points, plant, resolution=CYCLE)
+        n = min(len(execution.t), len(ideal.t))
+        errors.append(np.abs(execution.q[:n] - ideal.q[:n]).max())
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05) and errors[1] < 2e-5
 
 
@@ -185,8 +187,8 @@ def test_coulomb_friction_leaves_its_dead_band():
     arm = pendulum(gravity=WEIGHTLESS, coulomb=[coulomb])
     for to in (0.5, -0.5):
         still = np.full((1500, 1), to)  # 6 s: the joint must not creep through the band
-        done = run(arm, np.concatenate([swing(to), still]))
-        assert done.q[-1, 0] - to == pytest.approx(-np.sign(to) * band, rel=1e-3)
+        execution = run(arm, np.concatenate([swing(to), still]))
+        assert execution.q[-1, 0] - to == pytest.approx(-np.sign(to) * band, rel=1e-3)
         free = run(arm, swing(to), friction=False)
         assert free.q[-1, 0] == pytest.approx(to, abs=1e-7)
     # It moves once the servo asks for more than friction takes: 1/2 and 2 times that.
@@ -199,15 +201,15 @@ def test_torque_saturation_in_closed_form_and_with_gravity():
     limit = 3.0
     arm = pendulum(gravity=WEIGHTLESS)
     q = [[0.0]] + [[2.0]] * 300
-    done = run(arm, q, ac.Limits.only(joint_torque=limit), interpolation="step")
-    at = (done.t >= 0.004) & (done.t <= 0.5)
-    since = done.t[at] - 0.004
-    np.testing.assert_allclose(done.q[at, 0], limit / INERTIA * since**2 / 2, atol=1e-12)
-    np.testing.assert_allclose(done.torque[at, 0], limit)
-    np.testing.assert_allclose(done.ddq[at, 0], limit / INERTIA, rtol=1e-9)
-    assert done.saturated[at, 0].all()
-    assert done.peak_demand[0] == pytest.approx(KV * KP * 2.0, rel=1e-3)
-    assert done.saturated_time[0] == pytest.approx(done.saturated.sum() * 0.004, abs=0.02)
+    execution = run(arm, q, ac.Limits.only(joint_torque=limit), interpolation="step")
+    constant = (execution.t >= 0.004) & (execution.t <= 0.5)
+    since = execution.t[constant] - 0.004
+    np.testing.assert_allclose(execution.q[constant, 0], limit / INERTIA * since**2 / 2, atol=1e-12)
+    np.testing.assert_allclose(execution.torque[constant, 0], limit)
+    np.testing.assert_allclose(execution.ddq[constant, 0], limit / INERTIA, rtol=1e-9)
+    assert execution.saturated[constant, 0].all()
+    assert execution.peak_demand[0] == pytest.approx(KV * KP * 2.0, rel=1e-3)
+    assert execution.saturated_time[0] == pytest.approx(execution.saturated.sum() * 0.004, abs=0.02)
     free = run(arm, q, interpolation="step")
     assert free.saturated_time[0] == 0 and not free.saturated.any()
     assert np.abs(free.torque).max() > 100 * limit
@@ -225,12 +227,12 @@ def test_a_payload_changes_the_loop_gain_but_not_the_drives():
     load = Payload(mass=3.0, center=np.array([LENGTH, 0.0, 0.0]))
     light, loaded = (pendulum(gravity=WEIGHTLESS, payload=x) for x in (None, load))
     np.testing.assert_allclose(plant(loaded).nominal_inertia, INERTIA)
-    done = run(loaded, swing(), step=1e-4)
+    execution = run(loaded, swing(), step=1e-4)
     ratio = INERTIA / (INERTIA + 3.0 * LENGTH**2)
     n = len(swing())
     expected = by_servo(loaded, swing(), kv=KV * ratio)
-    np.testing.assert_allclose(done.q[:n], expected.q[:n], atol=3e-6)
-    assert np.abs(done.q[:n] - run(light, swing()).q[:n]).max() > 5e-4
+    np.testing.assert_allclose(execution.q[:n], expected.q[:n], atol=3e-6)
+    assert np.abs(execution.q[:n] - run(light, swing()).q[:n]).max() > 5e-4
     # Where it is given against gravity, the controller knows it.
     held = run(pendulum(payload=load), [[0.3]])
     np.testing.assert_allclose(held.q, 0.3, atol=1e-12)
@@ -244,11 +246,13 @@ LOAD_WEIGHT = 3.0 * G * LENGTH
 def test_a_payload_that_the_controller_does_not_know_lets_the_arm_sag():
     loaded = pendulum(payload=LOAD)
     held = run(loaded, [[0.3]], controller=pendulum())
-    at = held.q[0, 0]
+    rest_angle = held.q[0, 0]
     # What is fed forward is lacking the load: K (u - q) = g_true(q) - g_known(q).
-    assert at == pytest.approx(0.3 - LOAD_WEIGHT * np.cos(at) / STIFFNESS, abs=1e-12)
-    np.testing.assert_allclose(held.q, at, atol=1e-9)
-    np.testing.assert_allclose(held.torque, (WEIGHT + LOAD_WEIGHT) * np.cos(at), rtol=1e-6)
+    assert rest_angle == pytest.approx(
+        0.3 - LOAD_WEIGHT * np.cos(rest_angle) / STIFFNESS, abs=1e-12
+    )
+    np.testing.assert_allclose(held.q, rest_angle, atol=1e-9)
+    np.testing.assert_allclose(held.torque, (WEIGHT + LOAD_WEIGHT) * np.cos(rest_angle), rtol=1e-6)
     end = run(loaded, swing(0.8), controller=pendulum()).q[-1, 0]
     assert end - 0.8 == pytest.approx(-LOAD_WEIGHT * np.cos(end) / STIFFNESS, rel=1e-4)
     # A controller that adds nothing lacks all of it, whatever it knows.
@@ -266,13 +270,13 @@ def test_loops_are_scaled_by_the_arm_that_the_controller_knows():
     simulated = plant(drives, controller=nominal, step=1e-4)
     np.testing.assert_allclose(simulated.nominal_inertia, INERTIA)
     assert simulated.arm is drives
-    done = ac.simulate(taught_data(swing()), simulated, resolution=0.004)
+    execution = ac.simulate(taught_data(swing()), simulated, resolution=0.004)
     expected = by_servo(drives, swing(), kv=KV * INERTIA / (INERTIA + 0.3))
     n = len(swing())
-    np.testing.assert_allclose(done.q[:n], expected.q[:n], atol=3e-6)
-    given = ac.ServoModel(kp=KP, kv=KV, inertia=0.7)
+    np.testing.assert_allclose(execution.q[:n], expected.q[:n], atol=3e-6)
+    servo = ac.ServoModel(kp=KP, kv=KV, inertia=0.7)
     np.testing.assert_allclose(
-        ac.RigidBodyPlant(drives, given, controller=nominal).nominal_inertia, 0.7
+        ac.RigidBodyPlant(drives, servo, controller=nominal).nominal_inertia, 0.7
     )
     # A drive that is rated for accelerations is rated for the bodies that its maker knew of.
     rated = plant(drives, ac.Limits.only(joint_acceleration=4.0), controller=nominal)
@@ -280,18 +284,18 @@ def test_loops_are_scaled_by_the_arm_that_the_controller_knows():
 
 
 def test_nominal_inertia_is_taken_in_the_middle_of_the_ranges():
-    def at(q2):
+    def inertia_at(q2):
         rod = 0.4**2 / 3
         near = 3 * rod + 2 * (0.4**2 + 0.4**2 / 3 + 0.4**2 * np.cos(q2)) + 0.05
         return [near, 2 * rod + 0.02]
 
     free = plant(two_link())
     np.testing.assert_array_equal(free.reference, 0)
-    np.testing.assert_allclose(free.nominal_inertia, at(0.0))
+    np.testing.assert_allclose(free.nominal_inertia, inertia_at(0.0))
     ranges = ac.Limits.only(joint_lower=[-3.0, 0.5], joint_upper=[np.inf, 2.5])
     bent = plant(two_link(ranges), ac.Limits.only())
     np.testing.assert_allclose(bent.reference, [0.0, 1.5])
-    np.testing.assert_allclose(bent.nominal_inertia, at(1.5))
+    np.testing.assert_allclose(bent.nominal_inertia, inertia_at(1.5))
     above = ac.Limits.only(joint_lower=[0.5, -1.0])
     np.testing.assert_allclose(plant(two_link(above)).reference, [0.5, 0.0])
 
@@ -336,8 +340,8 @@ def test_the_resolution_changes_nothing():
     # What is listed fits together: velocities are the integral of accelerations.
     np.testing.assert_allclose(np.diff(fine.dq, axis=0), fine.ddq[:-1] * 2.5e-4, atol=1e-12)
     # A step that does not fit is shortened: 14 steps an interval, every other listed.
-    done = run(pendulum(), swing(), step=3e-4, resolution=1e-3)
-    assert 0.004 / done.t[1] == pytest.approx(7)
+    execution = run(pendulum(), swing(), step=3e-4, resolution=1e-3)
+    assert 0.004 / execution.t[1] == pytest.approx(7)
 
 
 @pytest.mark.parametrize("name", ["pmk3s", "ur5e", "panda"])
@@ -348,27 +352,27 @@ def test_arms_of_the_library(name):
     assert ((middle >= low) & (middle <= high)).all()
     # Stretched, some joints turn about one line, where arms without drives are light.
     q = middle + 0.8 + swing(np.full(arm.dof, 0.02), duration=2.0)
-    done = run(arm, q, friction=False)
-    np.testing.assert_allclose(done.q[-1], q[-1], atol=2e-6)
-    needed = arm.dynamics.torque(done.q, done.dq, done.ddq)
+    execution = run(arm, q, friction=False)
+    np.testing.assert_allclose(execution.q[-1], q[-1], atol=2e-6)
+    needed = arm.dynamics.torque(execution.q, execution.dq, execution.ddq)
     # ddq is the mean over the step that follows: half a step off.
-    np.testing.assert_allclose(done.torque, needed, atol=0.02 * np.abs(needed).max() + 1e-3)
+    np.testing.assert_allclose(execution.torque, needed, atol=0.02 * np.abs(needed).max() + 1e-3)
 
 
 def test_an_execution_locks_its_torques_and_has_both_or_neither(refuses):
     one = np.ones((1, 1))
-    given = {"q": 0 * one, "dq": 0 * one, "ddq": one, "demand": one, "t": np.zeros(1)}
-    given |= {"arm": pendulum(), "set_points": taught_data([[0.0]])}
-    given |= {"demand_range": np.ones((2, 1)), "saturated_time": np.zeros(1)}
+    fields = {"q": 0 * one, "dq": 0 * one, "ddq": one, "demand": one, "t": np.zeros(1)}
+    fields |= {"arm": pendulum(), "set_points": taught_data([[0.0]])}
+    fields |= {"demand_range": np.ones((2, 1)), "saturated_time": np.zeros(1)}
     torque = np.array([[2.0]])
-    done = ac.Execution(**given, torque=torque, torque_demand=[[-3.0]])
+    execution = ac.Execution(**fields, torque=torque, torque_demand=[[-3.0]])
     torque[:] = 0
-    assert done.torque.tolist() == [[2.0]] and done.saturated.all()
+    assert execution.torque.tolist() == [[2.0]] and execution.saturated.all()
     with pytest.raises(ValueError, match="read-only"):
-        done.torque[0] = 1
-    assert not ac.Execution(**given, torque=[[2.0]], torque_demand=[[2.0]]).saturated.any()
-    assert ac.Execution(**given).torque is None
-    refuses(lambda: ac.Execution(**given, torque=torque), ac.InvalidInput, "torque_demand")
+        execution.torque[0] = 1
+    assert not ac.Execution(**fields, torque=[[2.0]], torque_demand=[[2.0]]).saturated.any()
+    assert ac.Execution(**fields).torque is None
+    refuses(lambda: ac.Execution(**fields, torque=torque), ac.InvalidInput, "torque_demand")
 
 
 def test_a_step_too_long_for_the_gains_is_an_error(fails):
@@ -427,7 +431,7 @@ def test_refused(refuses, monkeypatch):
     assert run(empty, swing()).q[-1, 0] == pytest.approx(0.5, abs=1e-6)
     first = ac.ServoModel(kp=KP, order="first")
 
-    def own(**options):
+    def plant_of(**options):
         return ac.RigidBodyPlant(two_link(), ac.ServoModel(**{"kp": 25.0, "kv": 150.0, **options}))
 
     for call, words in (
@@ -444,10 +448,13 @@ def test_refused(refuses, monkeypatch):
         (partial(run, pendulum(), np.zeros((4, 3))), "for 3 joints"),
         (partial(run, pendulum(), swing(), resolution=1e-4), "coarser"),
         (partial(ac.RigidBodyPlant, two_link(), first), "of order second"),
-        (partial(own, order=("second", "delay"), kp=[25, np.inf], kv=[150, np.inf]), "of order"),
-        (partial(own, friction=1e-3), "without friction and cycle"),
-        (partial(own, drive_cycle=1e-3), "without friction and cycle"),
-        (partial(own, acceleration_limit=5.0), "acceleration_limit of 5.0 rad/s²"),
+        (
+            partial(plant_of, order=("second", "delay"), kp=[25, np.inf], kv=[150, np.inf]),
+            "of order",
+        ),
+        (partial(plant_of, friction=1e-3), "without friction and cycle"),
+        (partial(plant_of, drive_cycle=1e-3), "without friction and cycle"),
+        (partial(plant_of, acceleration_limit=5.0), "acceleration_limit of 5.0 rad/s²"),
         (partial(plant, pendulum(), joint_stiffness=0.0), "but is 0 N m/rad"),
         (partial(plant, pendulum(), joint_stiffness=[1e4, 1e4]), "joint_stiffness has 2 values"),
         (partial(plant, pendulum(), joint_stiffness=1e4, joint_damping=-1.0), "joint_damping"),
@@ -468,12 +475,12 @@ def test_late_and_cubic_commands_are_those_of_the_servo_plant():
     for interpolation, dead in product(("linear", "step", "cubic"), (0.0, 0.0123, [0.008, 0.0321])):
         prompt = ac.ServoModel(kp=KP, kv=KV, interpolation=interpolation)
         servo = prompt.replace(dead_time=dead)
-        done = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo)).q[:1000]
+        positions = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo)).q[:1000]
         exact = ac.simulate(set_points, ac.ServoPlant(arm, servo, ac.Limits.only())).q[:1000]
-        assert np.abs(done - exact).max() < 3e-4, (interpolation, dead)
+        assert np.abs(positions - exact).max() < 3e-4, (interpolation, dead)
         if np.any(dead):
             other = ac.simulate(set_points, ac.ServoPlant(arm, prompt, ac.Limits.only())).q[:1000]
-            assert np.abs(done - other).max() > 3e-3, (interpolation, dead)
+            assert np.abs(positions - other).max() > 3e-3, (interpolation, dead)
 
 
 SPRING = 2e4
@@ -501,8 +508,8 @@ def test_stiff_springs_are_rigid_joints():
     q = swing(0.3, 0.4)
     rigid, errors = run(pendulum(), q), []
     for stiffness in (2e4, 2e5):
-        done = run(pendulum(), q, joint_stiffness=stiffness)
-        errors.append(np.abs(done.q[: len(q)] - rigid.q[: len(q)]).max())
+        execution = run(pendulum(), q, joint_stiffness=stiffness)
+        errors.append(np.abs(execution.q[: len(q)] - rigid.q[: len(q)]).max())
     assert errors[0] / errors[1] == pytest.approx(10, rel=0.05)
     assert errors[1] < 1e-4
 
@@ -535,10 +542,10 @@ def test_springs_keep_energy_and_dampers_take_it():
 def test_friction_acts_at_the_motor():
     coulomb = 4.0
     arm = pendulum(gravity=WEIGHTLESS, coulomb=[coulomb])
-    done = run(arm, np.concatenate([swing(), np.full((100, 1), 0.5)]), joint_stiffness=SPRING)
-    assert done.motor_q[-1, 0] - 0.5 == pytest.approx(-coulomb / STIFFNESS, rel=1e-3)
+    execution = run(arm, np.concatenate([swing(), np.full((100, 1), 0.5)]), joint_stiffness=SPRING)
+    assert execution.motor_q[-1, 0] - 0.5 == pytest.approx(-coulomb / STIFFNESS, rel=1e-3)
     # The torque that holds the motor does not go through the spring.
-    assert done.q[-1, 0] == pytest.approx(done.motor_q[-1, 0], abs=1e-7)
+    assert execution.q[-1, 0] == pytest.approx(execution.motor_q[-1, 0], abs=1e-7)
 
 
 def test_steps_too_long_for_springs_are_errors(fails):
@@ -550,8 +557,8 @@ def test_steps_too_long_for_springs_are_errors(fails):
     )
     # Rigid, the same step is stable.
     assert run(arm, swing(), step=4e-3).q[-1, 0] == pytest.approx(0.5, abs=1e-6)
-    done = run(arm, swing(), joint_stiffness=SPRING, step=1e-3)
-    assert done.q[-1, 0] == pytest.approx(0.5, abs=1e-5)
+    execution = run(arm, swing(), joint_stiffness=SPRING, step=1e-3)
+    assert execution.q[-1, 0] == pytest.approx(0.5, abs=1e-5)
     for stiffness, damping in ((1e10, None), (1e12, None), (1.0, 1e12)):
         springs = {"joint_stiffness": stiffness, "joint_damping": damping}
         fails(partial(run, arm, swing(), **springs), "at most 50", joint=ANY)

@@ -35,26 +35,26 @@ RANDOM = 0.1 * np.random.default_rng(0).normal(size=(30, 2))
 
 
 def test_it_starts_and_ends_at_rest_and_keeps_still_at_a_single_set_point(arm):
-    done = ac.simulate(taught_data(RANDOM), plant(arm, limit=0.72))
-    np.testing.assert_array_equal(done.q[0], RANDOM[0])
-    np.testing.assert_array_equal(done.dq[0], 0)
-    np.testing.assert_allclose(done.q[-1], RANDOM[-1], atol=1e-8)
-    np.testing.assert_allclose(done.dq[-1], 0, atol=1e-8)
-    np.testing.assert_allclose(np.diff(done.t), done.t[1], rtol=1e-9)
-    done = ac.simulate(taught_data([(0.3, 0.4)]), plant(arm, limit=0.72))
-    np.testing.assert_array_equal(done.q, [(0.3, 0.4)] * len(done.q))
-    np.testing.assert_array_equal(done.peak_demand, 0)
-    np.testing.assert_array_equal(done.saturated_time, 0)
+    execution = ac.simulate(taught_data(RANDOM), plant(arm, limit=0.72))
+    np.testing.assert_array_equal(execution.q[0], RANDOM[0])
+    np.testing.assert_array_equal(execution.dq[0], 0)
+    np.testing.assert_allclose(execution.q[-1], RANDOM[-1], atol=1e-8)
+    np.testing.assert_allclose(execution.dq[-1], 0, atol=1e-8)
+    np.testing.assert_allclose(np.diff(execution.t), execution.t[1], rtol=1e-9)
+    execution = ac.simulate(taught_data([(0.3, 0.4)]), plant(arm, limit=0.72))
+    np.testing.assert_array_equal(execution.q, [(0.3, 0.4)] * len(execution.q))
+    np.testing.assert_array_equal(execution.peak_demand, 0)
+    np.testing.assert_array_equal(execution.saturated_time, 0)
 
 
 def test_the_resolution_is_kept_and_changes_nothing(arm):
-    late = ac.ServoModel(kp=25.0, kv=150.0, interpolation="cubic", dead_time=[0.0123, 0.0567])
+    delayed = ac.ServoModel(kp=25.0, kv=150.0, interpolation="cubic", dead_time=[0.0123, 0.0567])
     uneven = ac.Limits.only(joint_acceleration=[[-1.0, 3.0], [-2.0, 0.5]])
     plants = [
         plant(arm, limit=limit, interpolation=interpolation)
         for limit, interpolation in product((None, 0.72, [3.0, 0.5]), ("linear", "step"))
     ]
-    for simulated in (*plants, ac.ServoPlant(arm, late, uneven)):
+    for simulated in (*plants, ac.ServoPlant(arm, delayed, uneven)):
         coarse = ac.simulate(taught_data(RANDOM), simulated, resolution=0.02)
         fine = ac.simulate(taught_data(RANDOM), simulated, resolution=0.001)
         n = len(coarse.t) - 1
@@ -64,34 +64,40 @@ def test_the_resolution_is_kept_and_changes_nothing(arm):
         np.testing.assert_allclose(fine.peak_demand, coarse.peak_demand, rtol=1e-9)
         np.testing.assert_allclose(fine.saturated_time, coarse.saturated_time, rtol=1e-6, atol=1e-9)
     for resolution in (0.02, 0.03, 0.0061, 1e-3):
-        done = ac.simulate(taught_data(RANDOM), plant(arm), resolution=resolution)
-        assert done.t[1] <= resolution * (1 + 1e-12)
-        assert np.abs(np.mod(0.02 / done.t[1] + 0.5, 1) - 0.5) < 1e-9, resolution
+        execution = ac.simulate(taught_data(RANDOM), plant(arm), resolution=resolution)
+        assert execution.t[1] <= resolution * (1 + 1e-12)
+        assert np.abs(np.mod(0.02 / execution.t[1] + 0.5, 1) - 0.5) < 1e-9, resolution
 
 
 def test_saturated_time_peak_demand_and_accelerations(arm):
-    done = ac.simulate(taught_data(RANDOM, 0.05), plant(arm, limit=[2.0, 5.0]), resolution=1e-5)
-    counted = (np.abs(done.demand) > [2.0, 5.0]).sum(axis=0) * done.t[1]
-    np.testing.assert_allclose(done.saturated_time, counted, rtol=2e-3)
-    np.testing.assert_allclose(done.peak_demand, np.abs(done.demand).max(axis=0), rtol=1e-4)
-    assert (done.saturated_time > 0.1).all()
-    done = ac.simulate(taught_data(RANDOM), plant(arm, limit=[0.72, 3.0]), resolution=1e-3)
-    np.testing.assert_array_equal(done.ddq, np.clip(done.demand, [-0.72, -3.0], [0.72, 3.0]))
-    assert (np.abs(done.demand).max(axis=0) > [0.72, 3.0]).all()
+    execution = ac.simulate(
+        taught_data(RANDOM, 0.05), plant(arm, limit=[2.0, 5.0]), resolution=1e-5
+    )
+    counted = (np.abs(execution.demand) > [2.0, 5.0]).sum(axis=0) * execution.t[1]
+    np.testing.assert_allclose(execution.saturated_time, counted, rtol=2e-3)
+    np.testing.assert_allclose(
+        execution.peak_demand, np.abs(execution.demand).max(axis=0), rtol=1e-4
+    )
+    assert (execution.saturated_time > 0.1).all()
+    execution = ac.simulate(taught_data(RANDOM), plant(arm, limit=[0.72, 3.0]), resolution=1e-3)
+    np.testing.assert_array_equal(
+        execution.ddq, np.clip(execution.demand, [-0.72, -3.0], [0.72, 3.0])
+    )
+    assert (np.abs(execution.demand).max(axis=0) > [0.72, 3.0]).all()
     # And they are what moves the joints: dq is their integral. Edges of saturation are kinks.
-    moved = np.cumsum((done.ddq[1:] + done.ddq[:-1]) / 2 * done.t[1], axis=0)
-    np.testing.assert_allclose(done.dq[1:], moved, atol=2e-2)
+    moved = np.cumsum((execution.ddq[1:] + execution.ddq[:-1]) / 2 * execution.t[1], axis=0)
+    np.testing.assert_allclose(execution.dq[1:], moved, atol=2e-2)
 
 
 def test_what_does_not_saturate(arm, servo):
-    done = ac.simulate(taught_data(1e3 * RANDOM), plant(arm))
-    np.testing.assert_array_equal(done.saturated_time, 0)
-    np.testing.assert_array_equal(done.ddq, done.demand)
+    execution = ac.simulate(taught_data(1e3 * RANDOM), plant(arm))
+    np.testing.assert_array_equal(execution.saturated_time, 0)
+    np.testing.assert_array_equal(execution.ddq, execution.demand)
     simulated = ac.ServoPlant(arm, LAG)
     assert simulated.saturation == "none" and np.isinf(simulated.acceleration).all()
-    done = ac.simulate(taught_data(RANDOM), simulated)
-    assert (done.peak_demand > 0.72).all()  # what it would have taken is said all the same
-    np.testing.assert_array_equal(done.saturated_time, 0)
+    execution = ac.simulate(taught_data(RANDOM), simulated)
+    assert (execution.peak_demand > 0.72).all()  # what it would have taken is said all the same
+    np.testing.assert_array_equal(execution.saturated_time, 0)
     np.testing.assert_array_equal(ac.ServoPlant(arm, servo).acceleration, [0.72, 0.72])
     free = ac.ServoPlant(arm, servo, ac.Limits.only())
     np.testing.assert_array_equal(free.acceleration, [np.inf, np.inf])
@@ -101,13 +107,15 @@ def test_a_late_command_and_a_late_beginning(arm):
     # A motion that is over before the first joint begins: rest is when the last set-point arrived.
     q = np.linspace((0.0, 0.0), (0.01, 0.02), 5)
     servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=[0.5, 0.25])
-    done = ac.simulate(taught_data(q), ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=0.01)
-    np.testing.assert_array_equal(done.q[done.t <= 0.5, 0], 0.0)
-    np.testing.assert_array_equal(done.q[done.t <= 0.25, 1], 0.0)
-    np.testing.assert_allclose(done.q[-1], q[-1], atol=1e-8)
+    execution = ac.simulate(
+        taught_data(q), ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=0.01
+    )
+    np.testing.assert_array_equal(execution.q[execution.t <= 0.5, 0], 0.0)
+    np.testing.assert_array_equal(execution.q[execution.t <= 0.25, 1], 0.0)
+    np.testing.assert_allclose(execution.q[-1], q[-1], atol=1e-8)
     prompt = ac.simulate(taught_data(q), plant(arm), resolution=0.01)
-    np.testing.assert_allclose(done.q[50:100, 0], prompt.q[:50, 0], atol=1e-12)
-    np.testing.assert_allclose(done.q[25:75, 1], prompt.q[:50, 1], atol=1e-12)
+    np.testing.assert_allclose(execution.q[50:100, 0], prompt.q[:50, 0], atol=1e-12)
+    np.testing.assert_allclose(execution.q[25:75, 1], prompt.q[:50, 1], atol=1e-12)
     first = taught_data(RANDOM)
     one = ac.simulate(first, plant(arm, limit=0.72))
     for start in (-0.06, -0.0537):
@@ -133,8 +141,8 @@ def test_slow_gains_and_close_set_points_lose_no_digits(arm):
 def test_bounds_may_differ_between_directions(arm):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     limits = ac.Limits.only(joint_acceleration=[[-0.5, 2.0]])
-    done = ac.simulate(taught_data(RANDOM), ac.ServoPlant(arm, servo, limits))
-    assert done.ddq.max() == 2.0 and done.ddq.min() == -0.5
+    execution = ac.simulate(taught_data(RANDOM), ac.ServoPlant(arm, servo, limits))
+    assert execution.ddq.max() == 2.0 and execution.ddq.min() == -0.5
     same = ac.Limits.only(joint_acceleration=[[-2.0, 2.0]])
     one, other = (
         ac.simulate(taught_data(RANDOM), ac.ServoPlant(arm, servo, x))
@@ -204,20 +212,20 @@ def test_a_joint_may_be_faster_than_its_drive_could_keep_it(gravity, interpolati
             u = command @ t ** np.arange(4)
             return [x[1], np.clip(150 * (25 * (u - x[0]) - x[1]), low[0], high[0])]
 
-        found = solve_ivp(motion, (0, 0.02), [q[0], dq[0]], **tight).y[:, -1]
+        state = solve_ivp(motion, (0, 0.02), [q[0], dq[0]], **tight).y[:, -1]
         end = 200 * (number + 1) - 1
-        np.testing.assert_allclose([part.q[end, 0], part.dq[end, 0]], found, atol=1e-7)
-        q, dq = found[:1], found[1:]
+        np.testing.assert_allclose([part.q[end, 0], part.dq[end, 0]], state, atol=1e-7)
+        q, dq = state[:1], state[1:]
     assert part.saturated[0] > 0.01
     assert (part.ddq[:, 0].reshape(6, 200)[0] < 0).all()
 
 
 def test_a_plan_within_every_torque_limit_runs():
     """While it brakes, viscous friction and velocities take more than the drives could give."""
-    own = ac.load_arm("ur5e")
-    chain = own.chain.replace(viscous=[12.0, 12.0, 8.0, 2.0, 2.0, 1.0])
-    arm = SerialArm(name="stiff", chain=chain, limits=own.limits)
-    torque = 0.7 * own.limits.joint_torque
+    arm_with_friction = ac.load_arm("ur5e")
+    chain = arm_with_friction.chain.replace(viscous=[12.0, 12.0, 8.0, 2.0, 2.0, 1.0])
+    arm = SerialArm(name="stiff", chain=chain, limits=arm_with_friction.limits)
+    torque = 0.7 * arm_with_friction.limits.joint_torque
     limits = ac.Limits.only(joint_velocity=6.0, joint_torque=torque)
     path = ac.JointPath.spline(np.random.default_rng(3).uniform(-1.5, 1.5, (5, 6)))
     planned = ac.plan(path, arm, limits)
@@ -225,9 +233,9 @@ def test_a_plan_within_every_torque_limit_runs():
     set_points = ac.compensate(
         planned, servo, ac.PolePlacement(), cycle=0.004, limits=ac.Limits.only()
     )
-    done = ac.simulate(set_points, ac.ServoPlant(arm, servo, limits))
-    assert (np.abs(arm.torque(done.q, done.dq, 0 * done.q)) / torque).max() > 1.02
-    np.testing.assert_allclose(done.q[-1], set_points.q[-1], atol=1e-8)
+    execution = ac.simulate(set_points, ac.ServoPlant(arm, servo, limits))
+    assert (np.abs(arm.torque(execution.q, execution.dq, 0 * execution.q)) / torque).max() > 1.02
+    np.testing.assert_allclose(execution.q[-1], set_points.q[-1], atol=1e-8)
 
 
 def test_saturation_by_default_is_in_what_is_limited():
@@ -236,7 +244,7 @@ def test_saturation_by_default_is_in_what_is_limited():
     hung = pendulum(0.0)
     chain = hung.chain.replace(masses=None, centers=None, inertias=None)
     bare = SerialArm(name="bare", chain=chain, limits=ac.Limits())
-    for of, limits, model, expected in (
+    for plant_arm, limits, model, expected in (
         (hung, both, SERVO, "acceleration"),
         (hung, torque, SERVO, "torque"),
         (bare, torque, SERVO, "none"),
@@ -244,11 +252,11 @@ def test_saturation_by_default_is_in_what_is_limited():
         (hung, both, LAG, "none"),
         (hung, torque, LAG, "none"),
     ):
-        assert ac.ServoPlant(of, model, limits).saturation == expected
+        assert ac.ServoPlant(plant_arm, model, limits).saturation == expected
     target = taught_data([(0.0,), (1.0,), (1.0,)], 0.1)
-    done = ac.simulate(target, ac.ServoPlant(hung, SERVO, torque))
-    assert done.saturated_time[0] > 0.01 and done.saturated.any()
-    assert done.ddq.max() == pytest.approx(30 / 0.6)
+    execution = ac.simulate(target, ac.ServoPlant(hung, SERVO, torque))
+    assert execution.saturated_time[0] > 0.01 and execution.saturated.any()
+    assert execution.ddq.max() == pytest.approx(30 / 0.6)
 
 
 def test_the_range_of_the_demand_has_both_directions(arm):
@@ -261,20 +269,22 @@ def test_the_range_of_the_demand_has_both_directions(arm):
     ]
     for servo, bounds, near in (*cases, (lag, ac.Limits.only(), 1e-2)):
         simulated = ac.ServoPlant(arm, servo, bounds)
-        done = ac.simulate(taught_data(RANDOM, 0.05), simulated, resolution=2e-5)
-        seen = [done.demand.min(axis=0), done.demand.max(axis=0)]
-        np.testing.assert_allclose(done.demand_range, seen, rtol=near)
-        np.testing.assert_array_equal(done.peak_demand, np.abs(done.demand_range).max(axis=0))
+        execution = ac.simulate(taught_data(RANDOM, 0.05), simulated, resolution=2e-5)
+        demand_range = [execution.demand.min(axis=0), execution.demand.max(axis=0)]
+        np.testing.assert_allclose(execution.demand_range, demand_range, rtol=near)
+        np.testing.assert_array_equal(
+            execution.peak_demand, np.abs(execution.demand_range).max(axis=0)
+        )
 
 
 def test_no_demand_is_outside_of_its_range(arm):
     """At the end of an interval in saturation the demand may be larger than anywhere before."""
     q = np.cumsum(np.random.default_rng(4).normal(size=(15, 2)), axis=0) * (3e-3, 1e-2)
     for x in ("linear", "step", "cubic"):
-        done = ac.simulate(taught_data(q, 0.011), plant(arm, limit=0.72, interpolation=x))
-        assert (done.saturated_time > 0.05).all(), x
-        assert (done.demand_range[0] <= done.demand.min(axis=0)).all(), x
-        assert (done.demand_range[1] >= done.demand.max(axis=0)).all(), x
+        execution = ac.simulate(taught_data(q, 0.011), plant(arm, limit=0.72, interpolation=x))
+        assert (execution.saturated_time > 0.05).all(), x
+        assert (execution.demand_range[0] <= execution.demand.min(axis=0)).all(), x
+        assert (execution.demand_range[1] >= execution.demand.max(axis=0)).all(), x
 
 
 def test_rounding_does_not_saturate(arm):
@@ -298,14 +308,14 @@ def test_gains_beyond_all_time_steps_are_errors(arm):
 
 def test_a_motion_that_does_not_settle_ends_with_what_is_left(arm):
     """Within a minute of patience, however long the motion was."""
-    done = ac.simulate(taught_data([(0, 0), (0, 1)]), plant(arm, kp=0.01), resolution=0.02)
-    waited = done.t[-1] - 0.02
+    execution = ac.simulate(taught_data([(0, 0), (0, 1)]), plant(arm, kp=0.01), resolution=0.02)
+    waited = execution.t[-1] - 0.02
     assert 60.0 < waited < 61.0
     # The slow one of both decay rates of s² + kv s + kp kv, and its part of a step.
     fast, slow = sorted(np.roots([1.0, 150.0, 1.5]).real)
-    left = (fast * np.exp(slow * waited) - slow * np.exp(fast * waited)) / (fast - slow)
-    np.testing.assert_allclose(done.unsettled, [0.0, left], rtol=2e-4)
-    np.testing.assert_array_equal(done.unsettled, np.abs(done.q[-1] - (0, 1)))
+    remainder = (fast * np.exp(slow * waited) - slow * np.exp(fast * waited)) / (fast - slow)
+    np.testing.assert_allclose(execution.unsettled, [0.0, remainder], rtol=2e-4)
+    np.testing.assert_array_equal(execution.unsettled, np.abs(execution.q[-1] - (0, 1)))
     settled = ac.simulate(taught_data([(0, 0), (0, 1)]), plant(arm))
     assert settled.unsettled is None and settled.t[-1] < 5.0
 

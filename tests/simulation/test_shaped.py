@@ -23,10 +23,10 @@ def test_the_executed_tool_stays_within_the_tolerance(arm, objective, centripeta
     planned = ac.plan(objective, arm, limits, SHAPED)
     assert planned.duration <= longest
     allowed = {"deviation": TOLERANCE, "coverage_error": TOLERANCE}
-    found = ac.check(planned, arm, limits, objective, **allowed, points=5)
+    check = ac.check(planned, arm, limits, objective, **allowed, points=5)
     for name in ("path_deviation", "coverage_error", "joint_acceleration"):
-        assert found[name].ratio <= 1
-    for method, plant, off in (
+        assert check[name].ratio <= 1
+    for method, plant, bound in (
         ("inverse", ac.ServoPlant(arm, SERVO, limits), 2e-6),
         ("inverse_dynamics", ac.RigidBodyPlant(arm, SERVO, limits), 5e-6),
     ):
@@ -36,7 +36,7 @@ def test_the_executed_tool_stays_within_the_tolerance(arm, objective, centripeta
         # Every place of the tool near the objective, and every corner of it near the tool.
         assert result.objective_error.max <= TOLERANCE + SLACK
         assert result.objective_coverage_error.max <= TOLERANCE + SLACK
-        assert result.contour_error.max <= off
+        assert result.contour_error.max <= bound
         if method == "inverse":
             assert executed.saturated_time.max() < 0.01
             assert result.demand_ratio.max() <= 1.01

@@ -50,10 +50,12 @@ print(found.functions, found.compiled, found.folder, *map(str, steps), sep="|")
 """
 
 
-def run(code, *arguments, **own):
+def run(code, *arguments, **variables):
     """A process that runs some code."""
     line = [sys.executable, "-c", code, *arguments]
-    return subprocess.run(line, capture_output=True, text=True, check=True, env=os.environ | own)
+    return subprocess.run(
+        line, capture_output=True, text=True, check=True, env=os.environ | variables
+    )
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="counts page faults as Linux does")
@@ -75,10 +77,10 @@ def test_a_compiled_function_is_not_compiled_again(tmp_path):
     text = f"- armcontour.geometry.kernels.find_foot({point}, float64[::1])\n"
     gone = "- armcontour.geometry.kernels.gone(float64)\n"
     (tmp_path / "list.txt").write_text(text + gone)
-    own = {"NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONPATH": str(PACKAGE.parent)}
+    variables = {"NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONPATH": str(PACKAGE.parent)}
 
     def compile_all():
-        return run(WARM, str(tmp_path / "list.txt"), **own).stdout.strip().split("|")
+        return run(WARM, str(tmp_path / "list.txt"), **variables).stdout.strip().split("|")
 
     functions, compiled, folder, *steps = compile_all()
     assert (functions, compiled) == ("2", "1") and folder.startswith(str(tmp_path / "kept"))

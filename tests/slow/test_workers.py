@@ -35,9 +35,9 @@ def test_moves_are_shared_by_all_processes(monkeypatch):
     monkeypatch.setattr(pool, "START", 1e-9)
     monkeypatch.setattr(pool, "processors", lambda: 2)
     items = [f"({SLEEP.format(0.02)}, {k}, {PID})[1:]" for k in range(200)]
-    found = list(map_in_order(eval, items))
-    assert [k for k, _ in found] == list(range(200))
-    assert len({pid for _, pid in found}) == 3
+    pairs = list(map_in_order(eval, items))
+    assert [k for k, _ in pairs] == list(range(200))
+    assert len({pid for _, pid in pairs}) == 3
     with pytest.raises(ExecutionError, match="ended before"):
         map_in_processes(sys.exit, [3] * 20, processes=2)
 
@@ -67,9 +67,9 @@ def test_a_pool_that_is_killed_goes_on():
         assert pool.submit(abs, -1).result() == 1
 
 
-@pytest.mark.parametrize("own", [True, False])
-def test_executors_of_processes(own):
-    pool = ProcessPool(1) if own else ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+@pytest.mark.parametrize("own_pool", [True, False])
+def test_executors_of_processes(own_pool):
+    pool = ProcessPool(1) if own_pool else ProcessPoolExecutor(1, mp_context=get_context("spawn"))
     assert count_workers(pool) == 1
     with pool:
         assert len(set(map_in_processes(eval, [PID] * 20, executor=pool)) - {os.getpid()}) == 1
@@ -89,8 +89,8 @@ def test_executors_of_processes(own):
 
 def test_commands_end_without_garbage_collection():
     """It takes as long as all else at the end, where compiled functions are loaded."""
-    told = "import atexit, gc, sys; atexit.register(lambda: print(gc.get_freeze_count() > 0))"
+    report = "import atexit, gc, sys; atexit.register(lambda: print(gc.get_freeze_count() > 0))"
     command = "sys.argv = ['armcontour', 'arms']; from armcontour.cli import main; main()"
-    call = [sys.executable, "-c", f"{told}; {command}"]
-    done = subprocess.run(call, capture_output=True, text=True, check=True)
-    assert "ur5e" in done.stdout and done.stdout.endswith("\nTrue\n")
+    call = [sys.executable, "-c", f"{report}; {command}"]
+    outcome = subprocess.run(call, capture_output=True, text=True, check=True)
+    assert "ur5e" in outcome.stdout and outcome.stdout.endswith("\nTrue\n")

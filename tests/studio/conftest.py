@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.cli.conftest import command
 from tests.studio.robot_logs import log, robot
-from tests.studio.talking import JOB, Tab, session_of
+from tests.studio.session_pages import JOB, SessionPage, session_of
 from tools.studio_page import SQUARE
 
 from armcontour.core.yaml_loader import load
@@ -34,9 +34,9 @@ class Flat:
 @pytest.fixture(autouse=True)
 def home(tmp_path_factory, monkeypatch):
     """The user's folder of drafts and uploads, which is empty."""
-    found = tmp_path_factory.mktemp("state")
-    monkeypatch.setenv("XDG_STATE_HOME", str(found))
-    return found
+    folder = tmp_path_factory.mktemp("state")
+    monkeypatch.setenv("XDG_STATE_HOME", str(folder))
+    return folder
 
 
 @pytest.fixture
@@ -95,12 +95,12 @@ def file(tmp_path):
 
 @pytest.fixture
 def session(file):
-    found = session_of(file)
-    found.begin()
-    yield found
-    found.close()
+    opened = session_of(file)
+    opened.begin()
+    yield opened
+    opened.close()
 
 
 @pytest.fixture
 def tab(session):
-    return Tab(session)
+    return SessionPage(session)

@@ -112,7 +112,7 @@ def test_large_bodies_are_refused_before_they_are_read():
 
 
 @pytest.mark.parametrize("headers", [[HOST], [], [HOST, (b"origin", b"null")]])
-def test_every_answer_tells_the_browser_to_be_strict(headers):
+def test_every_answer_has_headers_for_strict_browsers(headers):
     sent = dict(ask(headers)[0][0]["headers"])
     policy = sent[b"content-security-policy"].decode()
     assert "default-src 'none'" in policy and "unsafe" not in policy
@@ -138,8 +138,8 @@ def test_tokens():
 def test_messages_come_at_a_rate_with_some_at_once():
     now = 0.0
     allowance = RateLimit(lambda: now)
-    for now, most in ((0.0, BURST), (1.0, RATE), (1e6, BURST)):  # noqa: B007 - read by the lambda
-        assert sum(allowance.allow() for _ in range(10_000)) == most
+    for now, allowed in ((0.0, BURST), (1.0, RATE), (1e6, BURST)):  # noqa: B007 - read by the lambda
+        assert sum(allowance.allow() for _ in range(10_000)) == allowed
 
 
 def test_programs_that_the_user_has_not_named_are_refused(tmp_path):
@@ -171,20 +171,20 @@ def test_triangles_close_shapes_without_gaps():
         (Mesh(points=corners), 1 / 6),
         (Mesh(points=corners, triangles=triangles), 1 / 6),
     ):
-        found = triangles_of(shape)
-        assert found.shape[1:] == (3, 3)
-        assert volume(found) == pytest.approx(size, rel=0.03), shape
+        surface = triangles_of(shape)
+        assert surface.shape[1:] == (3, 3)
+        assert volume(surface) == pytest.approx(size, rel=0.03), shape
         middle, radius = shape.ball
-        assert np.linalg.norm(found - middle, axis=2).max() <= radius * (1 + 1e-9), shape
+        assert np.linalg.norm(surface - middle, axis=2).max() <= radius * (1 + 1e-9), shape
         if isinstance(shape, Mesh):
             continue
-        found = np.round(found, 12)
-        across = np.cross(found[:, 1] - found[:, 0], found[:, 2] - found[:, 0])
+        surface = np.round(surface, 12)
+        across = np.cross(surface[:, 1] - surface[:, 0], surface[:, 2] - surface[:, 0])
         assert np.linalg.norm(across, axis=1).min() > 1e-6, shape
         # They are seen from outside, and each edge is one of two triangles, in both directions.
-        assert (np.einsum("ij,ij->i", across, found.mean(axis=1)) > 0).all(), shape
+        assert (np.einsum("ij,ij->i", across, surface.mean(axis=1)) > 0).all(), shape
         sides = ((0, 1), (1, 2), (2, 0))
-        edges = [tuple(map(tuple, x[[i, j]] + 0.0)) for x in found for i, j in sides]
+        edges = [tuple(map(tuple, x[[i, j]] + 0.0)) for x in surface for i, j in sides]
         assert len(set(edges)) == len(edges) and {(b, a) for a, b in edges} == set(edges), shape
 
 

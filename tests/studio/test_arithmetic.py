@@ -24,29 +24,30 @@ URDF = FilePath(__file__).parents[1] / "files" / "robots" / "data" / "robot.urdf
 
 def find_node():
     """node, or the one that Playwright brings."""
-    found = shutil.which("node")
+    node = shutil.which("node")
     spec = find_spec("playwright")
-    if found is None and spec is not None and spec.origin is not None:
-        own = FilePath(spec.origin).parent / "driver" / "node"
-        found = str(own) if own.is_file() else None
-    return found
+    if node is None and spec is not None and spec.origin is not None:
+        bundled = FilePath(spec.origin).parent / "driver" / "node"
+        node = str(bundled) if bundled.is_file() else None
+    return node
 
 
 NODE = find_node()
 pytestmark = pytest.mark.skipif(NODE is None, reason="the page's arithmetic is run by node")
 
 
-def compute(script, given=None):
-    """What a script of the page gives: `given` is what it is given, `tell` takes its result."""
+def compute(script, arguments=None):
+    """Result of a script of the page: `given` are its arguments, `tell` takes its result."""
     start = (
-        f"const given = {json.dumps(jsonable(given))}, tell = x => console.log(JSON.stringify(x));"
+        f"const given = {json.dumps(jsonable(arguments))};"
+        "const tell = x => console.log(JSON.stringify(x));"
         f"globalThis.fetch = async () => ({{ json: () => ({palette.PALETTE_FILE.read_text()}) }});"
     )
     command, code = [NODE, "--input-type=module", "-"], start + script
-    done = subprocess.run(
+    outcome = subprocess.run(
         command, input=code, cwd=STATIC, capture_output=True, text=True, check=True
     )
-    return json.loads(done.stdout)
+    return json.loads(outcome.stdout)
 
 
 def test_the_page_has_links_and_tool_where_the_library_has_them():
@@ -60,7 +61,7 @@ def test_the_page_has_links_and_tool_where_the_library_has_them():
     random = np.random.default_rng(19)
     postures = [random.uniform(-3.0, 3.0, (40, arm.dof)) for arm in arms]
     headers = [arm_frame(SimpleNamespace(arm=arm, scene=None)).header for arm in arms]
-    found = compute(
+    chains = compute(
         """
         const { Chain, compose, poseOf } = await import("./kinematics.js");
         tell(given.map(({ joints, tool, base, q }) => {
@@ -73,7 +74,7 @@ def test_the_page_has_links_and_tool_where_the_library_has_them():
             for q, header in zip(postures, headers, strict=True)
         ],
     )
-    for arm, q, header, rows in zip(arms, postures, headers, found, strict=True):
+    for arm, q, header, rows in zip(arms, postures, headers, chains, strict=True):
         poses = np.array(rows).reshape(len(q), -1, 3, 4)
         assert np.abs(poses[:, -1, : arm.dimension, 3] - arm.tool_position(q)).max() < 1e-14
         if arm.dimension == 3:
@@ -87,7 +88,7 @@ def test_the_page_has_links_and_tool_where_the_library_has_them():
 
 def test_figures_of_runs_are_compared_in_the_digits_that_are_shown():
     pairs = [("5.3261", "s", "5.31", "s"), ("0.25", "mm", "0.2504", "mm"), ("90", "ms", "0.1", "s")]
-    found = compute(
+    texts = compute(
         """
         const { difference } = await import("./format.js");
         const row = (text, unit) => ({ text, unit });
@@ -95,4 +96,4 @@ def test_figures_of_runs_are_compared_in_the_digits_that_are_shown():
         """,
         pairs,
     )
-    assert found == ["+0.02 s", "0.00 mm", ""]
+    assert texts == ["+0.02 s", "0.00 mm", ""]

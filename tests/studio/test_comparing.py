@@ -70,7 +70,7 @@ def test_the_job_before_an_edit_is_the_other_variant(job):
     wide = job | {"corners": {"tolerance": "8 mm"}}
     frame = compared(wide, text=yaml.safe_dump(job))
     assert list(frame.header["names"]) == ["now", "before"]
-    off = next(x for x in frame.header["table"] if x[0] == "off the drawing")
-    assert off[3].startswith("+")
+    deviation = next(x for x in frame.header["table"] if x[0] == "off the drawing")
+    assert deviation[3].startswith("+")
     with pytest.raises(InvalidInput, match="no edit yet"):
         compared(wide)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from tests.dynamics_extra import needs_dynamics
-from tests.studio.talking import AtOnce, NoLane, Tab
+from tests.studio.session_pages import ImmediateWorker, RecordingTaskWorker, SessionPage
 from tools.studio_page import write_shapes
 
 from armcontour.studio.document import Document
@@ -71,9 +71,15 @@ def page(tmp_path_factory):
     file = tmp_path_factory.mktemp("many") / "many.dxf"
     draw(file)
     document = Document.of_drawing(file, "ur5e")
-    session = Session(document, CoarsePlanner(file.parent), fast=AtOnce, slow=NoLane, rest_time=1e6)
+    session = Session(
+        document,
+        CoarsePlanner(file.parent),
+        preview_worker=ImmediateWorker,
+        task_worker=RecordingTaskWorker,
+        rest_time=1e6,
+    )
     session.begin()
-    tab = Tab(session)
+    tab = SessionPage(session)
     yield tab
     session.close()
 
@@ -102,13 +108,13 @@ def test_all_contours_are_seen_in_their_shapes(picture, origin):
     assert sorted(lines) == list(range(COLUMNS * ROWS))
     size = np.ptp(picture.arrays["objective"], axis=0).max()
     for k, (line,) in lines.items():
-        off = distances(shape_of(k % 3, 200), line).max() / (size / WIDTH)
-        assert off <= SEEN and off * size / WIDTH <= 1.1 * picture.header["error"]
-        least, most = sharpest(line)
+        error = distances(shape_of(k % 3, 200), line).max() / (size / WIDTH)
+        assert error <= SEEN and error * size / WIDTH <= 1.1 * picture.header["error"]
+        smallest_turn, largest_turn = sharpest(line)
         if k % 3 == 1:
-            assert len(line) == 5 and least == pytest.approx(np.pi / 2, abs=1e-4)
+            assert len(line) == 5 and smallest_turn == pytest.approx(np.pi / 2, abs=1e-4)
         else:
-            assert len(line) > 12 and most < 0.7
+            assert len(line) > 12 and largest_turn < 0.7
 
 
 @pytest.mark.parametrize("scale", [3e3, 3e4, 3e5, 4e6])
@@ -118,8 +124,8 @@ def test_what_is_seen_closer_is_drawn_finer(page, program, picture, origin, scal
     if k % 3 == 2:
         # Ellipses are read as arcs, which are near to them.
         path = program.contours[k].path
-        here = path(np.linspace(0, path.length, 40_000))[:, :2]
-        exact = origin + here - program.contours[0].path(0.0)[:2] + [RADIUS, 0]
+        samples = path(np.linspace(0, path.length, 40_000))[:, :2]
+        exact = origin + samples - program.contours[0].path(0.0)[:2] + [RADIUS, 0]
         assert np.abs(exact.mean(0) - origin - middle_of(k)).max() < 1e-5
     # A view of 1,000 px around a point of the shape.
     middle, half = exact[7_000], WIDTH / 2 / scale
@@ -127,10 +133,10 @@ def test_what_is_seen_closer_is_drawn_finer(page, program, picture, origin, scal
     (frame,) = page.say("detail", box=box, px=1 / scale)
     assert frame.header["number"] == picture.header["number"]
     points, breaks = frame.arrays["objective"].astype(float), frame.arrays["objective_breaks"]
-    seen = exact[(np.abs(exact - middle) <= half).all(axis=1)]
+    visible = exact[(np.abs(exact - middle) <= half).all(axis=1)]
     lines = np.split(points, breaks[1:-1])
-    own = [x for x in lines if np.abs(x - origin - middle_of(k)).max() < 1.1 * RADIUS]
-    nearest = np.min([distances(seen[::97], x) for x in own], axis=0)
+    own_lines = [x for x in lines if np.abs(x - origin - middle_of(k)).max() < 1.1 * RADIUS]
+    nearest = np.min([distances(visible[::97], x) for x in own_lines], axis=0)
     assert len(nearest) and nearest.max() * scale <= SEEN
     # Little more than what is seen is sent.
     assert len(points) < 40_000 and np.abs(points - middle).max() < 3 * half + 2 * RADIUS
@@ -141,9 +147,15 @@ def test_a_plan_and_its_execution_are_drawn_finer_too(tmp_path, no_hurry):
     file = tmp_path / "few.dxf"
     draw(file, 3)
     document = Document.of_drawing(file, "ur5e")
-    session = Session(document, CoarsePlanner(tmp_path), fast=AtOnce, slow=NoLane, rest_time=1e6)
+    session = Session(
+        document,
+        CoarsePlanner(tmp_path),
+        preview_worker=ImmediateWorker,
+        task_worker=RecordingTaskWorker,
+        rest_time=1e6,
+    )
     session.begin()
-    tab = Tab(session)
+    tab = SessionPage(session)
     picture, executed = (
         next(x for x in tab.frames if x.kind == y) for y in ("picture", "executed")
     )
@@ -175,8 +187,8 @@ def test_a_part_that_is_moved_has_the_same_points(program):
     parts = [x(smooth.arc_lengths(x)) for x in paths]
     points, ends = np.concatenate(parts)[:, :2], np.cumsum([0, *map(len, parts)])
     turn = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
-    kept = []
+    point_sets = []
     for moved in (points, points @ turn.T + [0.1, 0.2]):
         detail = Detail.for_points(moved)
-        kept.append(detail.essential_points(moved, ends))
-    assert np.array_equal(*kept) and 10_000 < kept[0].sum() < len(points) / 2
+        point_sets.append(detail.essential_points(moved, ends))
+    assert np.array_equal(*point_sets) and 10_000 < point_sets[0].sum() < len(points) / 2

@@ -45,7 +45,7 @@ def file(tmp_path):
 
 
 def random_edit(rng, points):
-    at = [round(rng.uniform(0.25, 0.4), 4), round(rng.uniform(0.15, 0.3), 4)]
+    position = [round(rng.uniform(0.25, 0.4), 4), round(rng.uniform(0.15, 0.3), 4)]
     return rng.choice(
         [
             {"do": "set", "key": "limits.speed", "value": rng.uniform(0.01, 0.3)},
@@ -53,11 +53,11 @@ def random_edit(rng, points):
             {"do": "set", "key": "timing.reserve", "value": rng.uniform(0, 0.5)},
             {"do": "unset", "key": "limits.speed"},
             {"do": "set", "key": "corners.shape", "value": rng.choice(["arc", "sharp"])},
-            {"do": "move_waypoint", "index": rng.randrange(points), "to": at},
-            {"do": "insert_waypoint", "index": rng.randrange(points + 1), "at": at},
+            {"do": "move_waypoint", "index": rng.randrange(points), "to": position},
+            {"do": "insert_waypoint", "index": rng.randrange(points + 1), "at": position},
             {"do": "remove_waypoint", "index": rng.randrange(points)},
             {"do": "corner_tolerance", "index": 1, "value": rng.choice([1e-3, "2 mm", None])},
-            {"do": "place", "by": at, "turn": rng.uniform(-1, 1), "about": [0.3, 0.2]},
+            {"do": "place", "by": position, "turn": rng.uniform(-1, 1), "about": [0.3, 0.2]},
             {"do": "obstacle", "action": "add", "kind": "box", "size": [0.1] * 3, "at": [1, 0, 0]},
             {"do": "obstacle", "action": "remove", "kind": "box", "index": 0},
         ]
@@ -84,10 +84,10 @@ def test_many_edits_and_their_undoing_give_the_same_bytes(eol, edits, file):
             changes = changes_of(random_edit(rng, len(data["path"]["points"])), state)
         except InvalidInput:
             continue
-        wanted = change_data(document.data, changes)
+        expected = change_data(document.data, changes)
         document.apply(changes, "edit")
         made += 1
-        assert document.data == wanted
+        assert document.data == expected
         if document.text != texts[-1]:
             texts.append(document.text)
     assert load(document.text, "") == document.data and len(texts) > edits / 2
@@ -109,8 +109,8 @@ def test_saving_and_reloading_respect_changes_of_others(file):
     assert file.read_bytes() == TEXT.encode()
     os.chmod(file, 0o640)
     document.apply(FASTER, "speed")
-    found = document.diff()
-    assert "-limits: {speed: 0.15 m/s" in found and "+limits: {speed: 0.2" in found
+    difference = document.diff()
+    assert "-limits: {speed: 0.15 m/s" in difference and "+limits: {speed: 0.2" in difference
     document.save()
     assert file.read_text() == document.text and file.stat().st_mode & 0o777 == 0o640
     assert (document.on_disk(), document.dirty, document.diff()) == ("same", False, "")
@@ -150,13 +150,13 @@ def test_a_drawing_becomes_a_job_beside_it_with_the_comments_of_its_cell(tmp_pat
     assert Document.open(document.file).text == document.text
     with pytest.raises(InvalidInput):
         Document.of_drawing(drawing, "ur5e").save()
-    own = tmp_path / "cell.yaml"
-    own.write_text("arm: {name: ur5e, joint_limits: soft.yaml}\npath: {points: [[0, 0], [1, 0]]}\n"
+    cell = tmp_path / "cell.yaml"
+    cell.write_text("arm: {name: ur5e, joint_limits: soft.yaml}\npath: {points: [[0, 0], [1, 0]]}\n"
                    "servo: {kp: 25 1/s, kv: 150 1/s}\nruns: {a: {}}\n")  # fmt: skip
     (tmp_path / "soft.yaml").touch()
-    found = Document.of_drawing(drawing, str(own)).data
-    assert found["arm"]["joint_limits"] == "../soft.yaml"
-    assert found["path"] == {"file": "plate: 1.svg"}
+    data = Document.of_drawing(drawing, str(cell)).data
+    assert data["arm"]["joint_limits"] == "../soft.yaml"
+    assert data["path"] == {"file": "plate: 1.svg"}
     with pytest.raises(InvalidInput):
         Document.of_drawing(tmp_path / "gone.svg", "ur5e")
 

@@ -116,16 +116,16 @@ BOXED = PLANE + "scene: {boxes: [{name: box, size: [1, 1 m, 1], at: [0, 0, 0]}]}
 
 
 @given(st.sampled_from(VALID), st.sampled_from([BOXED, CHAIN]), st.data())
-def test_whatever_a_page_sends_is_a_change_or_one_sentence(valid, text, draw):
+def test_any_message_of_a_page_is_a_change_or_one_sentence(valid, text, draw):
     fields = [x for x in valid if x != "do"] or ["do"]
     edit = {**valid, draw.draw(st.sampled_from(fields)): draw.draw(JSON)}
     state = state_of(text)
     try:
-        found = change_data(state.data, changes_of(edit, state))
+        changed_data = change_data(state.data, changes_of(edit, state))
     except InvalidInput as error:
         assert str(error).endswith((".", "?"))
     else:
-        assert isinstance(found, dict)
+        assert isinstance(changed_data, dict)
     assert {x["do"] for x in VALID} == set(EDITS)
 
 
@@ -135,8 +135,8 @@ def set_to(key, value, run="own", text=PLANE):
 
 def test_values_go_to_the_run_or_the_job_in_the_unit_that_was_written():
     assert set_to("limits.speed", 0.05)["runs"]["own"]["limits"]["speed"] == "50 mm/s"
-    found = set_to("limits.speed", 0.2, "paper")
-    assert found["limits"]["speed"] == "0.2 m/s" and "limits" not in found["runs"]["paper"]
+    changes = set_to("limits.speed", 0.2, "paper")
+    assert changes["limits"]["speed"] == "0.2 m/s" and "limits" not in changes["runs"]["paper"]
     assert set_to("limits.joint_acceleration", 0.5)["limits"]["joint_acceleration"] == "0.5 rad/s^2"
     assert set_to("cycle", 1e-3)["runs"]["own"]["cycle"] == 1e-3
     assert set_to("cycle", 1e-3, "paper")["cycle"] == "1 ms"
@@ -159,15 +159,15 @@ def test_values_go_to_the_run_or_the_job_in_the_unit_that_was_written():
     for key, words in (("servo.kp.2", "number of the joint"), ("name.1", "no values of single")):
         with pytest.raises(InvalidInput, match=words):
             set_to(key, 1.0)
-    found = set_to("timing.method", "optimal", "paper")
-    assert found["runs"]["paper"]["timing"] == {"method": "optimal"}
+    changes = set_to("timing.method", "optimal", "paper")
+    assert changes["runs"]["paper"]["timing"] == {"method": "optimal"}
     poles = PLANE.replace("{method: none}", "{method: pole_placement, poles: [-9, -9, -9]}")
-    found = set_to("compensation.method", "inverse", "paper", poles)
-    assert found["runs"]["paper"]["compensation"] == {"method": "inverse"}
+    changes = set_to("compensation.method", "inverse", "paper", poles)
+    assert changes["runs"]["paper"]["compensation"] == {"method": "inverse"}
     assert set_to("corners.shape", "sharp", "paper")["corners"] == "sharp"
     assert set_to("corners.shape", "free", "paper")["corners"]["shape"] == "free"
-    found = set_to("corners.shape", "arc")["runs"]["own"]["corners"]
-    assert found == {"shape": "arc", "tolerance": "1 mm"}
+    changes = set_to("corners.shape", "arc")["runs"]["own"]["corners"]
+    assert changes == {"shape": "arc", "tolerance": "1 mm"}
 
 
 def test_single_corners_get_a_tolerance_and_lose_it():
@@ -194,9 +194,9 @@ def test_obstacles_are_added_changed_and_removed():
     text, one = with_boxes(box, "{name: b, size: [1 m, 2, 3]}"), with_boxes(box)
     assert boxes(text, "add", size=size)[2]["name"] == "box 2"
     more = {"size": [1.5, 2, 3], "at": [0.1, 0, 0], "name": "c"}
-    found = boxes(text, "change", kind="boxes", index=1, **more)
+    obstacles = boxes(text, "change", kind="boxes", index=1, **more)
     written = {"size": ["1.5 m", 2, 3], "at": ["100 mm", "0 mm", "0 mm"]}
-    assert found[1] == {"name": "c", **written}
+    assert obstacles[1] == {"name": "c", **written}
     assert len(boxes(text, "remove", index=0)) == 1 and boxes(one, "remove", index=0) is None
     for action, more in (("remove", {"index": 1}), ("add", {"kind": "cone"})):
         with pytest.raises(InvalidInput):
@@ -235,9 +235,9 @@ def test_the_pen_begins_a_path_and_does_not_draw_splines_or_files(tmp_path):
         corners = [start + x for x in ([0.1, 0], [0.1, 0.05], [0, 0.05], [0, 0])]
         rectangle = {"start": start, "segments": [{"to": x} for x in corners]}
         state = EditState(data=data, run="compensated", handles=handles)
-        found = change_data(data, changes_of({"do": "draw", **rectangle}, state))
-        drawn = handles_of(parse_job(json.dumps(found)), found)
-        assert not is_blank(found)
+        changed_data = change_data(data, changes_of({"do": "draw", **rectangle}, state))
+        drawn = handles_of(parse_job(json.dumps(changed_data)), changed_data)
+        assert not is_blank(changed_data)
         np.testing.assert_allclose([x.uv for x in drawn.ends], [start, *corners], atol=1e-12)
         (contour,) = drawn.job.program.contours
         assert contour.path.length == pytest.approx(0.3)
@@ -252,29 +252,29 @@ def test_the_pen_begins_a_path_and_does_not_draw_splines_or_files(tmp_path):
 def test_the_part_is_moved_and_turned_as_a_whole(text, u, v, turn):
     handles = state_of(text).handles
     about = handles.waypoints[1].uv + [0.01, -0.02]
-    found = edited(text, do="place", by=[u, v], turn=turn, about=about.tolist())
-    moved = handles_of(handles.job, found)
+    data = edited(text, do="place", by=[u, v], turn=turn, about=about.tolist())
+    moved = handles_of(handles.job, data)
     c, s = math.cos(turn), math.sin(turn)
     for before, after in zip(handles.waypoints, moved.waypoints, strict=True):
         if before.why_not is None:
-            wanted = about + np.array([[c, -s], [s, c]]) @ (before.uv - about) + [u, v]
-            np.testing.assert_allclose(handles.plane.uv(after.point), wanted, atol=1e-12)
-    kept = found["path"]["frame"]["position"][2]
-    assert kept in (0, "0 mm") or text == SPACE
+            expected = about + np.array([[c, -s], [s, c]]) @ (before.uv - about) + [u, v]
+            np.testing.assert_allclose(handles.plane.uv(after.point), expected, atol=1e-12)
+    height = data["path"]["frame"]["position"][2]
+    assert height in (0, "0 mm") or text == SPACE
 
 
 def test_frames_and_points_keep_their_written_form():
-    found = edited(TURNED, do="place", by=[0.0125, 0.0])
-    assert found["path"]["frame"] == {"position": ["22.5 mm", 0.02, 0], "rpy": [0, 0, "30 deg"]}
-    found = edited(TURNED, do="place", turn=math.radians(15), about=[0.01, 0.02])
-    assert found["path"]["frame"] == {"position": ["10 mm", 0.02, 0], "rpy": [0, 0, "45 deg"]}
+    data = edited(TURNED, do="place", by=[0.0125, 0.0])
+    assert data["path"]["frame"] == {"position": ["22.5 mm", 0.02, 0], "rpy": [0, 0, "30 deg"]}
+    data = edited(TURNED, do="place", turn=math.radians(15), about=[0.01, 0.02])
+    assert data["path"]["frame"] == {"position": ["10 mm", 0.02, 0], "rpy": [0, 0, "45 deg"]}
     quaternion = TURNED.replace("rpy: [0, 0, 30 deg]", "quaternion: [0, 0, 0, 1]")
     turned = edited(quaternion, do="place", turn=math.pi / 2)["path"]["frame"]["quaternion"]
     np.testing.assert_allclose(turned, [0, 0, math.sqrt(0.5), math.sqrt(0.5)], atol=1e-15)
-    found = edited(PLANE, do="move_waypoint", index=1, to=[0.3614837, 0.2], step=1e-4)
-    assert found["path"]["points"][1] == ["361.5 mm", "20 cm"]
-    found = edited(PLANE, do="set_waypoint", index=1, value=["361", "210 mm"])
-    assert found["path"]["points"][1] == ["361 mm", "210 mm"]
+    data = edited(PLANE, do="move_waypoint", index=1, to=[0.3614837, 0.2], step=1e-4)
+    assert data["path"]["points"][1] == ["361.5 mm", "20 cm"]
+    data = edited(PLANE, do="set_waypoint", index=1, value=["361", "210 mm"])
+    assert data["path"]["points"][1] == ["361 mm", "210 mm"]
     with pytest.raises(InvalidInput, match="Waypoint 2 has 2 coordinates"):
         edited(PLANE, do="set_waypoint", index=1, value=["1 mm"])
 
@@ -290,49 +290,52 @@ def test_a_point_lies_where_it_was_moved_to(text, index, u, v):
         with pytest.raises(InvalidInput, match="Waypoint 4 cannot be moved. This end follows"):
             edited(text, do="move_waypoint", index=index, to=to.tolist())
         return
-    found = edited(text, do="move_waypoint", index=index, to=to.tolist())
-    moved = handles_of(handles.job, found).waypoints[index]
+    data = edited(text, do="move_waypoint", index=index, to=to.tolist())
+    moved = handles_of(handles.job, data).waypoints[index]
     # The plane of the first picture: that of the new points may be another one.
     np.testing.assert_allclose(handles.plane.uv(moved.point), to, rtol=0, atol=1e-12)
-    off = (moved.point - point.point) @ handles.plane.normal
-    assert abs(off) <= 1e-12
+    height = (moved.point - point.point) @ handles.plane.normal
+    assert abs(height) <= 1e-12
 
 
 def test_points_are_inserted_and_removed_with_orientations_and_numbers_of_corners():
     single = PLANE.replace("5 mm}", "5 mm, at: {2: 1 mm}}")
-    found = edited(single, do="insert_waypoint", index=1, at=[0.33, 0.21])
+    data = edited(single, do="insert_waypoint", index=1, at=[0.33, 0.21])
     # In the form of the point that is there.
-    assert found["path"]["points"][1] == ["330 mm", "21 cm"] and len(found["path"]["points"]) == 4
-    assert found["corners"]["at"] == {3: "1 mm"}
-    found = edited(single, do="insert_waypoint", index=3, at=[0.4, 0.2])
-    assert found["corners"]["at"] == {2: "1 mm"}
+    assert data["path"]["points"][1] == ["330 mm", "21 cm"] and len(data["path"]["points"]) == 4
+    assert data["corners"]["at"] == {3: "1 mm"}
+    data = edited(single, do="insert_waypoint", index=3, at=[0.4, 0.2])
+    assert data["corners"]["at"] == {2: "1 mm"}
     # The point that becomes an end of the path has no corner any more.
     for index in (0, 1, 2):
         assert "at" not in edited(single, do="remove_waypoint", index=index)["corners"]
-    found = edited(SPACE, do="insert_waypoint", index=3, at=[0.5, 0.1])
-    assert len(found["path"]["orientation"]) == len(found["path"]["points"]) == 4
-    found = edited(SPACE, do="remove_waypoint", index=1)
-    assert found["path"]["orientation"] == [{"rpy": ["180 deg", 0, 0]}, {"rpy": [3.1, 0, 0]}]
+    data = edited(SPACE, do="insert_waypoint", index=3, at=[0.5, 0.1])
+    assert len(data["path"]["orientation"]) == len(data["path"]["points"]) == 4
+    data = edited(SPACE, do="remove_waypoint", index=1)
+    assert data["path"]["orientation"] == [{"rpy": ["180 deg", 0, 0]}, {"rpy": [3.1, 0, 0]}]
     two = PLANE.replace(", [0.36, 0.26]", "")
     with pytest.raises(InvalidInput, match="A path needs two points"):
         edited(two, do="remove_waypoint", index=0)
 
 
 def test_segments_take_points_and_lose_them():
-    at = {"at": [0.33, 0.19]}
-    job, found = again(CHAIN, do="insert_waypoint", index=1, **at)
-    assert len(found.ends) == 6 and found.ends[1].written == (0.33, 0.19)
+    point = {"at": [0.33, 0.19]}
+    job, changed_data = again(CHAIN, do="insert_waypoint", index=1, **point)
+    assert len(changed_data.ends) == 6 and changed_data.ends[1].written == (0.33, 0.19)
     assert job.path.speeds[:2].tolist() == [0.1, 0.1]
-    job, found = again(CHAIN, do="insert_waypoint", index=0, **at)
-    assert found.ends[0].written == (0.33, 0.19) and found.ends[1].written == (0.3, 0.2)
-    _, found = again(CHAIN, do="insert_waypoint", index=5, **at)
-    assert len(found.ends) == 6 and found.ends[5].written == (0.33, 0.19)
-    _, found = again(CHAIN, do="remove_waypoint", index=0)
-    assert len(found.ends) == 4 and found.ends[0].written == (0.36, 0.2)
-    _, found = again(CHAIN, do="remove_waypoint", index=3)
-    assert [x.role for x in found.waypoints] == ["point"] * 4 + ["via"]
+    job, changed_data = again(CHAIN, do="insert_waypoint", index=0, **point)
+    assert changed_data.ends[0].written == (0.33, 0.19) and changed_data.ends[1].written == (
+        0.3,
+        0.2,
+    )
+    _, changed_data = again(CHAIN, do="insert_waypoint", index=5, **point)
+    assert len(changed_data.ends) == 6 and changed_data.ends[5].written == (0.33, 0.19)
+    _, changed_data = again(CHAIN, do="remove_waypoint", index=0)
+    assert len(changed_data.ends) == 4 and changed_data.ends[0].written == (0.36, 0.2)
+    _, changed_data = again(CHAIN, do="remove_waypoint", index=3)
+    assert [x.role for x in changed_data.waypoints] == ["point"] * 4 + ["via"]
     with pytest.raises(InvalidInput, match="Segment 2 is an arc"):
-        edited(CHAIN, do="insert_waypoint", index=2, **at)
+        edited(CHAIN, do="insert_waypoint", index=2, **point)
     with pytest.raises(InvalidInput, match="the via point of an arc"):
         edited(CHAIN, do="remove_waypoint", index=5)
 
@@ -361,8 +364,8 @@ def test_a_run_is_removed_with_all_that_names_it():
     # So the job is one still.
     assert [x.name for x in parse_job(change_text(NAMED, changes)).runs] == ["first"]
     # Where nothing names it, only the run goes.
-    kept = change_data(data, remove_run(data, "first"))
-    assert kept["certificate"] == data["certificate"]
+    remaining = change_data(data, remove_run(data, "first"))
+    assert remaining["certificate"] == data["certificate"]
 
 
 TEXT = """\
@@ -398,8 +401,8 @@ def test_every_field_can_be_set_and_then_has_that_value(text, run):
     data, job = load(text, ""), parse_job(text)
     state = EditState(data=data, run=run, handles=handles_of(job, data))
     for key, x in slider_rows(data, job, run).items():
-        wanted = 0.8 * x["max"]
-        changes = changes_of({"do": "set", "key": key, "value": wanted}, state)
+        target = 0.8 * x["max"]
+        changes = changes_of({"do": "set", "key": key, "value": target}, state)
         new = change_data(data, changes)
         written = change_text(text, changes)
         assert load(written, "") == new
@@ -407,15 +410,15 @@ def test_every_field_can_be_set_and_then_has_that_value(text, run):
             # These values go with others only.
             continue
         try:
-            found = slider_rows(new, parse_job(written), run)[key]
+            field = slider_rows(new, parse_job(written), run)[key]
         except InvalidInput as error:
             assert "joint_jerk" in str(error) or "jerk" in str(error)
             continue
-        assert found["value"] == pytest.approx(wanted, rel=3e-15)
-        given = value_at(new, locate_key(key_of(key), new, run))
-        assert given is not None
-        if x["unit"] not in ("", "%") and isinstance(given, str):
-            assert parse_quantity(given, unit_in_si(key)) == pytest.approx(wanted)
+        assert field["value"] == pytest.approx(target, rel=3e-15)
+        value_in_job = value_at(new, locate_key(key_of(key), new, run))
+        assert value_in_job is not None
+        if x["unit"] not in ("", "%") and isinstance(value_in_job, str):
+            assert parse_quantity(value_in_job, unit_in_si(key)) == pytest.approx(target)
 
 
 def unit_in_si(key):
@@ -447,7 +450,7 @@ def test_a_value_of_one_run_takes_the_rest_of_its_mapping_along():
 
 
 @pytest.mark.parametrize(
-    "given",
+    "orientation",
     [
         "{axis: [0, 0, -1]}",
         "{rpy: [180 deg, 0, 0]}",
@@ -455,14 +458,14 @@ def test_a_value_of_one_run_takes_the_rest_of_its_mapping_along():
         "{follow_tangent: {up: [0, 0, 1]}}",
     ],
 )
-def test_the_tool_is_tilted_by_one_angle_however_its_orientation_is_given(given):
-    text = ROBOT.replace("{axis: [0, 0, -1]}", given)
-    for name, value, wanted in (("angle", "10", (10, 0)), ("towards", "90 deg", (10, 90))):
+def test_the_tool_is_tilted_by_one_angle_however_its_orientation_is_given(orientation):
+    text = ROBOT.replace("{axis: [0, 0, -1]}", orientation)
+    for name, value, expected in (("angle", "10", (10, 0)), ("towards", "90 deg", (10, 90))):
         data, job = load(text, ""), parse_job(text)
         state = EditState(data=data, run="own", handles=handles_of(job, data))
         text = change_text(text, changes_of({"do": "tilt", name: value}, state))
         new = load(text, "")
-        found = tilt_of(handles_of(parse_job(text), new), new)
-        assert (found["angle"], found["towards"]) == pytest.approx(wanted, abs=1e-6)
-    (kept,) = (x for x in ("axis", "rpy", "quaternion", "follow_tangent") if x in given)
-    assert list(new["path"]["orientation"]) == [kept]
+        tilt = tilt_of(handles_of(parse_job(text), new), new)
+        assert (tilt["angle"], tilt["towards"]) == pytest.approx(expected, abs=1e-6)
+    (form,) = (x for x in ("axis", "rpy", "quaternion", "follow_tangent") if x in orientation)
+    assert list(new["path"]["orientation"]) == [form]

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from tests.dynamics_extra import needs_dynamics
 from tests.studio.conftest import PAPER
-from tests.studio.talking import figure
+from tests.studio.session_pages import figure
 
 from armcontour.core import render
 from armcontour.core.errors import Collision, ExecutionError, InvalidInput, Unreachable
@@ -52,8 +52,8 @@ def gasket(gasket_plan, view):
     return gasket_plan, packed(picture_frame(gasket_plan, view))
 
 
-def near(found, wanted, within):
-    np.testing.assert_allclose(found, wanted, rtol=0, atol=within)
+def near(actual, expected, within):
+    np.testing.assert_allclose(actual, expected, rtol=0, atol=within)
 
 
 def test_points_are_on_the_path_with_their_times_and_speeds(shown, view):
@@ -72,7 +72,7 @@ def test_points_are_on_the_path_with_their_times_and_speeds(shown, view):
     assert frame.header["plane"]["flat"] is True
 
 
-def test_colours_are_what_explain_says(shown):
+def test_colours_are_those_of_the_explanation(shown):
     planned, frame = shown
     bindings, a = planned.explanation.bindings, frame.arrays
     random = np.random.default_rng(3).uniform(0, planned.path.length, 200)
@@ -100,8 +100,8 @@ def test_charts_have_the_shares_of_the_limits(shown, gasket):
     a, limits = frame.arrays, planned.run.limits
     assert (np.diff(a["t"]) >= 0).all() and a["t"][0] == 0
     assert a["q"].dtype == np.float64
-    found = check(planned.trajectory, planned.job.arm, limits)["joint_acceleration"]
-    assert np.abs(a["usage_a"]).max() == pytest.approx(found.ratio, abs=1e-3)
+    use = check(planned.trajectory, planned.job.arm, limits)["joint_acceleration"]
+    assert np.abs(a["usage_a"]).max() == pytest.approx(use.ratio, abs=1e-3)
     middle = len(a["t"]) // 2
     near(a["q"][middle], planned.trajectory(float(a["t"][middle])), 1e-5)
     assert (a["usage_a"].min(axis=0) < 0).all()
@@ -128,11 +128,16 @@ def test_corners_and_shortfalls_have_their_places(shown, gasket, view):
 
 
 def test_slow_places_that_are_not_listed_are_counted(shown, view):
-    why, most = shown[0].explanation, MAX_SHORTFALLS
-    slow = [replace(why.shortfalls[0], speed=0.01 + 1e-4 * (k % most)) for k in range(2 * most)]
+    why, limit_count = shown[0].explanation, MAX_SHORTFALLS
+    slow = [
+        replace(why.shortfalls[0], speed=0.01 + 1e-4 * (k % limit_count))
+        for k in range(2 * limit_count)
+    ]
     planned = replace(shown[0], explanation=replace(why, shortfalls=tuple(slow)))
     header = picture_frame(planned, view).header
-    assert len(header["shortfalls"]) == most and f"{most} more places" in " ".join(header["notes"])
+    assert len(header["shortfalls"]) == limit_count and f"{limit_count} more places" in " ".join(
+        header["notes"]
+    )
     assert not any("more places" in x for x in shown[1].header["notes"])
 
 
@@ -152,27 +157,29 @@ def test_the_arm_is_played_closely(plans, gasket_plan, view):
 
 def test_contours_and_rapids_are_parts_with_their_own_colours(gasket, view):
     planned, frame = gasket
-    a, given = frame.arrays, planned.path.contours
+    a, contours = frame.arrays, planned.path.contours
     starts = a["path_breaks"]
     assert starts[0] == 0 and starts[-1] == len(a["path"])
-    for begin, end, contour in zip(starts, starts[1:], given, strict=False):
-        own = a["path"][begin:end] + view.centre
+    for begin, end, contour in zip(starts, starts[1:], contours, strict=False):
+        part = a["path"][begin:end] + view.centre
         ends = contour.path(np.array([0.0, contour.path.length]))
-        near(own[[0, -1]], uv(view, ends), 1e-7)
+        near(part[[0, -1]], uv(view, ends), 1e-7)
     breaks = a["objective_breaks"]
-    assert len(breaks) == len(starts) == len(given) + 1 and breaks[-1] == len(a["objective"])
+    assert len(breaks) == len(starts) == len(contours) + 1 and breaks[-1] == len(a["objective"])
     count = sum(x.kind == "rapid" for x in planned.trajectory.spans)
     assert len(a["rapid_breaks"]) == count + 1
     rapids = np.split(a["rapid_xyz"], a["rapid_breaks"][1:-1])
-    for rapid, before, after in zip(rapids, given, given[1:], strict=False):
+    for rapid, before, after in zip(rapids, contours, contours[1:], strict=False):
         near(rapid[0], before.path(before.path.length), 1e-6)
         near(rapid[-1], after.path(0.0), 1e-6)
     names, a = [x["name"] for x in frame.header["limits"]], frame.arrays
     spans = planned.trajectory.contour_spans
     for begin, end, span in zip(starts, starts[1:], spans, strict=False):
-        own = a["binding"][begin : end - 1]
-        told = {y.name for y in planned.explanation.bindings if span.s[0] <= y.s[0] < span.s[1]}
-        assert {names[k] if k != NO_LIMIT else "nothing" for k in own} == told
+        part = a["binding"][begin : end - 1]
+        binding_names = {
+            y.name for y in planned.explanation.bindings if span.s[0] <= y.s[0] < span.s[1]
+        }
+        assert {names[k] if k != NO_LIMIT else "nothing" for k in part} == binding_names
     path_s, starts = a["path_s"].astype(float), planned.path.breaks
     size = np.ptp(a["path"], axis=0).max()
     for x, start, end in zip(planned.path.contours, starts, starts[1:], strict=False):
@@ -198,8 +205,8 @@ def test_the_kerf_lies_beside_the_drawn_contours(previewer, square, view):
         ends = contour.path(np.array([0.0, contour.at_work[1]]))
         near(part[[0, -1]] + view.centre, uv(view, ends), 1e-7)
     drawn = np.split(a["drawn"], a["drawn_breaks"][1:-1])
-    given = [x for x in planned.job.program.contours if x.layer == "CUT"]
-    for part, contour in zip(drawn, given, strict=True):
+    drawn_contours = [x for x in planned.job.program.contours if x.layer == "CUT"]
+    for part, contour in zip(drawn, drawn_contours, strict=True):
         near(part[0], uv(view, contour.path(0.0)) - view.centre, 1e-7)
     assert "cut" not in packed(picture_frame(previewer.plan(PAPER, "optimal"), view)).arrays
 
@@ -231,15 +238,15 @@ def test_an_arm_below_its_base_is_a_warning(previewer, square, view):
 
 def test_long_programs_are_drawn_before_they_are_planned(previewer, paper, view):
     k = np.arange(30_001)
-    given = np.stack([0.3 + 1e-5 * k % 0.05, 0.2 + 0.01 * (k % 2)], axis=1)
-    data = paper | {"path": {"points": given.tolist()}}
+    vertices = np.stack([0.3 + 1e-5 * k % 0.05, 0.2 + 0.01 * (k % 2)], axis=1)
+    data = paper | {"path": {"points": vertices.tolist()}}
     assert previewer.is_long(data) and not previewer.is_long(paper)
     frame = packed(drawing_frame(previewer.path_program(data), view))
     points = frame.arrays["objective"]
-    assert len(points) == len(given), "every corner is drawn"
+    assert len(points) == len(vertices), "every corner is drawn"
     assert frame.header["rows"] == [] and frame.header["tier"] == "outline"
     for extreme in (np.min, np.max):
-        near(extreme(points + view.centre, axis=0), extreme(uv(view, given), axis=0), 1e-7)
+        near(extreme(points + view.centre, axis=0), extreme(uv(view, vertices), axis=0), 1e-7)
 
 
 @pytest.fixture(scope="module")
@@ -250,22 +257,22 @@ def done(previewer_of_plans, plans, view):
 
 def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view):
     executed, frame = done
-    found = evaluate(executed.execution, executed.planned.path)
-    e, demand = found.contour_error, found.demand_ratio
+    evaluation = evaluate(executed.execution, executed.planned.path)
+    e, demand = evaluation.contour_error, evaluation.demand_ratio
     assert figure(frame.header, "contour_error.rms") == pytest.approx(e.rms, rel=1e-12)
     assert figure(frame.header, "contour_error.max") == pytest.approx(e.max, rel=1e-12)
     assert frame.arrays["error"].max() == pytest.approx(e.max, rel=1e-6)
     assert figure(frame.header, "settled") == executed.settled
     # All rows are those of an evaluation, and say the same of it.
-    said = {x["name"]: x for x in render.frame(found.to_data())}
+    figures = {x["name"]: x for x in render.frame(evaluation.to_data())}
     for x in (y for y in frame.header["rows"] if y["name"] not in ("kept", "off_drawing")):
-        assert x == said[x["name"]] | {"value": pytest.approx(said[x["name"]]["value"])}
+        assert x == figures[x["name"]] | {"value": pytest.approx(figures[x["name"]]["value"])}
     assert np.abs(frame.arrays["demand"]).max() <= demand.max() * (1 + 1e-6)
     a, path = frame.arrays, executed.planned.path.path
     execution = executed.execution
     tool = execution.tool[np.abs(execution.t - a["t"][:, None]).argmin(axis=1)]
-    found = a["base"] + view.centre + a["offset"]
-    np.testing.assert_allclose(found, uv(view, tool), rtol=0, atol=2e-7)
+    evaluation = a["base"] + view.centre + a["offset"]
+    np.testing.assert_allclose(evaluation, uv(view, tool), rtol=0, atol=2e-7)
     np.testing.assert_allclose(
         np.linalg.norm(a["offset"], axis=1), a["error"], rtol=1e-4, atol=1e-12
     )
@@ -295,24 +302,24 @@ def test_refusals_are_where_they_are(paper, plans, view):
     with pytest.raises(Unreachable) as caught:
         CoarsePlanner().plan(paper | {"path": path}, "optimal")
     error, waypoints = caught.value, uv(view, np.array(path["points"]))
-    told = refusal_header(error, view, tier=1, run="optimal", waypoints=waypoints)
-    assert told["sentence"] == str(error) and told["exit"] == 3
-    assert (told["error"], told["tier"], told["run"]) == ("Unreachable", 1, "optimal")
-    np.testing.assert_allclose(told["at"]["uv"], uv(view, np.array(error.point)))
-    packed(PageFrame("refusal", told))
+    header = refusal_header(error, view, tier=1, run="optimal", waypoints=waypoints)
+    assert header["sentence"] == str(error) and header["exit"] == 3
+    assert (header["error"], header["tier"], header["run"]) == ("Unreachable", 1, "optimal")
+    np.testing.assert_allclose(header["at"]["uv"], uv(view, np.array(error.point)))
+    packed(PageFrame("refusal", header))
     # At a waypoint, it is named.
     error = Unreachable("Too far.", point=(0.4, 0.2), s=0.3, joint=2)
     waypoints = uv(view, np.array([[0.1, 0.1], [0.4, 0.2]]))
-    at = refusal_header(error, view, tier=1, waypoints=waypoints)["at"]
-    assert (at["waypoint"], at["s"], at["joint"]) == (1, 0.3, 2)
+    position = refusal_header(error, view, tier=1, waypoints=waypoints)["at"]
+    assert (position["waypoint"], position["s"], position["joint"]) == (1, 0.3, 2)
     assert "waypoint" not in refusal_header(error, view, tier=1, waypoints=waypoints[:1])["at"]
     # A time has the place of the plan.
     planned, error = plans["optimal"], ExecutionError("It did not rest.", t=2.0, joint=1)
     tool = planned.job.arm.tool_position(planned.trajectory(2.0))
-    at = refusal_header(error, view, tier=2, planned=planned)["at"]
-    np.testing.assert_allclose(at["uv"], uv(view, tool))
-    told = refusal_header(Collision("Somewhere."), view, tier=3)
-    assert told["at"] == {} and told["exit"] == 8
+    position = refusal_header(error, view, tier=2, planned=planned)["at"]
+    np.testing.assert_allclose(position["uv"], uv(view, tool))
+    header = refusal_header(Collision("Somewhere."), view, tier=3)
+    assert header["at"] == {} and header["exit"] == 8
 
 
 arrays = st.dictionaries(
@@ -327,37 +334,37 @@ arrays = st.dictionaries(
 @given(arrays=arrays)
 def test_what_is_unpacked_is_what_was_packed(arrays):
     frame = PageFrame("picture", {"text": "0,5 µm", "n": [1, None, True, 0.1]}, arrays)
-    found = PageFrame.unpack(frame.pack())
-    assert (found.kind, found.header) == (frame.kind, frame.header)
-    assert found.arrays.keys() == arrays.keys()
+    unpacked = PageFrame.unpack(frame.pack())
+    assert (unpacked.kind, unpacked.header) == (frame.kind, frame.header)
+    assert unpacked.arrays.keys() == arrays.keys()
     for name, values in arrays.items():
-        assert found.arrays[name].dtype == values.dtype
-        np.testing.assert_array_equal(found.arrays[name], values)
+        assert unpacked.arrays[name].dtype == values.dtype
+        np.testing.assert_array_equal(unpacked.arrays[name], values)
 
 
 @given(
     count=st.integers(1, 3000),
-    most=st.integers(20, 400),
+    count_kept=st.integers(20, 400),
     seed=st.integers(0, 100),
     heavy=st.floats(0, 1),
 )
-def test_what_stands_out_is_kept(count, most, seed, heavy):
+def test_what_stands_out_is_kept(count, count_kept, seed, heavy):
     random = np.random.default_rng(seed)
     rows = list(random.normal(size=(2, count)))
     weight = random.uniform(size=count) * (random.uniform(size=count) < heavy)
     weight[random.integers(count)] = np.inf
-    kept = select_points(weight, rows, most)
-    assert (np.diff(kept) > 0).all() and kept[0] == 0 and kept[-1] == count - 1
-    assert len(kept) <= max(most + 20, 0) or count <= most
-    if count <= most:
-        assert len(kept) == count
-    assert int(np.argmax(weight)) in kept
+    rows_kept = select_points(weight, rows, count_kept)
+    assert (np.diff(rows_kept) > 0).all() and rows_kept[0] == 0 and rows_kept[-1] == count - 1
+    assert len(rows_kept) <= max(count_kept + 20, 0) or count <= count_kept
+    if count <= count_kept:
+        assert len(rows_kept) == count
+    assert int(np.argmax(weight)) in rows_kept
     for row in rows:
-        assert {int(row.argmin()), int(row.argmax())} <= set(kept.tolist())
+        assert {int(row.argmin()), int(row.argmax())} <= set(rows_kept.tolist())
     # Of those that only a part of fits, the heavy ones are kept.
-    left = np.setdiff1d(np.arange(count), kept)
-    if len(left) and (weight > 0).sum() <= most // 2:
-        assert (weight[left] == 0).all()
+    dropped = np.setdiff1d(np.arange(count), rows_kept)
+    if len(dropped) and (weight > 0).sum() <= count_kept // 2:
+        assert (weight[dropped] == 0).all()
 
 
 def whole(data, name, cycle):
@@ -374,12 +381,18 @@ class TestResults:
     def test_they_are_those_of_a_run_with_the_same_interval(self, previewer, paper, name):
         planned = previewer.plan(paper, name)
         executed = previewer.execute(planned)
-        found = whole(paper, name, 4e-3)
-        assert planned.trajectory.duration == pytest.approx(found.trajectory.duration, abs=1e-12)
-        assert executed.settled == found.evaluation.settled
-        assert executed.errors.rms == pytest.approx(found.evaluation.contour_error.rms, rel=1e-12)
-        assert executed.errors.max == pytest.approx(found.evaluation.contour_error.max, rel=1e-12)
-        bindings = None if found.explanation is None else found.explanation.bindings
+        study_run = whole(paper, name, 4e-3)
+        assert planned.trajectory.duration == pytest.approx(
+            study_run.trajectory.duration, abs=1e-12
+        )
+        assert executed.settled == study_run.evaluation.settled
+        assert executed.errors.rms == pytest.approx(
+            study_run.evaluation.contour_error.rms, rel=1e-12
+        )
+        assert executed.errors.max == pytest.approx(
+            study_run.evaluation.contour_error.max, rel=1e-12
+        )
+        bindings = None if study_run.explanation is None else study_run.explanation.bindings
         assert bindings == (planned.explanation and planned.explanation.bindings)
 
     def test_bodies_judge_set_points_that_are_for_them(self, previewer, paper):
@@ -427,9 +440,9 @@ def test_a_motion_of_minutes_is_planned_but_not_simulated(previewer, paper):
 def test_set_points_are_made_as_for_the_experiment(previewer, paper):
     for experiment in (None, {}, {"gravity_feedforward": False}, {"runs": []}):
         data, name = paper | {"experiment": experiment}, "inverse-dynamics"
-        (own,) = (x for x in parse_job(yaml.safe_dump(data)).runs if x.name == name)
-        (found,) = previewer.job(data, name).runs
-        assert found.compensation == own.compensation, experiment
+        (job_run,) = (x for x in parse_job(yaml.safe_dump(data)).runs if x.name == name)
+        (preview_run,) = previewer.job(data, name).runs
+        assert preview_run.compensation == job_run.compensation, experiment
 
 
 def test_set_points_are_farther_apart_unless_gains_need_short_intervals(previewer, paper):
@@ -449,10 +462,10 @@ def test_while_something_moves_errors_are_those_at_fewer_samples(previewer, pape
     every, fewer = previewer.execute(planned), previewer.execute(moving)
     assert 3 * MOVING_SAMPLES < len(every.execution.t)
     assert MOVING_SAMPLES <= len(fewer.execution.t) < 2 * MOVING_SAMPLES
-    own = np.searchsorted(every.errors.t, fewer.errors.t)
+    indices = np.searchsorted(every.errors.t, fewer.errors.t)
     # The profile ends where the tool is at rest, which is between samples.
-    wanted = every.errors.values[own[:-1]]
-    assert fewer.errors.values[:-1] == pytest.approx(wanted, abs=1e-12)
+    expected = every.errors.values[indices[:-1]]
+    assert fewer.errors.values[:-1] == pytest.approx(expected, abs=1e-12)
     assert fewer.errors.rms == pytest.approx(every.errors.rms, rel=1e-3)
     assert fewer.errors.max <= every.errors.max
     # What the drives need is not only known at the samples.

@@ -29,13 +29,13 @@ def handles(path, arm="ur5e", folder=None):
 
 
 def test_the_plane_of_an_arm_in_the_plane_is_its_own():
-    found = handles(
+    parsed = handles(
         "{points: [[0.3, 0.2], [360 mm, 0.25]], frame: {position: [1 cm, 0, 0]}}", "pmk3s"
     )
-    np.testing.assert_allclose([x.uv for x in found.waypoints], [[0.31, 0.2], [0.37, 0.25]])
-    assert found.waypoints[1].written == ("360 mm", 0.25) and found.editable
-    assert found.waypoints[1].keys == ("path", "points", 1)
-    np.testing.assert_allclose(found.centre, [0.34, 0.225])
+    np.testing.assert_allclose([x.uv for x in parsed.waypoints], [[0.31, 0.2], [0.37, 0.25]])
+    assert parsed.waypoints[1].written == ("360 mm", 0.25) and parsed.editable
+    assert parsed.waypoints[1].keys == ("path", "points", 1)
+    np.testing.assert_allclose(parsed.centre, [0.34, 0.225])
 
 
 X, Y, Z = np.eye(3)
@@ -72,9 +72,9 @@ def test_points_of_any_plane_lie_in_it_and_keep_their_distances(uv, turned):
         path = ac.Path.polyline(points)
     except ac.InvalidInput:
         return
-    found = handles_of(replace(BARE, path=path), {"path": {"points": points.tolist()}})
-    plane = found.plane
-    places = np.array([x.point for x in found.waypoints])
+    parsed = handles_of(replace(BARE, path=path), {"path": {"points": points.tolist()}})
+    plane = parsed.plane
+    places = np.array([x.point for x in parsed.waypoints])
     assert plane.flat and np.abs((places - plane.origin) @ plane.normal).max() < 1e-9
     np.testing.assert_allclose(plane.lift(plane.uv(places)), places, atol=1e-9)
     axes = np.stack([plane.x, plane.y, plane.normal])
@@ -82,22 +82,22 @@ def test_points_of_any_plane_lie_in_it_and_keep_their_distances(uv, turned):
 
 
 def test_chains_have_points_at_ends_and_beside_them():
-    found = handles(
+    parsed = handles(
         "{start: [0.3, 0.2], segments: [{to: [0.36, 0.2]}, {via: [0.37, 0.21], to: [0.38, 0.2]}, "
         "{center: [0.38, 0.22], angle: 90 deg}]}",
         "pmk3s",
     )
-    roles = [(x.role, x.keys[-1] if x.keys else None) for x in found.waypoints]
+    roles = [(x.role, x.keys[-1] if x.keys else None) for x in parsed.waypoints]
     assert roles == [
         ("point", "start"), ("point", "to"), ("point", "to"), ("end", None),
         ("via", "via"), ("center", "center"),
     ]  # fmt: skip
-    end = found.waypoints[3]
+    end = parsed.waypoints[3]
     np.testing.assert_allclose(end.uv, [0.40, 0.22], atol=1e-15)
-    assert "follows from the centre" in (end.why_not or "") and found.waypoints[2].why_not is None
-    assert [x.index for x in found.ends] == [0, 1, 2, 3]
-    found = handles("{spline: {points: [[0.3, 0.2], [0.35, 0.22], [0.4, 0.2]]}}", "pmk3s")
-    assert [x.keys for x in found.waypoints] == [("path", "spline", "points", k) for k in range(3)]
+    assert "follows from the centre" in (end.why_not or "") and parsed.waypoints[2].why_not is None
+    assert [x.index for x in parsed.ends] == [0, 1, 2, 3]
+    parsed = handles("{spline: {points: [[0.3, 0.2], [0.35, 0.22], [0.4, 0.2]]}}", "pmk3s")
+    assert [x.keys for x in parsed.waypoints] == [("path", "spline", "points", k) for k in range(3)]
 
 
 def test_drawings_and_obstacles_have_their_places(tmp_path):
@@ -107,12 +107,12 @@ def test_drawings_and_obstacles_have_their_places(tmp_path):
     )
     frame = "{position: [0.4, 0.1, 0.2], rpy: [90 deg, 0, 0]}"
     path = f"{{file: a.svg, frame: {frame}, orientation: {{axis: [0, 0, -1]}}}}"
-    found = handles(path, folder=tmp_path)
-    assert (found.kind, found.file, found.waypoints) == ("file", "a.svg", ())
-    assert "come from a.svg" in (found.why_not or "")
-    np.testing.assert_allclose(found.plane.normal, [0, -1, 0], atol=1e-12)
-    np.testing.assert_allclose(found.plane.uv([0.45, 0.1, 0.23]), [0.45, 0.23], atol=1e-12)
-    assert found.plane.flat
+    parsed = handles(path, folder=tmp_path)
+    assert (parsed.kind, parsed.file, parsed.waypoints) == ("file", "a.svg", ())
+    assert "come from a.svg" in (parsed.why_not or "")
+    np.testing.assert_allclose(parsed.plane.normal, [0, -1, 0], atol=1e-12)
+    np.testing.assert_allclose(parsed.plane.uv([0.45, 0.1, 0.23]), [0.45, 0.23], atol=1e-12)
+    assert parsed.plane.flat
     text = """
 scene:
   boxes: [{name: b, size: [1 cm, 0.1, 1 m], at: [0, 5 mm, 0]}]
@@ -220,9 +220,9 @@ def test_what_waypoints_do_not_have_is_refused(tmp_path):
     ],
 )
 def test_points_are_offered_for_removal_and_insertion_where_that_works(path):
-    found = handles(path, "pmk3s")
+    parsed = handles(path, "pmk3s")
     data = load(f"name: a\narm: pmk3s\npath: {path}{TAIL}", "")
-    state = EditState(data=data, run="own", handles=found)
+    state = EditState(data=data, run="own", handles=parsed)
 
     def works(edit):
         try:
@@ -230,12 +230,12 @@ def test_points_are_offered_for_removal_and_insertion_where_that_works(path):
         except InvalidInput:
             return False
 
-    for point in found.waypoints:
+    for point in parsed.waypoints:
         remove = {"do": "remove_waypoint", "index": point.index}
-        assert found.is_removable(point) == works(remove), point
-        if point in found.ends[1:]:
+        assert parsed.is_removable(point) == works(remove), point
+        if point in parsed.ends[1:]:
             insert = {"do": "insert_waypoint", "index": point.index, "at": [0.33, 0.22]}
-            assert found.is_divisible(point.index) == works(insert), point
+            assert parsed.is_divisible(point.index) == works(insert), point
 
 
 @pytest.mark.parametrize(
@@ -245,6 +245,6 @@ def test_a_drawing_is_convertible_if_it_has_one_contour(tmp_path, paths, one):
     size = 'width="50mm" height="50mm" viewBox="0 0 50 50"'
     text = f'<svg xmlns="http://www.w3.org/2000/svg" {size}><path d="{paths}"/></svg>'
     (tmp_path / "part.svg").write_text(text)
-    found = handles("{file: part.svg, frame: {position: [0.3, 0.2, 0]}}", "pmk3s", tmp_path)
-    assert is_convertible(found) == one
+    parsed = handles("{file: part.svg, frame: {position: [0.3, 0.2, 0]}}", "pmk3s", tmp_path)
+    assert is_convertible(parsed) == one
     assert not is_convertible(handles("{points: [[0.3, 0.2], [0.36, 0.25]]}", "pmk3s"))

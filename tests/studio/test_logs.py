@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.studio.robot_logs import BEGIN, HEAD, TRUE, write_bag, write_table
-from tests.studio.talking import NoLane, Tab, figure, session_of
+from tests.studio.session_pages import RecordingTaskWorker, SessionPage, figure, session_of
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
@@ -37,12 +37,12 @@ def done(robot):
 def ask(file):
     """What a task makes of logs."""
 
-    def asked(task, *logs, text=None, **options):
+    def ask_task(task, *logs, text=None, **options):
         request = {"text": text or file.read_text(), "folder": str(file.parent), "run": "optimal"}
         request |= {"logs": [str(x) for x in logs], "options": options}
         return do(task, request, quiet)
 
-    return asked
+    return ask_task
 
 
 def test_the_measured_error_is_that_of_the_robot(ask, robot, done, log):
@@ -72,21 +72,21 @@ def test_the_measured_error_is_that_of_the_robot(ask, robot, done, log):
 def test_the_servo_of_a_log_is_put_into_the_job(ask, file, log):
     frame = ask("identify", log)
     logged = read_log(log)
-    found = ac.identify(logged, ac.ServoFit(kinematics=ac.load_arm("pmk3s")))
+    identification = ac.identify(logged, ac.ServoFit(kinematics=ac.load_arm("pmk3s")))
     tables = {x["title"]: x["cells"] for x in frame.header["tables"]}
-    assert tables == {x.name: cells(x) for x in found.to_data().tables}
+    assert tables == {x.name: cells(x) for x in identification.to_data().tables}
     (edit,) = frame.header["edits"]
     assert frame.header["label"] == "Use this servo" and frame.header["kept"]
     before = file.read_text()
     session = session_of(file)
     session.begin()
-    tab = Tab(session)
+    tab = SessionPage(session)
     tab.edit(edit)
     text = session.document.text
     servo = parse_job(text).servo
     np.testing.assert_allclose(servo.kp, TRUE.kp, rtol=0.01)
     np.testing.assert_allclose(servo.kv, TRUE.kv, rtol=0.01)
-    np.testing.assert_allclose(servo.kp, found.servo_model().kp, rtol=1e-5)
+    np.testing.assert_allclose(servo.kp, identification.servo_model().kp, rtol=1e-5)
     assert tab.last("document")["undo_label"] == "set servo"
     tab.say("undo")
     assert session.document.text == before
@@ -100,9 +100,9 @@ def test_a_mapping_that_is_set_keeps_the_comments_of_its_keys(tmp_path, file):
     place.write_text(file.read_text().replace(old, new))
     session = session_of(place)
     session.begin()
-    tab = Tab(session)
-    wanted = {"kp": [24.5, 25.5], "order": ["second", "second"], "kv": 140}
-    tab.edit({"do": "set", "key": "servo", "value": wanted})
+    tab = SessionPage(session)
+    servo = {"kp": [24.5, 25.5], "order": ["second", "second"], "kv": 140}
+    tab.edit({"do": "set", "key": "servo", "value": servo})
     text = session.document.text
     assert "kp: [24.5 1/s, 25.5 1/s]  # note of kp" in text and "140 1/s  # note of kv" in text
     assert parse_job(text).servo.kp.tolist() == [24.5, 25.5]
@@ -182,8 +182,8 @@ def test_bags_are_logs_and_do_not_unpack_to_too_much(ask, robot, done, tmp_path,
     rows = robot.table(done)
     bag = write_bag(tmp_path / "bag", rows)
     same = write_table(tmp_path / "run.csv", rows)
-    found = [figure(ask("measured", x).header, "contour_rms") for x in (bag, same)]
-    assert found[0] == pytest.approx(found[1], rel=1e-3)
+    errors = [figure(ask("measured", x).header, "contour_rms") for x in (bag, same)]
+    assert errors[0] == pytest.approx(errors[1], rel=1e-3)
     monkeypatch.setattr(ros_files, "SMALL", 4_000_000)
     bomb = write_bag(tmp_path / "bomb", rows[:100], "a" * 5_000_000)
     assert bomb.stat().st_size < 100_000
@@ -209,7 +209,7 @@ def test_columns_have_the_names_that_the_page_gives(ask, robot, done, tmp_path):
 def test_logs_are_kept_in_the_folder_of_the_user_until_the_session_ends(file, home):
     session = session_of(file)
     session.begin()
-    tab = Tab(session)
+    tab = SessionPage(session)
     uploads = session.editor.uploads
     assert tab.last("document")["logs"] == []
     before = sorted(file.parent.rglob("*"))
@@ -222,15 +222,15 @@ def test_logs_are_kept_in_the_folder_of_the_user_until_the_session_ends(file, ho
     assert all(x.is_relative_to(state_folder()) for x in uploads.logs.values())
     assert all(x.parent.stat().st_mode & 0o077 == 0 for x in uploads.logs.values())
     tab.say("task", id="t1", task="measured", options={"logs": names[::-1]})
-    _, _, request = NoLane.last.given[-1]
+    _, _, request = RecordingTaskWorker.last.given[-1]
     read = [Path(x).read_bytes() for x in request["logs"]]
     assert read == [b"t,q2\n", b"t,q1\n"]
-    count = len(NoLane.last.given)
+    count = len(RecordingTaskWorker.last.given)
     for names in (["other.csv"], ["../job.yaml"], [str(file)], "run.csv", [["run.csv"]], {}, 5):
-        said = tab.say("task", id="t2", task="measured", options={"logs": names})
+        frames = tab.say("task", id="t2", task="measured", options={"logs": names})
         # Nothing chosen is what the task itself refuses.
-        assert names == {} or said[-1].kind == "failed", names
-    assert len(NoLane.last.given) == count + 1
+        assert names == {} or frames[-1].kind == "failed", names
+    assert len(RecordingTaskWorker.last.given) == count + 1
     for name in (
         "../a.csv",
         "a/../b.csv",
@@ -248,8 +248,8 @@ def test_logs_are_kept_in_the_folder_of_the_user_until_the_session_ends(file, ho
     for k in range(MAX_LOGS + 2):
         session.open_upload("run.csv", b"%d" % k, None, log=True)
     assert len(tab.last("document")["logs"]) == MAX_LOGS
-    kept = list(uploads.logs.values())
-    assert sorted(kept[0].parent.iterdir()) == sorted(kept)
+    log_files = list(uploads.logs.values())
+    assert sorted(log_files[0].parent.iterdir()) == sorted(log_files)
     session.close()
     assert not any(x.is_file() for x in (home / "armcontour").rglob("*"))
     assert sorted(file.parent.rglob("*")) == before

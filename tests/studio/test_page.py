@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.studio.test_arithmetic import NODE, compute
 
-from armcontour.core.frames import PageFrame as Pose
+from armcontour.core.frames import Frame as Pose
 from armcontour.studio.execution_picture import execution_frame
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.preview import CoarsePlanner
@@ -23,20 +23,20 @@ def test_the_page_reads_the_frames_that_the_server_writes():
     }
     head = {"seq": 7, "rev": 2, "sentence": "a μ of 1° — „done“"}
     data = PageFrame("picture", head, arrays).pack()
-    found = compute(
+    computed = compute(
         """
-        const { unpack } = await import("./wire.js");
+        const { unpack } = await import("./page_frame.js");
         const frame = unpack(new Uint8Array(given).buffer);
         const arrays = Object.entries(frame.arrays).map(([name, x]) => [name, [...x]]);
         tell({ ...frame, arrays: Object.fromEntries(arrays) });
         """,
         list(data),
     )
-    assert (found["kind"], found["seq"], found["rev"]) == ("picture", 7, 2)
-    assert found["head"]["sentence"] == head["sentence"]
+    assert (computed["kind"], computed["seq"], computed["rev"]) == ("picture", 7, 2)
+    assert computed["head"]["sentence"] == head["sentence"]
     for name, values in arrays.items():
-        assert found["shapes"][name] == list(values.shape)
-        assert found["arrays"][name] == values.ravel().astype(float).tolist()
+        assert computed["shapes"][name] == list(values.shape)
+        assert computed["arrays"][name] == values.ravel().astype(float).tolist()
 
 
 def test_executions_break_between_contours(paper, view, tmp_path):
@@ -64,7 +64,7 @@ const listen = (who, events) => events.forEach((event) =>
 
 def test_no_older_frame_is_shown_after_a_newer_one():
     orders = [(1, 5), (1, 4), (1, 6), (0, 9), (2, 6), (2, None), (1, 8), (2, 7)]
-    found = compute(
+    values = compute(
         f"""{STORE}
         store.on("picture", (x) => told.push([x.rev, x.seq]));
         for (const [rev, seq] of given) put("picture", rev, seq);
@@ -72,11 +72,11 @@ def test_no_older_frame_is_shown_after_a_newer_one():
         """,
         orders,
     )
-    assert found == [[1, 5], [1, 6], [2, 6], [2, None], [2, 7]]
+    assert values == [[1, 5], [1, 6], [2, 6], [2, None], [2, 7]]
 
 
-def test_a_document_that_is_told_again_makes_no_picture_old():
-    found = compute(
+def test_a_repeated_document_does_not_outdate_pictures():
+    values = compute(
         f"""{STORE}
         listen("page", ["picture"]);
         put("document", 6, 1, {{ id: "a" }});
@@ -86,31 +86,35 @@ def test_a_document_that_is_told_again_makes_no_picture_old():
         tell([told.length, store.latest("picture").seq]);
         """
     )
-    assert found == [1, 1]
+    assert values == [1, 1]
 
 
 def test_obstacles_are_drawn_where_their_corners_are():
     random = np.random.default_rng(7)
-    turn, at, size = random.uniform(-3, 3, 3), random.normal(size=3), random.uniform(0.1, 1, 3)
+    turn, position, size = (
+        random.uniform(-3, 3, 3),
+        random.normal(size=3),
+        random.uniform(0.1, 1, 3),
+    )
     plane = {"origin": [0.1, 0.2, 0.0], "x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0]}
-    box = {"kind": "boxes", "index": 0, "at": at, "rpy": turn, "size": size}
+    box = {"kind": "boxes", "index": 0, "at": position, "rpy": turn, "size": size}
     outline = compute(
         'const { outlineOf } = await import("./footprint.js"); tell(outlineOf(...given));',
         [box, plane],
     )
     signs = np.array(np.meshgrid(*[[-0.5, 0.5]] * 3)).reshape(3, -1).T
-    corners = at + (signs * size) @ Pose.rpy([0, 0, 0], turn).rotation.T
-    seen = corners[:, :2] - plane["origin"][:2]
+    corners = position + (signs * size) @ Pose.rpy([0, 0, 0], turn).rotation.T
+    projected = corners[:, :2] - plane["origin"][:2]
     hull = np.array(outline)
     # Every corner of the outline is one of the box, and no corner of the box is outside of it.
-    assert np.linalg.norm(hull[:, None] - seen, axis=2).min(axis=1).max() < 1e-12
+    assert np.linalg.norm(hull[:, None] - projected, axis=2).min(axis=1).max() < 1e-12
     sides = np.roll(hull, -1, axis=0) - hull
-    away = seen[:, None] - hull
+    away = projected[:, None] - hull
     assert (sides[:, 0] * away[..., 1] - sides[:, 1] * away[..., 0]).min() > -1e-12
 
 
 def test_zero_has_no_sign():
-    found = compute(
+    values = compute(
         """
         const { number } = await import("./chart.js");
         const { fixed, difference } = await import("./format.js");
@@ -119,13 +123,13 @@ def test_zero_has_no_sign():
           fixed(-4e-2, 3), difference(of("0.1"), of("0.1004"))]);
         """
     )
-    assert found == ["0", "0", "−0.000002", "−12.35", "0.000", "−0.040", "0.0 mm"]
+    assert values == ["0", "0", "−0.000002", "−12.35", "0.000", "−0.040", "0.0 mm"]
 
 
-def test_colours_tell_errors_of_several_magnitudes_apart():
+def test_colours_distinguish_errors_of_several_magnitudes():
     errors = np.geomspace(1e-7, 1e-3, 200).astype(np.float32)
     points = np.stack([np.arange(200), np.zeros(200)], axis=1)
-    found = compute(
+    values = compute(
         """
         globalThis.Path2D = class { moveTo() {} lineTo() {} };
         const { Layers } = await import("./layers.js");
@@ -136,7 +140,7 @@ def test_colours_tell_errors_of_several_magnitudes_apart():
         [points, errors],
     )
     # A linear scale has two colours for all but the last tenth of these errors.
-    assert len(set(found)) >= 12
+    assert len(set(values)) >= 12
 
 
 CAMERA = """
@@ -160,7 +164,7 @@ def test_the_camera_sees_the_path_or_a_joint_wherever_it_is_moved():
     random = np.random.default_rng(5)
     path = random.normal([0.5, 0.1, 0.2], [0.05, 0.05, 0.0], (60, 3))
     moves = [[kind, *random.normal(size=2)] for kind in random.integers(0, 3, 400).tolist()]
-    found = compute(
+    values = compute(
         CAMERA
         + """
         const told = [];
@@ -175,7 +179,7 @@ def test_the_camera_sees_the_path_or_a_joint_wherever_it_is_moved():
         """,
         [path, moves],
     )
-    seen, reach, elevation, path_seen = np.array(found, dtype=float).T
-    assert seen.all() and elevation.min() >= 0
+    visible, reach, elevation, path_seen = np.array(values, dtype=float).T
+    assert visible.all() and elevation.min() >= 0
     # Nearer than the parts of an arm there is always the path.
     assert reach.min() < 0.1 and path_seen[reach < 0.12 * 1.5].all()

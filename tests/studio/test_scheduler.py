@@ -7,14 +7,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.studio.talking import (
+from tests.studio.session_pages import (
     JOB,
     MOVE,
-    AtOnce,
-    Held,
-    NoLane,
-    Resting,
-    Tab,
+    ImmediateWorker,
+    ManualWorker,
+    RecordingTaskWorker,
+    RestingWorker,
+    SessionPage,
     figure,
     kinds,
     session_of,
@@ -40,15 +40,15 @@ def opened(tmp_path):
     """Opens texts of jobs; each gives a session, a page and the lane of its exact figures."""
     sessions = []
 
-    def open_text(text=JOB, fast=AtOnce):
+    def open_text(text=JOB, preview_worker=ImmediateWorker):
         file = tmp_path / f"job{len(sessions)}.yaml"
         file.write_text(text)
-        session = session_of(file, fast=fast)
-        # The first slow lane of a session is that of figures.
-        lane = NoLane.last
+        session = session_of(file, preview_worker=preview_worker)
+        # The first task worker of a session is that of figures.
+        lane = RecordingTaskWorker.last
         sessions.append(session)
         session.begin()
-        return session, Tab(session), lane
+        return session, SessionPage(session), lane
 
     yield open_text
     for session in sessions:
@@ -87,7 +87,7 @@ def test_at_rest_the_picture_is_that_of_a_full_run(opened, run):
     want = ac.run(parse_job(text)).runs[run].evaluation
     _, tab, _ = opened(text)
     assert figure(tab.last("executed"), "contour_error.rms") != want.contour_error.rms
-    _, tab, _ = opened(text, fast=Resting)
+    _, tab, _ = opened(text, preview_worker=RestingWorker)
     assert tab.last("picture")["tier"] == tab.last("executed")["tier"] == "exact"
     assert figure(tab.last("picture"), "duration") == want.duration
     assert figure(tab.last("executed"), "contour_error.rms") == want.contour_error.rms
@@ -97,24 +97,24 @@ def test_what_moves_is_planned_on_a_coarser_grid_until_it_rests(opened):
     _, tab, _ = opened(PAPER.replace("cycle: 0.2 ms", "cycle: 4 ms"))
     fine = figure(tab.last("picture"), "duration")
     same = {"do": "set", "key": "servo.kp", "value": "25 1/s"}
-    heard = tab.edit(same, final=False)
-    assert tiers(heard) == ["picture moving", "executed moving"]
-    coarse = figure(heard[0].header, "duration")
+    frames = tab.edit(same, final=False)
+    assert tiers(frames) == ["picture moving", "executed moving"]
+    coarse = figure(frames[0].header, "duration")
     assert coarse == pytest.approx(fine, rel=1e-3) and coarse != fine
-    assert any("600 intervals" in x for x in heard[0].header["notes"])
-    heard = tab.edit(same)
-    assert tiers(heard) == ["picture preview", "executed preview"]
-    assert figure(heard[1].header, "duration") == fine and not heard[1].header["notes"]
+    assert any("600 intervals" in x for x in frames[0].header["notes"])
+    frames = tab.edit(same)
+    assert tiers(frames) == ["picture preview", "executed preview"]
+    assert figure(frames[1].header, "duration") == fine and not frames[1].header["notes"]
 
 
 def test_older_answers_never_come_after_newer_ones(opened):
     session, tab, _ = opened()
-    session.display.scheduler._preview_worker = lane = Held(None)
+    session.display.scheduler._preview_worker = lane = ManualWorker(None)
     tab.edit(MOVE)
     tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
     old, new = lane.works
     for work in (new, old):
-        AtOnce.submit(lane, work)
+        ImmediateWorker.submit(lane, work)
     revs = [x.header["rev"] for x in tab.frames if x.kind in ("document", "picture", "executed")]
     assert revs == sorted(revs)
     pictures = [x.header for x in tab.frames if x.kind == "picture" and x.header["seq"]]
@@ -123,21 +123,21 @@ def test_older_answers_never_come_after_newer_ones(opened):
 
 
 def test_exact_figures_come_when_nothing_moves(opened):
-    session, tab, lane = opened(fast=Resting)
+    session, tab, lane = opened(preview_worker=RestingWorker)
     ((id, task, request),) = lane.given
     assert task == "figures" and request["text"] == JOB and request["run"] == "slow"
     answer(lane, duration=12.5)
-    told = tab.last("figures")
-    assert told["duration"] == 12.5 and told["rev"] == session.editor.rev
+    figures = tab.last("figures")
+    assert figures["duration"] == 12.5 and figures["rev"] == session.editor.rev
     tab.edit(MOVE)
-    late = figures_asked(lane)[1][0]
+    last_id = figures_asked(lane)[1][0]
     tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
     assert len(figures_asked(lane)) == 2, "one at a time"
     before = kinds(tab.frames).count("figures")
-    lane.deliver(PageFrame("figures", {"id": late}))
+    lane.deliver(PageFrame("figures", {"id": last_id}))
     assert kinds(tab.frames).count("figures") == before, "out of date"
-    asked = figures_asked(lane)
-    assert len(asked) == 3 and asked[2][2]["text"] == session.document.text
+    requests = figures_asked(lane)
+    assert len(requests) == 3 and requests[2][2]["text"] == session.document.text
     # What is known is not computed again.
     answer(lane, duration=13.5)
     tab.say("select", run="slow")
@@ -146,7 +146,7 @@ def test_exact_figures_come_when_nothing_moves(opened):
 
 
 def test_what_to_change_follows_step_by_step_until_something_is_edited(opened):
-    session, tab, lane = opened(fast=Resting)
+    session, tab, lane = opened(preview_worker=RestingWorker)
     lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
     for share in (0.0, 0.5):
         advance(lane, share=share)
@@ -175,7 +175,7 @@ def test_what_to_change_follows_step_by_step_until_something_is_edited(opened):
 
 
 def test_another_configuration_of_the_full_run_is_announced(opened):
-    session, tab, lane = opened(SQUARE, fast=Resting)
+    session, tab, lane = opened(SQUARE, preview_worker=RestingWorker)
     # Nothing exact was shown before the first full run: it changes nothing.
     tab.edit({"do": "set", "key": "limits.speed", "value": 0.09}, gesture=9)
     answer(lane)
@@ -188,18 +188,21 @@ def test_another_configuration_of_the_full_run_is_announced(opened):
     for k, turn in enumerate((0.0, np.pi / 2), 1):
         tab.edit({"do": "set", "key": "limits.speed", "value": 0.1 + 0.01 * k}, gesture=k)
         assert "notice" not in kinds(tab.frames)
-        asked = figures_asked(lane)
-        assert len(asked) == k + 2 and asked[-1][2]["text"] == session.document.text
+        requests = figures_asked(lane)
+        assert len(requests) == k + 2 and requests[-1][2]["text"] == session.document.text
         before = session.display.scheduler.planned.start
         answer(lane, start=before + [0, 0, 0, 0, 0, turn])
     assert kinds(tab.frames).count("notice") == 1
-    told = tab.last("notice")["sentence"]
+    sentence = tab.last("notice")["sentence"]
     after = session.display.scheduler.planned.start
-    assert all(f"{np.degrees(q[5]):.1f}" in told for q in (before, after)) and "joint 6" in told
+    assert (
+        all(f"{np.degrees(q[5]):.1f}" in sentence for q in (before, after))
+        and "joint 6" in sentence
+    )
 
 
-class Nested(Resting):
-    """A fast lane that takes newer work after what it does; `stale` tells that work of it."""
+class Nested(RestingWorker):
+    """A preview worker that takes newer work after its present work, which `stale` reports."""
 
     def __init__(self, deliver):
         super().__init__(deliver)
@@ -243,28 +246,28 @@ FINE = JOB.replace("runs:", "cycle: 1 ms\nruns:")
 
 @pytest.mark.parametrize("tier", ["moving", "preview", "exact"])
 def test_an_edit_during_any_tier_takes_its_place(opened, during, tier):
-    session, tab, _ = opened(FINE, fast=Nested)
+    session, tab, _ = opened(FINE, preview_worker=Nested)
     during(tier, lambda: tab.edit(moved(2), gesture=2))
-    heard = tab.edit(moved(1), gesture=1, final=tier != "moving")
-    shown = [x for x in heard if x.kind in ("picture", "executed")]
+    frames = tab.edit(moved(1), gesture=1, final=tier != "moving")
+    shown = [x for x in frames if x.kind in ("picture", "executed")]
     old = [x for x in shown if x.header["seq"] < tab.seq]
-    wanted = {"moving": [], "preview": [], "exact": ["picture preview", "executed preview"]}
-    assert tiers(old) == wanted[tier]
+    expected = {"moving": [], "preview": [], "exact": ["picture preview", "executed preview"]}
+    assert tiers(old) == expected[tier]
     assert shown[: len(old)] == old, "no older frame after a newer one"
     assert tiers(shown)[-2:] == ["picture exact", "executed exact"]
     assert tab.last("picture")["rev"] == session.editor.rev
 
 
 def test_a_refusal_during_a_preview_is_of_the_newest_state_and_goes_with_it(opened, during):
-    _, tab, _ = opened(fast=Nested)
+    _, tab, _ = opened(preview_worker=Nested)
     during("preview", lambda: tab.edit(FAR, gesture=2))
-    heard = tab.edit(moved(1), gesture=1)
-    (refusal,) = (x.header for x in heard if x.kind == "refusal")
+    frames = tab.edit(moved(1), gesture=1)
+    (refusal,) = (x.header for x in frames if x.kind == "refusal")
     assert refusal["seq"] == tab.seq and refusal["error"] == "Unreachable" and refusal["tier"] == 1
-    assert not tiers(heard), "the plan before is given up"
-    heard = tab.say("undo")
-    assert tiers(heard)[:2] == ["picture preview", "executed preview"]
-    assert "refusal" not in kinds(heard)
+    assert not tiers(frames), "the plan before is given up"
+    frames = tab.say("undo")
+    assert tiers(frames)[:2] == ["picture preview", "executed preview"]
+    assert "refusal" not in kinds(frames)
 
 
 def progress(frames):
@@ -274,18 +277,18 @@ def progress(frames):
 def test_a_slow_plan_has_an_outline_and_progress_and_is_stopped_and_resumed(
     opened, during, monkeypatch
 ):
-    _, tab, lane = opened(fast=Nested)
+    _, tab, lane = opened(preview_worker=Nested)
     monkeypatch.setattr(scheduler, "SLOW_PLAN", -1.0)
     during("preview", lambda: tab.say("cancel", id="#"))
-    heard = tab.edit(moved(1), gesture=1)
-    assert tiers(heard) == ["picture outline"]
-    assert progress(heard)[-2:] == ["working", "stopped"]
+    frames = tab.edit(moved(1), gesture=1)
+    assert tiers(frames) == ["picture outline"]
+    assert progress(frames)[-2:] == ["working", "stopped"]
     assert lane.cancelled == [lane.given[-1][0]], "its figures are stopped, too"
     lane.deliver(PageFrame("cancelled", {"id": lane.cancelled[0]}))
     count = len(lane.given)
-    heard = tab.say("resume")
-    assert tiers(heard)[-2:] == ["picture preview", "executed preview"]
-    assert len(lane.given) == count + 1 and set(progress(heard)) == {"working"}
+    frames = tab.say("resume")
+    assert tiers(frames)[-2:] == ["picture preview", "executed preview"]
+    assert len(lane.given) == count + 1 and set(progress(frames)) == {"working"}
     answer(lane)
     assert progress(tab.frames)[-1] == "done"
     # Progress of a state that is not shown any more goes.
@@ -300,8 +303,8 @@ def test_an_outline_follows_a_drag_whose_plans_take_long(opened, monkeypatch):
     slow = SimpleNamespace(monotonic=time.monotonic, thread_time=lambda: next(looks))
     monkeypatch.setattr(scheduler, "time", slow)
     for _ in range(2):
-        heard = tab.edit(moved(next(looks)), final=False)
-        assert tiers(heard)[0] == "picture moving", "one late plan may be late by chance"
+        frames = tab.edit(moved(next(looks)), final=False)
+        assert tiers(frames)[0] == "picture moving", "one late plan may be late by chance"
     assert tiers(tab.edit(moved(3), final=False)) == ["picture outline"]
     # Quick plans end this.
     slow.thread_time = lambda: 0.0
@@ -309,26 +312,26 @@ def test_an_outline_follows_a_drag_whose_plans_take_long(opened, monkeypatch):
     assert tiers(tab.edit(moved(5), gesture=1, final=False))[0] == "picture moving"
 
 
-def test_progress_of_exact_figures_is_told_with_its_step(opened, during, monkeypatch):
+def test_progress_of_exact_figures_is_sent_with_its_step(opened, during, monkeypatch):
     monkeypatch.setattr(scheduler, "PROGRESS_INTERVAL", -1e6)
-    _, tab, lane = opened(fast=Nested)
+    _, tab, lane = opened(preview_worker=Nested)
     step = {"id": lane.given[-1][0], "steps": ["compensated", "timing"], "share": 0.25}
     lane.deliver(PageFrame("progress", step))
-    told = tab.last("progress")
-    assert (told["tier"], told["share"]) == ("exact", 0.25)
-    assert told["steps"] == ["compensated", "timing (step 3 of 7)"]
+    message = tab.last("progress")
+    assert (message["tier"], message["share"]) == ("exact", 0.25)
+    assert message["steps"] == ["compensated", "timing (step 3 of 7)"]
     answer(lane)
     assert progress(tab.frames)[-1] == "done"
 
 
-def test_a_killed_process_is_said_and_the_next_edit_has_figures(opened):
-    _, tab, lane = opened(fast=Nested)
+def test_a_killed_process_is_reported_and_the_next_edit_has_figures(opened):
+    _, tab, lane = opened(preview_worker=Nested)
     id = lane.given[-1][0]
     lane.deliver(
         PageFrame("failed", {"id": id, "sentence": "It has ended before it gave an answer."})
     )
-    told = tab.last("progress")
-    assert told["state"] == "stopped" and "has ended" in told["steps"][0]
+    message = tab.last("progress")
+    assert message["state"] == "stopped" and "has ended" in message["steps"][0]
     tab.say("resume")
     assert len(lane.given) == 2 and tab.last("progress")["state"] == "working"
     tab.edit(moved(1), gesture=1)
@@ -338,7 +341,7 @@ def test_a_killed_process_is_said_and_the_next_edit_has_figures(opened):
 
 
 def test_figures_that_take_long_make_way_for_an_edit(opened, monkeypatch):
-    _, tab, lane = opened(fast=Nested)
+    _, tab, lane = opened(preview_worker=Nested)
     tab.edit(moved(1), gesture=1)
     assert lane.cancelled == [], "soon they are there"
     monkeypatch.setattr(scheduler, "MAX_OBSOLETE_FIGURES", -1.0)
@@ -350,7 +353,7 @@ def test_figures_that_take_long_make_way_for_an_edit(opened, monkeypatch):
 
 def test_a_motion_of_minutes_has_its_errors_from_the_exact_run_and_no_refusal(opened):
     slow = JOB.replace("{speed: 50 mm/s}", "{speed: 0.1 mm/s}")
-    _, tab, lane = opened(slow, fast=Resting)
+    _, tab, lane = opened(slow, preview_worker=RestingWorker)
     assert tiers(tab.frames) == ["picture preview"] and "refusal" not in kinds(tab.frames)
     answer(lane)
     assert tiers(tab.frames)[-1] == "figures exact"

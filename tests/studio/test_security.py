@@ -5,8 +5,8 @@ import socket
 from contextlib import ExitStack, suppress
 
 import pytest
-from tests.studio.serving import running
-from tests.studio.talking import JOB
+from tests.studio.running_studio import running
+from tests.studio.session_pages import JOB
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from armcontour.core.errors import InvalidInput
@@ -33,12 +33,12 @@ class Heard(logging.Handler):
 
 @pytest.fixture(scope="module")
 def heard():
-    found, root = Heard(), logging.getLogger()
+    handler, root = Heard(), logging.getLogger()
     before = root.level
-    root.addHandler(found)
+    root.addHandler(handler)
     root.setLevel(logging.DEBUG)
-    yield found
-    root.removeHandler(found)
+    yield handler
+    root.removeHandler(handler)
     root.setLevel(before)
 
 
@@ -62,10 +62,10 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def studio(folder, heard):
-    with running(folder / "job.yaml") as found:
-        with found.page() as page:
+    with running(folder / "job.yaml") as server:
+        with server.page() as page:
             page.hear("executed")
-        yield found
+        yield server
 
 
 def refused(studio, **how):
@@ -134,9 +134,9 @@ def test_s3_no_token_or_silence(studio, monkeypatch):
         '{"op": "hello", "token": NaN}',
         b"\x00\xff",
     ):
-        said = first if isinstance(first, bytes) else first.replace("TOKEN", studio.token)
+        greeting = first if isinstance(first, bytes) else first.replace("TOKEN", studio.token)
         with studio.socket() as page:
-            assert closed(page, said).code == 1008, first[:40]
+            assert closed(page, greeting).code == 1008, first[:40]
     monkeypatch.setattr(server, "HELLO_TIMEOUT", 0.05)
     with studio.socket() as page:
         assert closed(page).code == 1008
@@ -166,9 +166,9 @@ def test_s7_no_drawings_arms_and_obstacles_elsewhere(studio, folder):
         *("../secret.csv", "link.csv", "out/secret.csv", f"{outside}/secret.csv"),
         *(f"file://{outside}/secret.csv", "/etc/passwd", "/proc/self/environ"),
     ):
-        told = refusal_of(studio, JOB.replace("points:", f"file: {file} #"))
-        assert "is not in" in told or "file" in told, file
-        assert SECRET not in told and "root:" not in told, file
+        message = refusal_of(studio, JOB.replace("points:", f"file: {file} #"))
+        assert "is not in" in message or "file" in message, file
+        assert SECRET not in message and "root:" not in message, file
     (folder / "robot.urdf").write_text(
         '<robot name="r"><link name="a"/><link name="b"><collision><geometry>'
         '<mesh filename="package://p/secret.csv"/></geometry></collision></link>'
@@ -195,8 +195,8 @@ def test_s7_no_drawings_arms_and_obstacles_elsewhere(studio, folder):
 def test_s7_uploads_have_plain_names(studio):
     names = ("../a.csv", "a/../b.csv", "%2e%2e%2fa.csv", ".csv", "..", "", "a%00.csv", "C:%5ca.csv")
     for name in names:
-        status, told = studio.upload(name, b"x,y\n0.3,0.1\n0.4,0.1\n")
-        assert status == 422 and told, name
+        status, message = studio.upload(name, b"x,y\n0.3,0.1\n0.4,0.1\n")
+        assert status == 422 and message, name
 
 
 def test_s7_logs_are_kept_apart_and_need_the_token(studio, folder):
@@ -211,8 +211,8 @@ def test_s7_logs_are_kept_apart_and_need_the_token(studio, folder):
     assert status == 413 and b"64 MB" in body and b"armcontour learn" in body
     names = ("../a.csv", "%2e%2e%2fa.csv", ".csv", "a%00.csv", "C:%5ca.csv", "job.yaml", "a.csv.gz")
     for name in names:
-        status, told = studio.upload(f"{name}&log=1", log[2])
-        assert status == 422 and told, name
+        status, message = studio.upload(f"{name}&log=1", log[2])
+        assert status == 422 and message, name
     assert studio.upload("a.csv&log=1", b"")[0] == 422
     with studio.page() as page:
         text = page.hear("document").header["text"]
@@ -236,15 +236,15 @@ def test_s8_hostile_xml(studio):
     for head in (outside, bomb, "<a" * 100_000):
         for kind, tag in (("svg", "svg"), ("urdf", "robot")):
             text = f'{head}<{tag} name="&j;"><text>&j;</text></{tag}>'
-            status, told = studio.upload(f"a.{kind}", text.encode())
-            assert status == 422 and "root:" not in told, (kind, head[:60])
+            status, message = studio.upload(f"a.{kind}", text.encode())
+            assert status == 422 and "root:" not in message, (kind, head[:60])
     text = (
         '<svg xmlns="http://www.w3.org/2000/svg" onload="alert(1)" width="10mm" height="10mm">'
         "<script>alert(2)</script></svg>"
     )
     # Scripts are geometry or nothing.
-    status, told = studio.upload("a.svg", text.encode())
-    assert status == 422 and "alert" not in told
+    status, message = studio.upload("a.svg", text.encode())
+    assert status == 422 and "alert" not in message
     assert studio.request("GET", "/static/a.svg")[0] == 404
 
 
@@ -277,23 +277,23 @@ def test_s9_too_much_of_everything(studio, monkeypatch):
 
 
 def test_s11_this_machine_only(studio):
-    found = {x[4][0] for x in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)}
+    addresses = {x[4][0] for x in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)}
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             # Nothing is sent: this only chooses the interface that leads out.
             probe.connect(("192.0.2.1", 9))
-            found.add(probe.getsockname()[0])
+            addresses.add(probe.getsockname()[0])
         except OSError:
             pass
-    for address in {"127.0.0.2", "::1", *found} - {"127.0.0.1"}:
+    for address in {"127.0.0.2", "::1", *addresses} - {"127.0.0.1"}:
         with pytest.raises(OSError):
             socket.create_connection((address, studio.port)).close()
 
 
 def test_s12_no_programs(studio):
     for arm in ("robot.xacro", "{file: robot.xacro}", "{file: ./ROBOT.XACRO}"):
-        told = refusal_of(studio, JOB.replace("arm: pmk3s", f"arm: {arm}"))
-        assert "is a program" in told, arm
+        message = refusal_of(studio, JOB.replace("arm: pmk3s", f"arm: {arm}"))
+        assert "is a program" in message, arm
     with studio.page() as page:
         edit = {"do": "set", "key": "arm", "value": {"file": "robot.xacro"}}
         seq = page.say("edit", gesture=1, final=False, edits=[edit])
@@ -321,5 +321,5 @@ def test_s13_the_token_is_nowhere(studio, heard, folder, capfd):
         raw.recv(4096)
     _, headers, page = studio.request("GET", "/")
     assert headers["referrer-policy"] == "no-referrer"
-    told = [page.decode(), *heard.lines, *capfd.readouterr(), *map(str, folder.rglob("*"))]
-    assert not [x for x in told if studio.token in x]
+    texts = [page.decode(), *heard.lines, *capfd.readouterr(), *map(str, folder.rglob("*"))]
+    assert not [x for x in texts if studio.token in x]

@@ -7,8 +7,8 @@ from itertools import count
 from types import SimpleNamespace
 
 import pytest
-from tests.studio.serving import running
-from tests.studio.talking import MOVE
+from tests.studio.running_studio import running
+from tests.studio.session_pages import MOVE
 
 from armcontour.core.errors import InvalidInput
 from armcontour.studio import server
@@ -28,8 +28,8 @@ def test_a_page_talks_with_the_session(file):
         status, headers, body = studio.request("GET", f"/files/{number}")
         assert (status, body) == (200, b"x")
         assert headers["content-disposition"] == "attachment; filename*=UTF-8''a%20b.html"
-        status, told = studio.upload("part.csv", b"x [mm],y [mm]\n300,100\n350,120\n")
-        assert (status, told) == (200, "")
+        status, reply = studio.upload("part.csv", b"x [mm],y [mm]\n300,100\n350,120\n")
+        assert (status, reply) == (200, "")
         assert other.hear("document").header["path"]["kind"] == "file"
 
 
@@ -46,7 +46,7 @@ def test_the_end_a_minute_after_the_last_page(file, monkeypatch):
         seen = 0
 
         def __bool__(self):
-            Pages.state += 1
+            Pages.seen += 1
             return next(self.looks)
 
     async def watch():
@@ -61,7 +61,7 @@ def test_the_end_a_minute_after_the_last_page(file, monkeypatch):
     monkeypatch.setattr(server, "asyncio", fake)
     asyncio.run(watch())
     # The last look at a page was the 40th.
-    assert Pages.state == 40 + server.EXIT_DELAY / 10
+    assert Pages.seen == 40 + server.EXIT_DELAY / 10
 
 
 def test_what_cannot_be_served_ends_the_server(tmp_path, monkeypatch):
@@ -79,7 +79,7 @@ def test_what_cannot_be_served_ends_the_server(tmp_path, monkeypatch):
         require_server()
 
 
-def test_connections_that_say_nothing_or_never_all_stop_no_page(file):
+def test_silent_and_incomplete_connections_stop_no_page(file):
     with running(file) as studio, contextlib.ExitStack() as closing:
         for k in range(20 + 2 * MAX_CONNECTIONS):
             half = closing.enter_context(socket.create_connection(("127.0.0.1", studio.port)))

@@ -2,7 +2,15 @@
 
 import numpy as np
 import pytest
-from tests.studio.talking import JOB, MOVE, NoLane, Tab, figure, kinds, session_of
+from tests.studio.session_pages import (
+    JOB,
+    MOVE,
+    RecordingTaskWorker,
+    SessionPage,
+    figure,
+    kinds,
+    session_of,
+)
 
 from armcontour.studio import pages as module
 from armcontour.studio.commands import MAX_EDITS
@@ -15,17 +23,17 @@ pytestmark = pytest.mark.usefixtures("no_hurry")
 
 
 def test_two_pages_see_the_same_and_do_not_undo_each_other(session, tab):
-    other, whole = Tab(session), figure(tab.last("picture"), "duration")
+    other, whole = SessionPage(session), figure(tab.last("picture"), "duration")
     tab.edit({**MOVE, "to": [0.4, 0.2]}, gesture=1, final=False)
     assert figure(other.last("picture"), "duration") == figure(tab.last("picture"), "duration")
     assert other.last("picture")["seq"] is None
     other.edit({"do": "remove_waypoint", "index": 2}, gesture=1)
-    heard = tab.edit({**MOVE, "to": [0.4, 0.21]}, gesture=1, final=False)
-    assert kinds(heard) == ["document", "notice"] and "not made" in heard[1].header["sentence"]
+    frames = tab.edit({**MOVE, "to": [0.4, 0.21]}, gesture=1, final=False)
+    assert kinds(frames) == ["document", "notice"] and "discarded" in frames[1].header["sentence"]
     assert tab.edit({**MOVE, "to": [0.4, 0.22]}, gesture=1) == []
     assert session.document.undo_label == "remove waypoint 3"
-    heard = tab.edit({**MOVE, "to": [0.4, 0.22]}, gesture=2)
-    assert kinds(heard) == ["document", "picture", "executed"]
+    frames = tab.edit({**MOVE, "to": [0.4, 0.22]}, gesture=2)
+    assert kinds(frames) == ["document", "picture", "executed"]
     # A page that goes away leaves no half of a gesture.
     tab.say("undo")
     tab.say("undo")
@@ -68,9 +76,9 @@ NONSENSE = (
 
 def test_what_makes_no_sense_is_answered_with_a_sentence(session, capsys):
     for message in NONSENSE:
-        tab = Tab(session)
-        heard = tab.heard(message)
-        assert set(kinds(heard)) & {"failed", "refusal", "notice"}, message
+        tab = SessionPage(session)
+        frames = tab.heard(message)
+        assert set(kinds(frames)) & {"failed", "refusal", "notice"}, message
         assert session.document.text == JOB and not session.document.can_undo, message
         assert "Traceback" not in capsys.readouterr().err, message
         assert "picture" in kinds(tab.edit(MOVE, gesture=9, final=False)), message
@@ -96,17 +104,17 @@ def test_uploads_are_drawings_or_other_documents_and_pages_know_which(session, t
 
 
 def test_pages_know_when_another_job_or_drawing_is_shown(session, tab):
-    seen = [tab.last("document")["id"]]
+    ids = [tab.last("document")["id"]]
     tab.edit(MOVE)
-    assert tab.last("document")["id"] == seen[0]
+    assert tab.last("document")["id"] == ids[0]
     for name, content in (("line.csv", CSV), ("job.yaml", JOB.encode())):
         session.open_upload(name, content, None)
-        assert tab.last("document")["id"] not in seen
-        seen.append(tab.last("document")["id"])
+        assert tab.last("document")["id"] not in ids
+        ids.append(tab.last("document")["id"])
     # A page that comes gets the last one only, before the picture of it.
-    later = Tab(session)
+    later = SessionPage(session)
     assert kinds(later.frames).count("document") == 1
-    assert later.last("document")["id"] == seen[-1]
+    assert later.last("document")["id"] == ids[-1]
 
 
 def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path):
@@ -114,11 +122,11 @@ def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path):
     file.write_text(JOB.replace("arm: pmk3s", "arm: none"))
     session = session_of(file)
     session.begin()
-    tab = Tab(session)
+    tab = SessionPage(session)
     assert "none" in tab.last("document")["sentence"] and "refusal" in kinds(tab.frames)
     assert kinds(tab.edit(MOVE))[-1] == "refusal"
-    heard = tab.edit({"do": "text", "text": JOB}, gesture=1)
-    assert kinds(heard) == ["document", "picture", "arm", "executed"]
+    frames = tab.edit({"do": "text", "text": JOB}, gesture=1)
+    assert kinds(frames) == ["document", "picture", "arm", "executed"]
     assert tab.last("document")["sentence"] is None
     session.close()
 
@@ -138,15 +146,15 @@ WHOLE = ["document", "picture", "executed"]
 def test_drags_are_seen_at_every_move_and_are_one_step_of_undo_or_none(session, tab):
     durations = []
     for k in range(5):
-        heard = tab.edit({**MOVE, "to": [0.4, 0.15 + 0.01 * k]}, gesture=7, final=False)
-        assert kinds(heard) == ["picture", "executed"]
-        assert {x.header["seq"] for x in heard} == {tab.seq}
-        durations.append(figure(heard[0].header, "duration"))
+        frames = tab.edit({**MOVE, "to": [0.4, 0.15 + 0.01 * k]}, gesture=7, final=False)
+        assert kinds(frames) == ["picture", "executed"]
+        assert {x.header["seq"] for x in frames} == {tab.seq}
+        durations.append(figure(frames[0].header, "duration"))
     assert len(set(durations)) == 5
     assert session.document.text == JOB
-    heard = tab.edit({**MOVE, "to": [0.4, 0.19]}, gesture=7)
-    assert kinds(heard) == WHOLE
-    assert figure(heard[1].header, "duration") == pytest.approx(durations[-1], rel=1e-3)
+    frames = tab.edit({**MOVE, "to": [0.4, 0.19]}, gesture=7)
+    assert kinds(frames) == WHOLE
+    assert figure(frames[1].header, "duration") == pytest.approx(durations[-1], rel=1e-3)
     assert tab.last("document")["undo_label"] == "move waypoint 2"
     changed = session.document.text
     assert changed.replace("400 mm, 190 mm", "410 mm, 150 mm") == JOB and "# from" in changed
@@ -166,15 +174,15 @@ def test_drags_are_seen_at_every_move_and_are_one_step_of_undo_or_none(session, 
 
 def test_edits_that_are_refused_or_unreachable_are_states(session, tab):
     speed = {"do": "set", "key": "limits.speed", "value": "0 m/s"}
-    heard = tab.edit(speed, final=False)
-    assert kinds(heard) == ["refusal"] and "limits.speed" in heard[0].header["sentence"]
-    heard = tab.edit(speed, gesture=1)
-    assert kinds(heard) == ["document", "refusal", "picture", "executed"]
-    assert heard[1].header["dropped"] and heard[1].header["seq"] == tab.seq
+    frames = tab.edit(speed, final=False)
+    assert kinds(frames) == ["refusal"] and "limits.speed" in frames[0].header["sentence"]
+    frames = tab.edit(speed, gesture=1)
+    assert kinds(frames) == ["document", "refusal", "picture", "executed"]
+    assert frames[1].header["dropped"] and frames[1].header["seq"] == tab.seq
     assert session.document.text == JOB and not session.document.can_undo
-    heard = tab.edit({**MOVE, "to": [2.0, 0.15]})
-    assert kinds(heard) == ["document", "refusal"]
-    refusal = heard[1].header
+    frames = tab.edit({**MOVE, "to": [2.0, 0.15]})
+    assert kinds(frames) == ["document", "refusal"]
+    refusal = frames[1].header
     assert refusal["error"] == "Unreachable" and refusal["exit"] == 3 and "uv" in refusal["at"]
     assert session.document.can_undo
     assert kinds(tab.say("undo")) == WHOLE
@@ -188,8 +196,8 @@ def test_edits_of_a_message_see_one_another_and_one_of_an_older_document_is_not_
     written = [x["written"][0] for x in document["waypoints"]]
     assert written == ["350 mm", "390 mm", "410 mm", "280 mm"]
     assert document["undo_label"] == "insert waypoint 2 and 1 more"
-    heard = tab.edit({**MOVE, "to": [0.3, 0.1]}, gesture=2, rev=old)
-    assert kinds(heard) == ["document", "notice"]
+    frames = tab.edit({**MOVE, "to": [0.3, 0.1]}, gesture=2, rev=old)
+    assert kinds(frames) == ["document", "notice"]
     assert session.document.text == text
 
 
@@ -222,8 +230,8 @@ def test_saving_and_what_others_have_changed(session, tab, file):
     session.look()
     assert tab.last("document")["on_disk"] == "changed"
     tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
-    (heard,) = tab.say("save")
-    assert heard.kind == "conflict" and "-# by another program" in heard.header["diff"]
+    (frames,) = tab.say("save")
+    assert frames.kind == "conflict" and "-# by another program" in frames.header["diff"]
     assert file.read_text().endswith("# by another program\n")
     tab.say("reload")
     assert session.document.text.endswith("# by another program\n")
@@ -237,15 +245,15 @@ def test_saving_and_what_others_have_changed(session, tab, file):
 
 def test_a_job_without_a_file_is_a_download(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    session = open_session(None, slow=NoLane)
-    tab = Tab(session)
+    session = open_session(None, task_worker=RecordingTaskWorker)
+    tab = SessionPage(session)
     try:
         session.begin()
         tab.say("new", card="paper", arm="ur5e")
         assert tab.last("document")["run"] == "optimal"
-        (heard,) = tab.say("save")
-        file = session.display.pages.files[heard.header["file"]]
-        assert heard.header["name"] == file.name == "paper.yaml"
+        (frames,) = tab.say("save")
+        file = session.display.pages.files[frames.header["file"]]
+        assert frames.header["name"] == file.name == "paper.yaml"
         assert file.data.decode() == session.document.text
     finally:
         session.close()
@@ -254,7 +262,7 @@ def test_a_job_without_a_file_is_a_download(tmp_path, monkeypatch):
 
 def test_tasks_run_are_cancelled_and_give_files(session, tab):
     tab.say("task", id="t1", task="report", options={"all": True})
-    lane = NoLane.last
+    lane = RecordingTaskWorker.last
     ((id, task, request),) = lane.given
     assert (id, task, request["options"]) == ("t1", "report", {"all": True})
     assert "running already" in sentence(tab.say("task", id="t1", task="check"))

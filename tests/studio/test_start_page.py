@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.dynamics_extra import mark_all_but
 from tests.studio.conftest import DRAWINGS
-from tests.studio.talking import JOB, AtOnce, NoLane, Tab
+from tests.studio.session_pages import JOB, ImmediateWorker, RecordingTaskWorker, SessionPage
 
 import armcontour as ac
 from armcontour.files.cell import cell_names
@@ -26,13 +26,13 @@ FASTER = [Change(("limits", "speed"), "0.1 m/s")]
 def opened(tmp_path, monkeypatch):
     """Opens sessions as the command does, in a folder of its own."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("armcontour.studio.session.PreviewWorker", AtOnce, raising=False)
+    monkeypatch.setattr("armcontour.studio.session.PreviewWorker", ImmediateWorker, raising=False)
     sessions = []
 
     def open_one(file=None, cell=None):
-        session = open_session(file, cell=cell, slow=NoLane)
+        session = open_session(file, cell=cell, task_worker=RecordingTaskWorker)
         sessions.append(session)
-        tab = Tab(session)
+        tab = SessionPage(session)
         session.begin()
         return session, tab
 
@@ -69,12 +69,12 @@ def test_arms_are_shown_by_the_silhouettes_of_their_links(opened):
     arms = start(tab)["arms"]
     assert [x["name"] for x in arms] == list(cell_names())
     for x in arms:
-        left, top, wide, high = map(int, x["box"].split())
+        x_min, top, wide, high = map(int, x["box"].split())
         outlines = re.findall(r"M([^Z]*)Z", x["shape"])
         arm = ac.load_arm(x["name"])
         assert len(outlines) == len(arm.shapes.shapes)
         points = np.array([p.split(",") for o in outlines for p in o.split("L")], dtype=int)
-        assert [*points.min(axis=0)] == [left, top]
+        assert [*points.min(axis=0)] == [x_min, top]
         assert [*(points.max(axis=0) - points.min(axis=0))] == [wide, high]
 
 
@@ -116,7 +116,7 @@ def test_files_opened_before_are_offered_and_vanished_ones_are_not(opened, tmp_p
     drawing.unlink()
     assert [x["name"] for x in start(tab)["recent"]] == ["job.yaml"]
     for id in (recent[0]["id"], "0" * 32, "job.yaml"):
-        assert "not there" in tab.say("open_recent", id=id)[-1].header["sentence"]
+        assert "no longer exists" in tab.say("open_recent", id=id)[-1].header["sentence"]
 
 
 def test_a_file_opened_before_opens_no_other_folder(opened, tmp_path):
@@ -128,9 +128,9 @@ def test_a_file_opened_before_opens_no_other_folder(opened, tmp_path):
     opened(inside)
     session, tab = opened()
     tab.say("open_recent", id=start(tab)["recent"][0]["id"])
-    heard = tab.edit({"do": "text", "text": re.sub(r"points:.*", f"file: {outside}", JOB)})
+    frames = tab.edit({"do": "text", "text": re.sub(r"points:.*", f"file: {outside}", JOB)})
 
-    assert heard[-1].kind == "refusal" and "may be read" in heard[-1].header["sentence"]
+    assert frames[-1].kind == "refusal" and "may be read" in frames[-1].header["sentence"]
     assert session.document.text == JOB
 
 
@@ -141,11 +141,11 @@ def test_a_new_job_does_not_lose_what_is_not_saved(opened):
         tab.say("new", card="drawing", arm=arm)
         session.document.apply(FASTER, "speed")
         texts.append(session.document.text)
-    heard = tab.say("new", card="empty", arm="ur5e")
-    assert any(x.kind == "notice" and "not saved" in x.header["sentence"] for x in heard)
-    kept = start(tab)["recent"]
-    assert [x["where"] for x in kept] == ["not saved"] * 2
-    for x, text in zip(kept, reversed(texts), strict=True):
+    frames = tab.say("new", card="empty", arm="ur5e")
+    assert any(x.kind == "notice" and "not saved" in x.header["sentence"] for x in frames)
+    drafts = start(tab)["recent"]
+    assert [x["where"] for x in drafts] == ["not saved"] * 2
+    for x, text in zip(drafts, reversed(texts), strict=True):
         tab.say("open_recent", id=x["id"])
         assert session.document.text == text
     # The server is killed, and started again.
@@ -163,6 +163,6 @@ def test_an_undecided_draft_stays_next_to_a_newer_one(opened, tmp_path):
     later.apply([Change(("limits", "speed"), "0.2 m/s")], "speed")
     assert Document.open(file).earlier == later.text
     session, tab = opened()
-    (kept,) = [x for x in start(tab)["recent"] if x["where"] == "not saved"]
-    tab.say("open_recent", id=kept["id"])
+    (draft,) = [x for x in start(tab)["recent"] if x["where"] == "not saved"]
+    tab.say("open_recent", id=draft["id"])
     assert session.document.text == first.text

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from tests.dynamics_extra import needs_dynamics
 from tests.studio.conftest import DRAWINGS
-from tests.studio.talking import figure
+from tests.studio.session_pages import figure
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
@@ -42,7 +42,7 @@ def coarse(paper):
 
 
 @pytest.fixture
-def to_float32(coarse):
+def short(coarse):
     return coarse | {"path": {"points": [[0.35, 0.1], [0.37, 0.12], [0.36, 0.13]]}}
 
 
@@ -55,32 +55,32 @@ def line(square):
 def test_progress_has_the_share_and_the_time_that_is_left(monkeypatch):
     # Each look at the clock is a second later than the one before.
     monkeypatch.setattr(dispatch, "time", SimpleNamespace(monotonic=count().__next__))
-    told = []
+    progress_log = []
     options = {"key": "limits.speed", "values": [0.1, 0.2]}
-    work(("a", "sweep", {"text": WARMUP_JOB, "options": options}), told.append)
-    for k, frame in enumerate(map(PageFrame.unpack, told), 1):
+    work(("a", "sweep", {"text": WARMUP_JOB, "options": options}), progress_log.append)
+    for k, frame in enumerate(map(PageFrame.unpack, progress_log), 1):
         share, eta = frame.header["share"], frame.header["eta"]
         assert frame.kind == "progress" and frame.header["id"] == "a" and 0 <= share <= 1
         assert eta == (pytest.approx(k * (1 - share) / share) if share else None)
-    assert any(0 < PageFrame.unpack(x).header["share"] < 1 for x in told)
+    assert any(0 < PageFrame.unpack(x).header["share"] < 1 for x in progress_log)
 
 
 def test_a_check_has_a_row_per_limit(coarse):
-    found = ask("check", coarse, "optimal").header
-    assert found["verdict"] == "kept" and found["sentence"].startswith("All limits are kept.")
-    heads, *rows = found["table"]
+    answer = ask("check", coarse, "optimal").header
+    assert answer["verdict"] == "kept" and answer["sentence"].startswith("All limits are kept.")
+    heads, *rows = answer["table"]
     (speed,) = (dict(zip(heads, x, strict=True)) for x in rows if x[0] == "speed")
     assert (speed["Used"], speed["Allowed"]) == ("100.00 %", "150 mm/s")
 
 
 @needs_dynamics
 def test_clearance_over_time_is_not_below_what_is_proven(square):
-    found = ask("clearance", square, "optimal")
-    assert found.header["kept"] and found.header["kinds"] == ["own"]
-    heads, *pairs = found.header["table"]
-    (low,) = (x for x in found.header["rows"] if x["name"] == "low")
+    answer = ask("clearance", square, "optimal")
+    assert answer.header["kept"] and answer.header["kinds"] == ["own"]
+    heads, *pairs = answer.header["table"]
+    (low,) = (x for x in answer.header["rows"] if x["name"] == "low")
     assert f"{low['text']} {low['unit']}" in {x[heads.index("clearance")] for x in pairs}
-    assert found.arrays["own"].min() >= low["value"]
+    assert answer.arrays["own"].min() >= low["value"]
 
 
 GASKET = """
@@ -98,13 +98,13 @@ runs: {cut: {}}
 """
 
 
-@pytest.mark.parametrize("which", ["coarse", "square", "gasket"])
-def test_they_are_those_of_a_run_of_the_saved_job(which, request):
-    data = GASKET if which == "gasket" else request.getfixturevalue(which)
+@pytest.mark.parametrize("name_of_job", ["coarse", "square", "gasket"])
+def test_they_are_those_of_a_run_of_the_saved_job(name_of_job, request):
+    data = GASKET if name_of_job == "gasket" else request.getfixturevalue(name_of_job)
     text = data if isinstance(data, str) else yaml.safe_dump(data, sort_keys=False)
     study = run(parse_job(text, folder=DRAWINGS))
     for name, result in study.runs.items():
-        found, e = ask("figures", text, name).header, result.evaluation
+        figures, e = ask("figures", text, name).header, result.evaluation
         rows = {"duration": e.duration, "settled": e.settled}
         rows |= {f"contour_error.{x}": getattr(e.contour_error, x) for x in ("rms", "max")}
         rows["off_drawing"] = e.contour_error.max + (result.rounding_error or 0.0)
@@ -112,8 +112,8 @@ def test_they_are_those_of_a_run_of_the_saved_job(which, request):
         if result.clearance is not None:
             rows["clearance.low"] = result.clearance.low
         for key, value in rows.items():
-            assert figure(found, key) == pytest.approx(value, abs=1e-9), key
-        assert found["warnings"] == result.warnings
+            assert figure(figures, key) == pytest.approx(value, abs=1e-9), key
+        assert figures["warnings"] == result.warnings
 
 
 @needs_dynamics
@@ -147,12 +147,12 @@ FORMATS = (
 
 def test_exports_of_the_studio(line):
     for options, ending, begins in FORMATS:
-        found = ask("export", line, "optimal", **options)
-        content = found.arrays["content"].tobytes()
+        answer = ask("export", line, "optimal", **options)
+        content = answer.arrays["content"].tobytes()
         # KRL finds a program by the name of its file, which may have no hyphen.
         stem = "square_optimal" if ending == ".src" else "square-optimal"
-        assert found.header["name"] == f"{stem}{ending}"
-        assert found.header["bytes"] == len(content) > 100
+        assert answer.header["name"] == f"{stem}{ending}"
+        assert answer.header["bytes"] == len(content) > 100
         assert begins in content[:100], options
         if ending == ".mcap.zip":
             # A bag is an archive of its folder.
@@ -168,56 +168,56 @@ def test_what_a_file_cannot_be_made_of_is_refused(line, short):
         ("certify", short, {"tolerance": 5.5e-3, "plant": "robot"}, "must be one of servo"),
         ("certify", short, bodies, "on rigid bodies does not allow"),
         ("certify", short, {"tolerance": 5.5e-3, "of": 1}, "An option of certify must be one of"),
-        ("certify", short, {}, "beside Certify"),
+        ("certify", short, {}, "next to Certify"),
     ):
         with pytest.raises(ac.InvalidInput, match=words):
             ask(task, job, "optimal", **options)
 
 
 def test_a_report_is_a_page_and_a_certificate_has_one(short):
-    found = ask("report", short, "optimal")
-    assert found.header["type"] == "text/html"
-    assert b"optimal" in found.arrays["content"].tobytes()
-    found = ask("certify", short, "optimal", tolerance=5.5e-3)
-    certificate = found.header["certificate"]
-    assert f"{certificate['duration']:.4f} s" in found.header["sentence"]
+    answer = ask("report", short, "optimal")
+    assert answer.header["type"] == "text/html"
+    assert b"optimal" in answer.arrays["content"].tobytes()
+    answer = ask("certify", short, "optimal", tolerance=5.5e-3)
+    certificate = answer.header["certificate"]
+    assert f"{certificate['duration']:.4f} s" in answer.header["sentence"]
     assert certificate["budget"]["left"] >= 0
-    assert found.header["name"] == "paper-certificate.html"
+    assert answer.header["name"] == "paper-certificate.html"
     # Its answer says for which robots it is true.
-    assert found.header["notes"][-1].startswith("Valid for independent joint servos only: ")
+    assert answer.header["notes"][-1].startswith("Valid for independent joint servos only: ")
 
 
 def test_a_sweep_is_the_duration_over_a_key(coarse):
     speeds = [0.05, 0.1, 0.15]
-    found = ask("sweep", coarse, "optimal", key="limits.speed", values=speeds)
-    for speed, duration in zip(speeds, found.arrays["duration"], strict=True):
+    answer = ask("sweep", coarse, "optimal", key="limits.speed", values=speeds)
+    for speed, duration in zip(speeds, answer.arrays["duration"], strict=True):
         data = coarse | {"limits": coarse["limits"] | {"speed": speed}}
         job = parse_job(yaml.safe_dump(data))
         planned = run(job, simulate=False).runs["optimal"].trajectory
         assert duration == pytest.approx(planned.duration, abs=1e-9)
-    assert (found.arrays["rms"] > 0).all() and found.header["refusals"] == [None] * 3
+    assert (answer.arrays["rms"] > 0).all() and answer.header["refusals"] == [None] * 3
 
 
 def test_places_are_found_in_the_plane_by_the_question_of_the_job(coarse):
     over = {"x": [-0.02, 0.02, 3], "y": [-0.02, 0.02, 3]}
-    found = ask("place", coarse, "optimal", over=over, refined=False)
+    answer = ask("place", coarse, "optimal", over=over, refined=False)
     # The part is moved by these, and they are written into the file.
-    assert set(found.arrays["by"].ravel()) == {-0.02, 0.0, 0.02}
-    assert found.arrays["by"].shape == (9, 2)
-    durations = found.arrays["duration"]
+    assert set(answer.arrays["by"].ravel()) == {-0.02, 0.0, 0.02}
+    assert answer.arrays["by"].shape == (9, 2)
+    durations = answer.arrays["duration"]
     best = int(np.nanargmin(durations))
-    by = found.header["best"]["by"]
-    np.testing.assert_allclose(by, found.arrays["by"][best])
+    by = answer.header["best"]["by"]
+    np.testing.assert_allclose(by, answer.arrays["by"][best])
     # It stays true when the part is moved.
-    for rows in (found.header["best"], {"rows": found.header["own"]}):
-        assert f"{figure(rows, 'duration'):.4f} s" in found.header["sentence"]
+    for rows in (answer.header["best"], {"rows": answer.header["own"]}):
+        assert f"{figure(rows, 'duration'):.4f} s" in answer.header["sentence"]
     frame = {"position": [float(by[0]), float(by[1]), 0.0]}
     moved = coarse | {"path": coarse["path"] | {"frame": frame}}
     set_points = run(parse_job(yaml.safe_dump(moved)), simulate=False).runs["optimal"]
     assert set_points.trajectory.duration == pytest.approx(durations[best], rel=1e-4)
     data = coarse | {"placement": ASKED}
-    found = ask("place", data, "optimal")
-    assert found.arrays["by"].tolist() == pytest.approx(np.array([[-0.02, 0], [0.02, 0]]))
+    answer = ask("place", data, "optimal")
+    assert answer.arrays["by"].tolist() == pytest.approx(np.array([[-0.02, 0], [0.02, 0]]))
     more = ask("place", data, "optimal", over={"y": [0.01, 0.01, 1]})
     np.testing.assert_allclose(more.arrays["by"], [[-0.02, 0.01], [0.02, 0.01]], atol=1e-7)
     over = {"y": [0.0, 0.01, 2]}

@@ -57,8 +57,8 @@ def test_the_page_is_in_the_wheel_and_is_small():
     if shutil.which("git") is None or clone is None:
         pytest.skip("This is no clone: what git ignores, and the wheel leaves out, is not known.")
     command, names = ["git", "check-ignore", "--stdin"], "\n".join(map(str, files))
-    asked = subprocess.run(command, input=names, cwd=clone, capture_output=True, text=True)
-    assert asked.returncode == 1 and asked.stdout == "", asked.stderr
+    ignored = subprocess.run(command, input=names, cwd=clone, capture_output=True, text=True)
+    assert ignored.returncode == 1 and ignored.stdout == "", ignored.stderr
 
 
 def test_the_page_asks_for_nothing_that_its_policy_forbids():
@@ -74,5 +74,5 @@ def test_the_page_asks_for_nothing_that_its_policy_forbids():
     there = set(re.findall(r'\sid="([\w-]+)"', PAGE + "".join(MODULES.values())))
     there |= set(re.findall(r'\bid: "([\w-]+)"', "".join(MODULES.values())))
     for name, text in MODULES.items():
-        wanted = set(re.findall(r'find\("#([\w-]+)"', text))
-        assert wanted <= there, name
+        selectors = set(re.findall(r'find\("#([\w-]+)"', text))
+        assert selectors <= there, name

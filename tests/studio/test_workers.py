@@ -4,7 +4,7 @@ from concurrent.futures import Future
 from threading import Condition, Event, Thread
 
 import pytest
-from tests.studio.talking import figure
+from tests.studio.session_pages import figure
 
 from armcontour.core.child_process import ProcessEnded
 from armcontour.core.errors import Unreachable
@@ -26,12 +26,12 @@ class Heard:
             self.news.notify_all()
 
     def wait(self, id, *kinds):
-        def found():
+        def matching_frames():
             return [x for x in self.frames if x.header["id"] == id and x.kind in kinds]
 
         with self.news:
-            self.news.wait_for(found)
-            return found()[0]
+            self.news.wait_for(matching_frames)
+            return matching_frames()[0]
 
 
 def test_of_works_that_wait_only_the_latest_is_done():
@@ -79,7 +79,7 @@ def test_work_that_rests_goes_on_when_newer_work_comes():
     assert [x.header["id"] for x in heard.frames] == [1, 2]
 
 
-def test_errors_are_told_and_the_lane_goes_on():
+def test_errors_are_reported_and_the_lane_continues():
     def failing(error):
         def work(stale):
             raise error
@@ -106,19 +106,19 @@ class Pool:
         Pool.made.append(self)
         self.killed = Event()
 
-    def submit(self, work, given):
-        assert given in (WARM, workers.NICE)
+    def submit(self, work, task):
+        assert task in (WARM, workers.NICE)
 
     def submit_reporting(self, heard, work):
-        (given,), future, killed = work.args, Future(), self.killed
+        (request,), future, killed = work.args, Future(), self.killed
         future.set_running_or_notify_cancel()
-        if given.task == "long":
-            heard(PageFrame("progress", {"id": given.id}).pack())
+        if request.task == "long":
+            heard(PageFrame("progress", {"id": request.id}).pack())
             Thread(target=lambda: (killed.wait(), self.end_of(future)), daemon=True).start()
-        elif given.task == "die":
+        elif request.task == "die":
             self.end_of(future)
         else:
-            future.set_result(PageFrame("result", {"id": given.id}).pack())
+            future.set_result(PageFrame("result", {"id": request.id}).pack())
         return future
 
     def end_of(self, future):

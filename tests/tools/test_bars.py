@@ -32,8 +32,8 @@ def text(e):
 
 
 def test_places_of_an_option():
-    found = sorted(set(bars.option_lines(ast.parse(OPTION), OPTION, "reserve")))
-    assert found == [6, 8, 9, 10, 13]
+    line_numbers = sorted(set(bars.option_lines(ast.parse(OPTION), OPTION, "reserve")))
+    assert line_numbers == [6, 8, 9, 10, 13]
 
 
 def test_places_of_a_quantity():

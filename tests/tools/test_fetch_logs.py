@@ -14,19 +14,19 @@ def test_oscilloscope_traces_become_degrees():
         f"Zeit[sec];Soll;Ist;Fehler\n0.0;{1e9 * j};{2e9 * j};0\n0.004;{3e9 * j};{4e9 * j};0\n"
         for j in range(1, 7)
     ]
-    found = fetch_logs.from_kuka([*traces[:5], traces[5] + "0.008;0;0;0\n"])
+    columns = fetch_logs.from_kuka([*traces[:5], traces[5] + "0.008;0;0;0\n"])
     scale = 1e9 * np.arange(1, 7) * fetch_logs.KUKA_UNITS
-    np.testing.assert_allclose(found[:, 0], [0, 0.004])
-    np.testing.assert_allclose(found[1, 1:], [*(3 * scale), *(4 * scale)])
+    np.testing.assert_allclose(columns[:, 0], [0, 0.004])
+    np.testing.assert_allclose(columns[1, 1:], [*(3 * scale), *(4 * scale)])
 
 
 def test_velocities_are_integrated_until_a_lost_packet():
-    rate, at = "0\n1\n0\n3\n0\n5\n", "0\n0.5\n1\n"
+    rate, times = "0\n1\n0\n3\n0\n5\n", "0\n0.5\n1\n"
     positions = "\n".join(map(str, range(8)))
-    found = fetch_logs.from_panda(rate, at, "10\n20\n", "0\n0.005\n0.01\n1\n", positions)
+    columns = fetch_logs.from_panda(rate, times, "10\n20\n", "0\n0.005\n0.01\n1\n", positions)
     slopes = 20 + 2 * np.array([0, 0.005, 0.01])
     expected = np.column_stack([[0, 0.005, 0.01], [10] * 3, slopes, [[0, 1], [2, 3], [4, 5]]])
-    np.testing.assert_allclose(found, expected)
+    np.testing.assert_allclose(columns, expected)
 
 
 def test_the_second_robot_of_an_abb_log_is_left_out():

@@ -171,8 +171,8 @@ def test_a_release_of_a_tag_has_its_version_and_a_date(tmp_path):
 
 def requirements(entries):
     """Requirements as conda writes them, without conditions on the platform."""
-    found = [re.fullmatch(r"([\w.-]+)(>=[\w.]+)(;.*)?", x) for x in entries]
-    return {f"{CONDA_NAMES.get(x[1], x[1])} {x[2]}" for x in found}
+    matches = [re.fullmatch(r"([\w.-]+)(>=[\w.]+)(;.*)?", x) for x in entries]
+    return {f"{CONDA_NAMES.get(x[1], x[1])} {x[2]}" for x in matches}
 
 
 def test_the_recipe_has_the_requirements_of_the_project():
@@ -193,7 +193,7 @@ def test_the_recipe_has_the_requirements_of_the_project():
     assert requirements(build["requires"]) <= set(needed["host"])
 
 
-def test_the_recipe_says_what_the_project_says():
+def test_the_recipe_agrees_with_the_project_file():
     recipe, data = load(ROOT / release.RECIPE), project()
     about = recipe["about"]
     assert about["repository"] == about["homepage"] == data["urls"]["Repository"]

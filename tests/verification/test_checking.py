@@ -38,28 +38,28 @@ BOUNDS = {"joint_acceleration": [0.5, 0.2], "joint_velocity": [PEAK, 0.4 * PEAK]
 
 
 def columns(samples, names):
-    given = {x: getattr(samples, x) for x in names.split()}
-    return SimpleNamespace(t=samples.t, **given)
+    arrays = {x: getattr(samples, x) for x in names.split()}
+    return SimpleNamespace(t=samples.t, **arrays)
 
 
 def rounded_to(log, digits):
     """The log as it is printed with that many decimals, and its resolution."""
-    kept = {name: np.round(x, digits) for name, x in vars(log).items() if name != "t"}
-    return SimpleNamespace(t=log.t, **kept), dict.fromkeys(kept, 10.0**-digits)
+    rounded = {name: np.round(x, digits) for name, x in vars(log).items() if name != "t"}
+    return SimpleNamespace(t=log.t, **rounded), dict.fromkeys(rounded, 10.0**-digits)
 
 
 def test_a_law_by_hand(arm):
-    found = ac.check(JERKY, arm, ac.Limits.only(**BOUNDS))
-    assert not found.violated and found.worst is not None
-    up = found["joint_acceleration"]
+    check = ac.check(JERKY, arm, ac.Limits.only(**BOUNDS))
+    assert not check.violated and check.worst is not None
+    up = check["joint_acceleration"]
     assert (up.ratio, up.value, up.limit, up.joint) == (1.0, 0.5, 0.5, 0)
-    assert found["joint_velocity"].ratio == pytest.approx(1, abs=1e-12)
-    assert found["velocity_step"].value < 1e-12
-    assert found.end_speeds == pytest.approx((0, 0), abs=1e-15)
-    assert (found.start, found.end, found.states) == (0, JERKY.duration, 3 * 52)
-    found = ac.check(JERKY, arm, ac.Limits.only(joint_acceleration=[0.5, 0.19], joint_velocity=1.0))
-    (use,) = found.violations
-    assert found.violated and use is found.worst
+    assert check["joint_velocity"].ratio == pytest.approx(1, abs=1e-12)
+    assert check["velocity_step"].value < 1e-12
+    assert check.end_speeds == pytest.approx((0, 0), abs=1e-15)
+    assert (check.start, check.end, check.states) == (0, JERKY.duration, 3 * 52)
+    check = ac.check(JERKY, arm, ac.Limits.only(joint_acceleration=[0.5, 0.19], joint_velocity=1.0))
+    (use,) = check.violations
+    assert check.violated and use is check.worst
     assert (use.name, use.joint, use.limit) == ("joint_acceleration", 1, 0.19)
     assert use.ratio == pytest.approx(0.2 / 0.19)
     assert use.t <= math.sqrt(0.5)
@@ -70,9 +70,9 @@ def test_limits_that_differ_by_direction(arm):
     both, swapped = (ac.Limits.only(joint_acceleration=x) for x in (bounds, -bounds[:, ::-1]))
     for samples in (JERKY, JERKY.sample(1e-3), columns(JERKY.sample(1e-3), "q")):
         assert not ac.check(samples, arm, both).violated
-        found = ac.check(samples, arm, swapped)
-        assert {x.name for x in found.violations} == {"joint_acceleration"}
-        worst = found["joint_acceleration"]
+        check = ac.check(samples, arm, swapped)
+        assert {x.name for x in check.violations} == {"joint_acceleration"}
+        worst = check["joint_acceleration"]
         assert worst.joint in (0, 1) and worst.ratio == pytest.approx(0.2 / 0.16, rel=1e-6)
 
 
@@ -80,23 +80,23 @@ def test_jerky_motion_that_keeps_its_limits_is_never_blamed(arm):
     tight = ac.Limits.only(joint_acceleration=np.array([0.5, 0.2]) / 1.001)
     for names in ("q", "q dq", "q dq ddq", "q ddq"):
         for cycle in (1e-3, 7e-3, 0.0613):
-            found = ac.check(columns(JERKY.sample(cycle), names), arm, ac.Limits.only(**BOUNDS))
-            assert not found.violated, (names, cycle, found.worst)
-            assert found["joint_acceleration"].ratio == pytest.approx(1, abs=1e-6)
+            check = ac.check(columns(JERKY.sample(cycle), names), arm, ac.Limits.only(**BOUNDS))
+            assert not check.violated, (names, cycle, check.worst)
+            assert check["joint_acceleration"].ratio == pytest.approx(1, abs=1e-6)
         # A tenth of a percent too much is caught.
-        found = ac.check(columns(JERKY.sample(4e-3), names), arm, tight)
-        assert found.violated, names
-        assert found["joint_acceleration"].ratio == pytest.approx(1.001, rel=1e-6)
+        check = ac.check(columns(JERKY.sample(4e-3), names), arm, tight)
+        assert check.violated, names
+        assert check["joint_acceleration"].ratio == pytest.approx(1.001, rel=1e-6)
 
 
 def test_a_peak_between_two_samples_is_found_in_what_the_joint_must_have_done(arm):
     """Rest at both ends of one interval: to go 0.1 rad in 1 s takes 0.2 rad/s² on the way."""
     still = np.zeros((2, 2))
     log = SimpleNamespace(t=[0.0, 1.0], q=[[0.3, 0.9], [0.4, 0.9]], dq=still, ddq=still)
-    found = ac.check(log, arm, ac.Limits.only(joint_acceleration=0.1, joint_velocity=0.09))
-    assert found["joint_acceleration"].value == pytest.approx(0.2)
-    assert found["joint_velocity"].value == pytest.approx(0.1)
-    assert {x.name for x in found.violations} == {"joint_acceleration", "joint_velocity"}
+    check = ac.check(log, arm, ac.Limits.only(joint_acceleration=0.1, joint_velocity=0.09))
+    assert check["joint_acceleration"].value == pytest.approx(0.2)
+    assert check["joint_velocity"].value == pytest.approx(0.1)
+    assert {x.name for x in check.violations} == {"joint_acceleration", "joint_velocity"}
     # Velocities that do not belong to the positions are found.
     wrong = columns(JERKY.sample(4e-3), "q dq ddq")
     wrong.dq = 0.9 * wrong.dq
@@ -108,16 +108,16 @@ def test_printed_digits_are_forgiven_and_no_more(arm):
     tight = ac.Limits.only(**{name: np.array(values) / 1.02 for name, values in BOUNDS.items()})
     for names in ("q", "q dq", "q dq ddq"):
         log, resolution = rounded_to(columns(JERKY.sample(1e-3), names), 6)
-        kept = ac.check(log, arm, ac.Limits.only(**BOUNDS), resolution=resolution)
-        assert not kept.violated, (names, kept.worst)
-        assert kept.rounding["q"] == pytest.approx(5e-7)
-        assert kept["joint_acceleration"].certain > 0.99
+        check = ac.check(log, arm, ac.Limits.only(**BOUNDS), resolution=resolution)
+        assert not check.violated, (names, check.worst)
+        assert check.rounding["q"] == pytest.approx(5e-7)
+        assert check["joint_acceleration"].certain > 0.99
         # Taken for exact, it is not forgiven.
         assert ac.check(log, arm, ac.Limits.only(**BOUNDS)).violated, names
-        found = ac.check(log, arm, tight, resolution=resolution)
-        assert {x.name for x in found.violations} == set(BOUNDS)
-        assert found["joint_acceleration"].ratio == pytest.approx(1.02, abs=2e-3)
-        assert 0 < found["joint_acceleration"].slack < 1e-2
+        tight_check = ac.check(log, arm, tight, resolution=resolution)
+        assert {x.name for x in tight_check.violations} == set(BOUNDS)
+        assert tight_check["joint_acceleration"].ratio == pytest.approx(1.02, abs=2e-3)
+        assert 0 < tight_check["joint_acceleration"].slack < 1e-2
 
 
 def test_digits_of_time_count_unless_the_samples_are_regular(arm):
@@ -150,12 +150,12 @@ def test_the_tool_on_a_circle(arm):
     tight = limits.replace(centripetal_acceleration=0.199)
     for names, near in (("q", 1e-5), ("q dq", 1e-5), ("q dq ddq", 1e-9), ("q ddq", 1e-5)):
         log, path = circle(arm, 0.1, names)
-        found = ac.check(log, arm, limits, path, deviation=1e-6)
+        check = ac.check(log, arm, limits, path, deviation=1e-6)
         for name in ("speed", "tool_acceleration", "centripetal_acceleration"):
-            assert found[name].ratio == pytest.approx(1, abs=near), (name, names)
-            assert found[name].s is not None and found[name].joint is None
-        assert not found.violated, (names, found.worst)
-        assert found.path_deviation.distance < 1e-9
+            assert check[name].ratio == pytest.approx(1, abs=near), (name, names)
+            assert check[name].s is not None and check[name].joint is None
+        assert not check.violated, (names, check.worst)
+        assert check.path_deviation.distance < 1e-9
         (use,) = ac.check(log, arm, tight).violations
         assert use.name == "centripetal_acceleration", names
 
@@ -169,34 +169,34 @@ def test_lines_and_rests_have_no_centripetal_acceleration(arm):
     ddq = arm.joint_acceleration(q, dq, 0.2 * path(s, 1))
     limits = ac.Limits.only(tool_acceleration=0.2, centripetal_acceleration=0.09)
     for names in ("q", "q dq", "q dq ddq"):
-        found = ac.check(columns(Samples(t=t, q=q, dq=dq, ddq=ddq), names), arm, limits)
-        assert not found.violated, found.worst
-        assert found["centripetal_acceleration"].certain < 1e-3
-        assert found["tool_acceleration"].ratio == pytest.approx(1, abs=1e-6)
+        check = ac.check(columns(Samples(t=t, q=q, dq=dq, ddq=ddq), names), arm, limits)
+        assert not check.violated, check.worst
+        assert check["centripetal_acceleration"].certain < 1e-3
+        assert check["tool_acceleration"].ratio == pytest.approx(1, abs=1e-6)
     still = np.zeros((3, 2))
     log = SimpleNamespace(t=[0.0, 1.0, 2.0], q=[[0.3, 0.9]] * 3, dq=still, ddq=still)
-    found = ac.check(log, arm, ac.Limits.only(centripetal_acceleration=0.09, speed=1.0))
-    assert found.not_judged == ()
-    assert found["speed"].ratio == found["centripetal_acceleration"].ratio == 0
+    check = ac.check(log, arm, ac.Limits.only(centripetal_acceleration=0.09, speed=1.0))
+    assert check.not_judged == ()
+    assert check["speed"].ratio == check["centripetal_acceleration"].ratio == 0
 
 
 def test_the_distance_from_a_path(arm):
     points = np.linspace((0.30, 0.201), (0.40, 0.203), 50)
     log = SimpleNamespace(t=np.arange(50) * 0.1, q=arm.joint_position(points))
     path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20)])
-    found = ac.check(log, arm, ac.Limits.only(), path, deviation=2e-3)
-    far = found.path_deviation
+    check = ac.check(log, arm, ac.Limits.only(), path, deviation=2e-3)
+    far = check.path_deviation
     assert (far.distance, far.t, far.s) == pytest.approx((3e-3, 4.9, 0.1))
-    assert found["path_deviation"].ratio == pytest.approx(1.5)
-    assert found.violated
+    assert check["path_deviation"].ratio == pytest.approx(1.5)
+    assert check.violated
     assert not ac.check(log, arm, ac.Limits.only(), path).violated
 
 
 def test_laws_are_judged_on_both_sides_of_their_breaks_and_at_jumps(arm):
     """A lap of a nanosecond with too much acceleration hides from any sampling."""
     hidden = laps([0.5, 1e-9, 0.5], [[0.1, 0], [5.0, 0], [-0.1, 0]], (0.3, 0.9))
-    found = ac.check(hidden, arm, ac.Limits.only(joint_acceleration=0.1))
-    assert found["joint_acceleration"].ratio == pytest.approx(50)
+    check = ac.check(hidden, arm, ac.Limits.only(joint_acceleration=0.1))
+    assert check["joint_acceleration"].ratio == pytest.approx(50)
     law = LapLaw(
         breaks=np.array([0.0, 1.0, 2.0]),
         q=np.array([[0.3, 0.9], [0.4, 0.9], [0.5, 0.9]]),
@@ -204,29 +204,29 @@ def test_laws_are_judged_on_both_sides_of_their_breaks_and_at_jumps(arm):
         ddq=np.zeros((2, 2)),
     )
     planned = ac.Trajectory(laws=(law,), method="by hand")
-    found = ac.check(planned, arm, ac.Limits.only(joint_acceleration=1.0))
-    use = found["velocity_step"]
+    check = ac.check(planned, arm, ac.Limits.only(joint_acceleration=1.0))
+    use = check["velocity_step"]
     assert (use.value, use.joint, use.t) == pytest.approx((0.01, 1, 1.0))
-    assert found.violated
-    assert found.end_speeds == pytest.approx((0.1, 0.1))
+    assert check.violated
+    assert check.end_speeds == pytest.approx((0.1, 0.1))
     assert not ac.check(
         planned, arm, ac.Limits.only(joint_acceleration=1.0), velocity_step=0.02
     ).violated
     torn = LapLaw(breaks=law.breaks, q=law.q, dq=law.dq * [0.99, 1], ddq=law.ddq)
-    found = ac.check(ac.Trajectory(laws=(torn,), method="by hand"), arm, ac.Limits.only())
-    assert found["position_step"].value == pytest.approx(1e-3)
-    assert found.violated
+    check = ac.check(ac.Trajectory(laws=(torn,), method="by hand"), arm, ac.Limits.only())
+    assert check["position_step"].value == pytest.approx(1e-3)
+    assert check.violated
 
 
 def test_the_papers_method_on_the_papers_job(mac, rounded, arm, limits):
     """Laps hand over velocities with a step of about 1e-5 rad/s, by the method's design."""
-    found = ac.check(mac, arm, limits, rounded)
-    assert found["joint_acceleration"].ratio == pytest.approx(1, abs=1e-9)
-    assert found["speed"].ratio < 1
+    check = ac.check(mac, arm, limits, rounded)
+    assert check["joint_acceleration"].ratio == pytest.approx(1, abs=1e-9)
+    assert check["speed"].ratio < 1
     # The corner is uniform, but its joint path is traced to 1e-8 m.
-    assert found["centripetal_acceleration"].ratio == pytest.approx(1, abs=1e-4)
-    assert 1e-6 < found["velocity_step"].value < 2e-5
-    assert found.path_deviation.distance < 1e-8
+    assert check["centripetal_acceleration"].ratio == pytest.approx(1, abs=1e-4)
+    assert 1e-6 < check["velocity_step"].value < 2e-5
+    assert check.path_deviation.distance < 1e-8
     # In samples the step is what it is: more acceleration than allowed within a sample.
     sampled = ac.check(mac.sample(1e-3), arm, limits, rounded)
     assert 1.005 < sampled["joint_acceleration"].ratio < 1.02
@@ -268,19 +268,19 @@ def test_verdicts_by_digits_and_the_worst_of_all_limits(arm):
         (0.1 / 1.0011, 1e-2, "cannot tell"),
         (0.1 / 1.0009, 0.0, "violated"),
     ):
-        found = ac.check(log, arm, ac.Limits.only(joint_velocity=limit), resolution={"q": digit})
-        assert found["joint_velocity"].verdict == found.verdict == verdict, (limit, digit)
-        assert found.violated is (verdict == "violated")
-        assert found["joint_velocity"].highest.ratio == pytest.approx(0.1 / limit)
+        check = ac.check(log, arm, ac.Limits.only(joint_velocity=limit), resolution={"q": digit})
+        assert check["joint_velocity"].verdict == check.verdict == verdict, (limit, digit)
+        assert check.violated is (verdict == "violated")
+        assert check["joint_velocity"].highest.ratio == pytest.approx(0.1 / limit)
     log = SimpleNamespace(t=np.arange(4.0), q=[[0.0, 0.9], [0.1, 0.9], [0.0, 0.9], [0.1, 0.9]])
     coarse = {"q": 0.05}
-    kept = {"joint_velocity": 1.0}
+    within = {"joint_velocity": 1.0}
     unknown = {"joint_acceleration": 0.19}
     broken = {"joint_upper": [0.05, 2.0]}
     for limits, verdict in (
-        (kept, "kept"),
-        (kept | unknown, "cannot tell"),
-        (kept | unknown | broken, "violated"),
+        (within, "kept"),
+        (within | unknown, "cannot tell"),
+        (within | unknown | broken, "violated"),
         ({}, "kept"),
         # Nothing in positions tells a torque.
         ({"joint_torque": 1.0}, "cannot tell"),
@@ -297,8 +297,8 @@ def test_the_place_of_the_highest_ratio_is_another_than_that_of_the_certain_one(
     """Joint 1 jumps by a last digit; joint 2 slowly goes far, which is certain."""
     t = np.arange(11) * 0.1
     log = SimpleNamespace(t=t, q=np.column_stack([0.01 * (np.arange(11) % 2), 0.9 + 0.05 * t]))
-    found = ac.check(log, arm, ac.Limits.only(joint_velocity=0.08), resolution={"q": 0.01})
-    use = found["joint_velocity"]
+    check = ac.check(log, arm, ac.Limits.only(joint_velocity=0.08), resolution={"q": 0.01})
+    use = check["joint_velocity"]
     assert (use.joint, use.highest.joint) == (1, 0)
     assert use.certain == pytest.approx((0.05 - 0.01 / 0.8) / 0.08, rel=1e-3)
     assert (use.highest.ratio, use.highest.value) == pytest.approx((0.1 / 0.08, 0.1))
@@ -326,8 +326,8 @@ def test_a_turn_between_two_samples_leaves_the_centripetal_acceleration_open(arm
     """Along a line, then at a right angle to it: on which curve, nobody has seen."""
     points = [(0.30 + 0.01 * min(i, 10), 0.20 + 0.01 * max(0, i - 10)) for i in range(21)]
     log = SimpleNamespace(t=np.arange(21) * 0.1, q=arm.joint_position(np.array(points)))
-    found = ac.check(log, arm, ac.Limits.only(centripetal_acceleration=0.5))
-    use = found["centripetal_acceleration"]
+    check = ac.check(log, arm, ac.Limits.only(centripetal_acceleration=0.5))
+    use = check["centripetal_acceleration"]
     assert use.highest.value == pytest.approx(math.sqrt(2) * 0.1 / 0.1)
     assert (use.highest.t, use.verdict) == (pytest.approx(1.0), "cannot tell")
     wide = ac.check(log, arm, ac.Limits.only(centripetal_acceleration=2.0))
@@ -405,5 +405,5 @@ def test_no_motion_is_blamed_for_what_it_did_not_do(arm, names):
         samples = Samples(t=t, q=planned(t), dq=planned(t, 1), ddq=planned(t, 2))
         log, resolution = rounded_to(columns(samples, names), digits)
         log.t = np.round(t, digits)
-        found = ac.check(log, arm, limits, resolution={**resolution, "t": 10.0**-digits})
-        assert not found.violated, (seed, found.worst)
+        check = ac.check(log, arm, limits, resolution={**resolution, "t": 10.0**-digits})
+        assert not check.violated, (seed, check.worst)

@@ -57,8 +57,10 @@ COLUMNS = (["q"], ["q", "dq"], ["q", "dq", "ddq"], ["q", "ddq"])
 
 def sampled(law, t, names):
     """Samples of some columns, at given times."""
-    kept = {name: law(t, order) for order, name in enumerate(("q", "dq", "ddq")) if name in names}
-    return SimpleNamespace(t=t, **kept)
+    columns = {
+        name: law(t, order) for order, name in enumerate(("q", "dq", "ddq")) if name in names
+    }
+    return SimpleNamespace(t=t, **columns)
 
 
 def times(cycle):
@@ -69,16 +71,16 @@ def times(cycle):
 
 
 def test_a_law_that_is_smooth_uses_its_limit_in_full():
-    found = ac.check(SMOOTH, ARM, LIMITS.replace(tool_jerk=1e3))
-    assert found.verdict == "kept"
-    use = found["joint_jerk"]
+    check = ac.check(SMOOTH, ARM, LIMITS.replace(tool_jerk=1e3))
+    assert check.verdict == "kept"
+    use = check["joint_jerk"]
     assert (use.value, use.limit, use.ratio) == pytest.approx((JERK, JERK, 1), abs=1e-12)
-    assert found["acceleration_step"].value < 1e-12
+    assert check["acceleration_step"].value < 1e-12
     q, dq, ddq, dddq = (
         SMOOTH(np.linspace(0, 1e-9 + SMOOTH.duration / 4, 500), k) for k in range(4)
     )
-    most = np.linalg.norm(ARM.tool_jerk(q, dq, ddq, dddq), axis=1).max()
-    assert found["tool_jerk"].value >= most * (1 - 1e-3)
+    peak = np.linalg.norm(ARM.tool_jerk(q, dq, ddq, dddq), axis=1).max()
+    assert check["tool_jerk"].value >= peak * (1 - 1e-3)
     tight = ac.check(SMOOTH, ARM, ac.Limits.only(joint_jerk=[np.inf, 1.9]))
     assert [(x.name, x.joint) for x in tight.violations] == [("joint_jerk", 1)]
 
@@ -90,9 +92,9 @@ def test_a_jump_of_acceleration_is_found_with_its_place():
         ([0.4, 0.6], 0.0, [0.0, 0.5], 0.4),
     ):
         law = Phases.of(durations, np.zeros((len(durations), 2)), velocity=velocity, jumps=jumps)
-        found = ac.check(law, ARM, LIMITS.replace(tool_jerk=1e3))
-        use, tool = found["acceleration_step"], found["tool_acceleration_step"]
-        assert found.verdict == "violated" and found["joint_jerk"].ratio == 0
+        check = ac.check(law, ARM, LIMITS.replace(tool_jerk=1e3))
+        use, tool = check["acceleration_step"], check["tool_acceleration_step"]
+        assert check.verdict == "violated" and check["joint_jerk"].ratio == 0
         assert (use.value, use.t, use.joint) == pytest.approx((0.5, place, 0))
         q = law(np.array([place]))
         jump = ARM.tool_acceleration(q, 0 * q, np.array([[0.5, 0.0]]))
@@ -120,9 +122,9 @@ def test_laws_that_start_in_motion_jump_or_have_no_third_derivative():
 
     law = Older(SMOOTH.breaks, SMOOTH.curve)
     limits = LIMITS.replace(path_jerk=1.0, tool_jerk=1.0)
-    found = ac.check(law, ARM, limits)
-    assert found.not_judged == ("joint_jerk", "tool_jerk", "path_jerk")
-    assert found.verdict == "kept"  # of what is judged: no jump of the position
+    check = ac.check(law, ARM, limits)
+    assert check.not_judged == ("joint_jerk", "tool_jerk", "path_jerk")
+    assert check.verdict == "kept"  # of what is judged: no jump of the position
 
 
 def test_path_jerk_is_judged_of_laws_along_a_path():
@@ -137,39 +139,39 @@ def test_path_jerk_is_judged_of_laws_along_a_path():
     )
     # Uniform jerk to and fro: from rest to its largest acceleration, half a wave, and to rest.
     ramp, jerk = 0.2, 5.0
-    speed, most = jerk * ramp**2 / 2, jerk * ramp
+    speed, peak = jerk * ramp**2 / 2, jerk * ramp
     width = path.length - jerk * ramp**3 / 6 - (speed * ramp - jerk * ramp**3 / 3)
-    slope = 2 * most / width
-    wave = 2 * math.atan(most / (speed * math.sqrt(slope))) / math.sqrt(slope)
+    slope = 2 * peak / width
+    wave = 2 * math.atan(peak / (speed * math.sqrt(slope))) / math.sqrt(slope)
     law = PathLaw(
         joint_path=joint_path,
         breaks=np.cumsum([0.0, ramp, wave, ramp]),
         s=np.array([0.0, jerk * ramp**3 / 6, jerk * ramp**3 / 6 + width, path.length]),
         rates=Rates(
             ds=np.array([0.0, speed, speed]),
-            dds=np.array([0.0, most, -most]),
+            dds=np.array([0.0, peak, -peak]),
             slope=np.array([0.0, -slope, 0.0]),
             jerk=np.array([jerk, 0.0, jerk]),
         ),
     )
     planned = ac.Trajectory(laws=(law,), method=Method.OPTIMAL, path=path)
-    most_of_all = max(jerk, slope * math.sqrt(speed**2 + most**2 / slope))
+    most_of_all = max(jerk, slope * math.sqrt(speed**2 + peak**2 / slope))
     limits = ac.Limits.only(path_jerk=most_of_all, tool_jerk=1e3, joint_jerk=most_of_all / radius)
-    found = ac.check(planned, ARM, limits, path, deviation=1e-9)
-    assert found.verdict == "kept" and not found.not_judged
+    check = ac.check(planned, ARM, limits, path, deviation=1e-9)
+    assert check.verdict == "kept" and not check.not_judged
     for name in ("path_jerk", "joint_jerk"):
-        assert found[name].ratio == pytest.approx(1, abs=1e-3)
-    assert found["path_acceleration_step"].value < 1e-9
+        assert check[name].ratio == pytest.approx(1, abs=1e-3)
+    assert check["path_acceleration_step"].value < 1e-9
     # On a circle the tool has more than the jerk along it.
     t = np.linspace(0, planned.duration, 2001)
     ds, dds, jerks = (planned.s(t, order) for order in (1, 2, 3))
     tool = np.hypot(jerks - ds**3 / radius**2, 3 * ds * dds / radius)
-    assert found["tool_jerk"].value == pytest.approx(tool.max(), rel=1e-3)
+    assert check["tool_jerk"].value == pytest.approx(tool.max(), rel=1e-3)
     tight = ac.check(planned, ARM, ac.Limits.only(path_jerk=0.99 * most_of_all))
     assert [x.name for x in tight.violations] == ["path_jerk"]
     # Samples have no arc length.
-    found = ac.check(planned.sample(4e-3), ARM, ac.Limits.only(path_jerk=1.0, joint_jerk=1e3), path)
-    assert found.not_judged == ("path_jerk",)
+    check = ac.check(planned.sample(4e-3), ARM, ac.Limits.only(path_jerk=1.0, joint_jerk=1e3), path)
+    assert check.not_judged == ("path_jerk",)
 
 
 def test_contours_of_a_program_are_judged_one_by_one():
@@ -178,13 +180,13 @@ def test_contours_of_a_program_are_judged_one_by_one():
     program = ac.Program(moves=(ac.Contour(path=square), ac.Contour(path=other)))
     planned = ac.plan(program, ARM, ARM.limits.replace(speed=0.1))
     limits = ac.Limits.only(path_jerk=50.0, tool_jerk=50.0, joint_jerk=50.0)
-    found = ac.check(planned, ARM, limits, program, points=3)
-    assert not found.not_judged
+    check = ac.check(planned, ARM, limits, program, points=3)
+    assert not check.not_judged
     starts = [x.t[0] for x in planned.contour_spans]
-    step = found["path_acceleration_step"]
-    assert found.verdict == "violated" and step.t >= starts[0]
+    step = check["path_acceleration_step"]
+    assert check.verdict == "violated" and step.t >= starts[0]
     # The whole motion starts and ends at rest, and jumps there too.
-    assert found["acceleration_step"].ratio > 100
+    assert check["acceleration_step"].ratio > 100
 
 
 # --- samples
@@ -194,40 +196,40 @@ def test_samples_of_a_motion_that_keeps_its_limits_are_never_blamed():
     tight = ac.Limits.only(joint_jerk=np.array([JERK, 2.0]) / 1.001)
     for names, cycle in product(COLUMNS, (4e-3, 0.0613)):
         log = sampled(SMOOTH, times(cycle), names)
-        found = ac.check(log, ARM, LIMITS)
-        assert found.verdict == "kept", (names, cycle, found.worst)
-        assert found["joint_jerk"].ratio == pytest.approx(1, abs=1e-6)
-        found = ac.check(log, ARM, tight)
-        assert found.violated and found["joint_jerk"].certain == pytest.approx(1.001, abs=1e-6)
+        check = ac.check(log, ARM, LIMITS)
+        assert check.verdict == "kept", (names, cycle, check.worst)
+        assert check["joint_jerk"].ratio == pytest.approx(1, abs=1e-6)
+        check = ac.check(log, ARM, tight)
+        assert check.violated and check["joint_jerk"].certain == pytest.approx(1.001, abs=1e-6)
 
 
 def test_the_tools_jerk_is_bounded_from_below():
     q, dq, ddq, dddq = (SMOOTH(np.linspace(0, SMOOTH.duration, 5001), k) for k in range(4))
-    most = np.linalg.norm(ARM.tool_jerk(q, dq, ddq, dddq), axis=1).max()
+    peak = np.linalg.norm(ARM.tool_jerk(q, dq, ddq, dddq), axis=1).max()
     for names in COLUMNS[:3]:
         log = sampled(SMOOTH, times(1e-3), names)
-        found = ac.check(log, ARM, ac.Limits.only(tool_jerk=most))["tool_jerk"]
-        assert found.verdict == "kept" and 0.99 < found.certain <= found.ratio <= 1 + 1e-6, names
-        assert found.joint is None
+        check = ac.check(log, ARM, ac.Limits.only(tool_jerk=peak))["tool_jerk"]
+        assert check.verdict == "kept" and 0.99 < check.certain <= check.ratio <= 1 + 1e-6, names
+        assert check.joint is None
 
 
-def test_digits_are_forgiven_and_few_samples_say_little():
+def test_rounding_is_tolerated_and_few_samples_prove_little():
     log = sampled(SMOOTH, times(1e-3), ["q"])
     log.q, log.resolution = np.round(log.q, 6), {"q": 1e-6}
-    found = ac.check(log, ARM, LIMITS)
+    check = ac.check(log, ARM, LIMITS)
     # Six decimals at 1 ms are 4000 rad/s³: what the numbers say is far above the limit.
-    assert found.verdict == "cannot tell" and found["joint_jerk"].highest.ratio > 10
-    assert 0.9 < found["joint_jerk"].certain < 1
+    assert check.verdict == "cannot tell" and check["joint_jerk"].highest.ratio > 10
+    assert 0.9 < check["joint_jerk"].certain < 1
     assert ac.check(log, ARM, LIMITS, resolution={"q": 0.0}).violated
     tight = ac.Limits.only(joint_jerk=np.array([JERK, 2.0]) / 1.2)
     assert ac.check(log, ARM, tight)["joint_jerk"].verdict == "violated"
     log = SimpleNamespace(t=[0.0, 1.0], q=[[0.3, 0.9], [0.4, 0.9]], dq=np.zeros((2, 2)))
-    found = ac.check(log, ARM, ac.Limits.only(joint_jerk=1.0))["joint_jerk"]
-    assert (found.value, found.joint, found.t) == pytest.approx((1.2, 0, 0.5))
-    assert found.verdict == "violated"
+    check = ac.check(log, ARM, ac.Limits.only(joint_jerk=1.0))["joint_jerk"]
+    assert (check.value, check.joint, check.t) == pytest.approx((1.2, 0, 0.5))
+    assert check.verdict == "violated"
     q = np.zeros((3, 2)) + START
-    found = ac.check(SimpleNamespace(t=[0.0, 1.0, 2.0], q=q), ARM, LIMITS)
-    assert found.not_judged == ("joint_jerk",)
+    check = ac.check(SimpleNamespace(t=[0.0, 1.0, 2.0], q=q), ARM, LIMITS)
+    assert check.not_judged == ("joint_jerk",)
 
 
 @given(
@@ -251,5 +253,5 @@ def test_no_motion_within_its_limits_is_blamed(durations, seed, digits, names, c
     dense = np.linspace(0, law.duration, 3001)
     motion = [law(dense, k) for k in range(4)]
     tool = np.linalg.norm(ARM.tool_jerk(*motion), axis=1).max() * 1.01 + 0.01
-    found = ac.check(log, ARM, LIMITS.replace(tool_jerk=tool))
-    assert not found.violated, found.worst
+    check = ac.check(log, ARM, LIMITS.replace(tool_jerk=tool))
+    assert not check.violated, check.worst

@@ -41,11 +41,11 @@ def test_torque_of_a_law_and_of_samples(planned, robot):
     q, dq, ddq = (planned(np.linspace(0, planned.duration, 20_001), k) for k in (0, 1, 2))
     torque = np.abs(robot.torque(q, dq, ddq))[1:-1].max(axis=0)
     limits = robot.limits.replace(joint_torque=torque * 0.9)
-    for given in (planned, sampled(planned)):
-        found = ac.check(given, robot, limits)["joint_torque"]
-        assert found.ratio == pytest.approx(1 / 0.9, rel=2e-3)
-        assert found.certain > 1 and found.joint is not None
-        assert found.limit == pytest.approx(0.9 * torque[found.joint])
+    for motion in (planned, sampled(planned)):
+        check = ac.check(motion, robot, limits)["joint_torque"]
+        assert check.ratio == pytest.approx(1 / 0.9, rel=2e-3)
+        assert check.certain > 1 and check.joint is not None
+        assert check.limit == pytest.approx(0.9 * torque[check.joint])
     loose = ac.check(planned, robot, robot.limits.replace(joint_torque=torque * 1.01))
     assert not loose.violated
 
@@ -54,20 +54,20 @@ def test_dry_friction_at_rest_helps(robot):
     """At its ends a motion brakes with friction; standing, no more is certain than without it."""
     limits = ac.Limits.only(joint_torque=[150, 150, 150, 28, 28, 28])
     path = ac.JointPath.spline([np.zeros(6), np.array([1.0, 0, 0, 0, 0, 0])])
-    found = ac.check(ac.plan(path, robot, limits), robot, limits)
-    assert not found.violated
-    assert found["joint_torque"].ratio == pytest.approx(1, abs=1e-6)
+    check = ac.check(ac.plan(path, robot, limits), robot, limits)
+    assert not check.violated
+    assert check["joint_torque"].ratio == pytest.approx(1, abs=1e-6)
 
 
 def test_torque_is_judged_as_far_as_digits_columns_and_masses_allow(planned, robot, arm, mac):
     limits = robot.limits
     coarse = {"q": 1e-3, "dq": 1e-2, "ddq": 1.0}
     exact = ac.check(sampled(planned), robot, limits)["joint_torque"]
-    found = ac.check(sampled(planned), robot, limits, resolution=coarse)["joint_torque"]
-    assert exact.slack < 1e-9 < 1e-3 < found.slack
+    check = ac.check(sampled(planned), robot, limits, resolution=coarse)["joint_torque"]
+    assert exact.slack < 1e-9 < 1e-3 < check.slack
     for missing in ("dq", "ddq"):
-        found = ac.check(sampled(planned, **{missing: True}), robot, robot.limits)
-        assert "joint_torque" in found.not_judged and "joint_lower" not in found.not_judged
+        check = ac.check(sampled(planned, **{missing: True}), robot, robot.limits)
+        assert "joint_torque" in check.not_judged and "joint_lower" not in check.not_judged
     chain = robot.chain.replace(masses=None, centers=None, inertias=None)
     bare = SerialArm(name="bare", chain=chain, limits=robot.limits)
     assert ac.check(planned, bare).not_judged == ("joint_torque",)
@@ -80,20 +80,20 @@ def test_ranges_are_counted_from_their_middle(planned, robot):
     upper, lower = q.max(axis=0), q.min(axis=0)
     upper[2] -= 0.1
     limits = ac.Limits.only(joint_lower=lower, joint_upper=upper)
-    for given in (planned, sampled(planned), sampled(planned, dq=True)):
-        found = ac.check(given, robot, limits)
-        over = found["joint_upper"]
+    for motion in (planned, sampled(planned), sampled(planned, dq=True)):
+        check = ac.check(motion, robot, limits)
+        over = check["joint_upper"]
         assert over.joint == 2 and over.limit == upper[2]
         assert over.value == pytest.approx(upper[2] + 0.1, abs=1e-4)
         assert over.ratio == pytest.approx(1 + 0.2 / (upper[2] - lower[2]), abs=1e-3)
-        assert found["joint_lower"].ratio == pytest.approx(1, abs=1e-3)
-        assert over in found.violations
+        assert check["joint_lower"].ratio == pytest.approx(1, abs=1e-3)
+        assert over in check.violations
     # With one end, or none.
     one = np.where(np.arange(6) == 1, q.max(axis=0) - 0.2, np.inf)
-    found = ac.check(planned, robot, ac.Limits.only(joint_lower=np.inf, joint_upper=one))[
+    check = ac.check(planned, robot, ac.Limits.only(joint_lower=np.inf, joint_upper=one))[
         "joint_upper"
     ]
-    assert found.joint == 1 and found.ratio == pytest.approx(1 + 0.2 / np.pi, abs=1e-4)
+    assert check.joint == 1 and check.ratio == pytest.approx(1 + 0.2 / np.pi, abs=1e-4)
     endless = ac.Limits.only(joint_lower=np.inf, joint_upper=np.full(6, np.inf))
     assert not any(x.name.startswith("joint_") for x in ac.check(planned, robot, endless).uses)
 
@@ -104,12 +104,12 @@ def test_turning_of_a_law_and_of_samples(turning, robot):
     rate = np.linalg.norm(robot.tool_twist(q, dq)[:, 3:], axis=1).max()
     bend = np.linalg.norm(robot.tool_twist_rate(q, dq, ddq)[:, 3:], axis=1).max()
     limits = robot.limits.replace(angular_speed=rate * 0.95, angular_acceleration=bend * 0.95)
-    for given in (turning, sampled(turning), sampled(turning, ddq=True)):
-        found = ac.check(given, robot, limits)
-        assert {x.name for x in found.violations} == {"angular_speed", "angular_acceleration"}
+    for motion in (turning, sampled(turning), sampled(turning, ddq=True)):
+        check = ac.check(motion, robot, limits)
+        assert {x.name for x in check.violations} == {"angular_speed", "angular_acceleration"}
         for name in ("angular_speed", "angular_acceleration"):
-            assert found[name].ratio == pytest.approx(1 / 0.95, rel=2e-2)
-            assert found[name].ratio < 1 / 0.95 * (1 + 1e-3)
+            assert check[name].ratio == pytest.approx(1 / 0.95, rel=2e-2)
+            assert check[name].ratio < 1 / 0.95 * (1 + 1e-3)
     positions = ac.check(sampled(turning, dq=True, ddq=True), robot, limits)
     assert positions["angular_speed"].ratio == pytest.approx(1 / 0.95, rel=1e-2)
     assert "angular_acceleration" in positions.not_judged
@@ -122,5 +122,5 @@ def test_evaluations_count_torque(turning, robot, servo):
     loose = robot.limits.replace(joint_acceleration=1e3, joint_torque=1e3 * torque)
     evaluate = partial(ac.evaluate, executed, turning.path, limit_use=True)
     assert evaluate(limits=loose).time_at_limit == 0
-    found = evaluate(limits=loose.replace(joint_torque=torque / 2))
-    assert found.time_at_limit > 0 and found.limit_ratios["joint_torque"] > 1.5
+    evaluation = evaluate(limits=loose.replace(joint_torque=torque / 2))
+    assert evaluation.time_at_limit > 0 and evaluation.limit_ratios["joint_torque"] > 1.5

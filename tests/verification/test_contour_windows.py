@@ -34,19 +34,19 @@ def planned():
 
 
 def test_samples_and_trajectories_keep_to_a_program_but_in_rapids(planned):
-    found = ac.check(planned.sample(4e-3), ARM, LIMITS, PROGRAM, deviation=1e-4)
-    assert found.verdict == "kept"
-    assert found.path_deviation is not None and found.path_deviation.distance < 1e-6
+    check = ac.check(planned.sample(4e-3), ARM, LIMITS, PROGRAM, deviation=1e-4)
+    assert check.verdict == "kept"
+    assert check.path_deviation is not None and check.path_deviation.distance < 1e-6
     # The tool is faster in rapids, where no speed is assigned.
     fastest = np.linalg.norm(
         ARM.tool_velocity(*(planned(np.arange(0, planned.duration, 4e-3), k) for k in (0, 1))),
         axis=1,
     ).max()
     assert fastest > 1.5 * 0.05
-    assert found["speed"].ratio == pytest.approx(1.0, abs=1e-3)
-    found = ac.check(planned, ARM, LIMITS, PROGRAM, deviation=1e-6, points=3)
-    assert found.verdict == "kept"
-    assert found.path_deviation is not None and found.path_deviation.distance < 1e-7
+    assert check["speed"].ratio == pytest.approx(1.0, abs=1e-3)
+    check = ac.check(planned, ARM, LIMITS, PROGRAM, deviation=1e-6, points=3)
+    assert check.verdict == "kept"
+    assert check.path_deviation is not None and check.path_deviation.distance < 1e-7
 
 
 @pytest.mark.parametrize("contour", [0, 1, 2])
@@ -59,10 +59,10 @@ def test_a_deviation_is_found_on_its_contour(planned, contour):
     bump = 1e-3 * np.exp(-(((inside - 0.5) / 0.05) ** 2))
     q[:, 0] += bump
     moved = Log(samples.t, q)
-    found = ac.check(moved, ARM, LIMITS, PROGRAM, deviation=1e-4)
-    far = found.path_deviation
+    check = ac.check(moved, ARM, LIMITS, PROGRAM, deviation=1e-4)
+    far = check.path_deviation
     assert far is not None and 1e-4 < far.distance < 1e-3
-    assert found["path_deviation"].verdict == "violated"
+    assert check["path_deviation"].verdict == "violated"
     assert span.t[0] < far.t < span.t[1]
     assert span.s[0] <= far.s <= span.s[1]
 
@@ -74,8 +74,8 @@ def test_a_rapid_may_go_anywhere(planned):
     q = np.array(samples.q)
     q[:, 0] += 0.05 * np.exp(-(((inside - 0.5) / 0.1) ** 2))
     moved = Log(samples.t, q)
-    found = ac.check(moved, ARM, LIMITS.replace(joint_acceleration=np.inf), PROGRAM, deviation=1e-4)
-    assert found.verdict == "kept"
+    check = ac.check(moved, ARM, LIMITS.replace(joint_acceleration=np.inf), PROGRAM, deviation=1e-4)
+    assert check.verdict == "kept"
 
 
 def test_what_does_not_follow_a_program_is_refused(planned, refuses):

@@ -41,48 +41,48 @@ ALONG = np.stack([0.3 + 0.1 * T / 2, np.full_like(T, 0.2)], axis=1)
 
 
 def test_on_the_path_there_is_no_contour_error_and_a_delay_is_tracking_error(arm):
-    found = ac.evaluate(by_hand(arm, T, ALONG), LINE, objective=LINE)
-    assert found.contour_error.max < 1e-15 and found.objective_error.max < 1e-15
-    assert found.tracking_error.max < 1e-15
-    np.testing.assert_allclose(found.contour_error.s, 0.1 * T / 2, atol=1e-12)
+    evaluation = ac.evaluate(by_hand(arm, T, ALONG), LINE, objective=LINE)
+    assert evaluation.contour_error.max < 1e-15 and evaluation.objective_error.max < 1e-15
+    assert evaluation.tracking_error.max < 1e-15
+    np.testing.assert_allclose(evaluation.contour_error.s, 0.1 * T / 2, atol=1e-12)
     # And only there.
-    off = ALONG + np.outer(np.isclose(T, 1.3), (0, 1e-6))
-    found = ac.evaluate(by_hand(arm, T, off), LINE)
-    error = found.contour_error
+    with_error = ALONG + np.outer(np.isclose(T, 1.3), (0, 1e-6))
+    evaluation = ac.evaluate(by_hand(arm, T, with_error), LINE)
+    error = evaluation.contour_error
     assert error.max == pytest.approx(1e-6, rel=1e-6) and error.rms > 0
     assert (error.t_max, error.s_max) == pytest.approx((1.3, 0.065))
     # Without an objective there are no corners.
     assert (
-        found.objective_error is None
-        and found.objective_coverage_error is None
-        and found.corners == ()
+        evaluation.objective_error is None
+        and evaluation.objective_coverage_error is None
+        and evaluation.corners == ()
     )
-    late = np.clip(ALONG[:, :1] - 0.01, 0.3, None)
-    tool = np.concatenate([late, ALONG[:, 1:]], axis=1)
-    found = ac.evaluate(by_hand(arm, T, tool, planned=ALONG), LINE)
-    assert found.contour_error.max < 1e-15
-    assert found.tracking_error.max == pytest.approx(0.01, rel=1e-9)
+    delayed_x = np.clip(ALONG[:, :1] - 0.01, 0.3, None)
+    tool = np.concatenate([delayed_x, ALONG[:, 1:]], axis=1)
+    evaluation = ac.evaluate(by_hand(arm, T, tool, planned=ALONG), LINE)
+    assert evaluation.contour_error.max < 1e-15
+    assert evaluation.tracking_error.max == pytest.approx(0.01, rel=1e-9)
     expected = np.sqrt(trapezoid(np.minimum(0.1 * T / 2, 0.01) ** 2, T) / 2)
-    assert found.tracking_error.rms == pytest.approx(expected, rel=1e-6)
+    assert evaluation.tracking_error.rms == pytest.approx(expected, rel=1e-6)
 
 
-def test_the_delay_that_all_joints_share_is_told_apart_from_what_they_do_not(arm):
+def test_the_common_delay_of_the_joints_is_separated_from_the_rest(arm):
     limits = ac.Limits.only(joint_acceleration=2.0, speed=0.1)
     bent = ac.round_corners(ac.Path.polyline([(0.3, 0.2), (0.4, 0.2), (0.4, 0.25)]), tolerance=2e-3)
     plan = ac.plan(bent, arm, limits)
     set_points = ac.compensate(plan, ac.ServoModel(order="delay"), ac.NoCompensation())
     for delays in ([0.05, 0.05], [0.05, 0.054]):
         servo = ac.ServoModel(order="delay", dead_time=delays)
-        found = ac.evaluate(ac.simulate(set_points, ac.ServoPlant(arm, servo)), bent)
-        assert found.tracking_error.max > 4e-3
+        evaluation = ac.evaluate(ac.simulate(set_points, ac.ServoPlant(arm, servo)), bent)
+        assert evaluation.tracking_error.max > 4e-3
         if delays[0] == delays[1]:
-            assert found.common_delay == pytest.approx(0.05, abs=1e-6)
-            assert found.error_without_delay.max < 1e-5
+            assert evaluation.common_delay == pytest.approx(0.05, abs=1e-6)
+            assert evaluation.error_without_delay.max < 1e-5
         else:
-            assert 0.05 < found.common_delay < 0.054
+            assert 0.05 < evaluation.common_delay < 0.054
             # Differences of 4 ms at most, at 0.1 m/s; they are contour errors, too.
-            assert found.contour_error.rms <= found.error_without_delay.rms < 0.4e-3
-            assert found.error_without_delay.rms > 1e-5
+            assert evaluation.contour_error.rms <= evaluation.error_without_delay.rms < 0.4e-3
+            assert evaluation.error_without_delay.rms > 1e-5
     still = ac.evaluate(by_hand(arm, T, np.tile((0.3, 0.2), (len(T), 1))), LINE)
     assert still.common_delay == 0.0
 
@@ -96,21 +96,21 @@ def test_errors_that_the_servo_model_does_not_explain_are_bounded_along_and_acro
     plan = ac.plan(path, arm, ac.Limits.only(joint_acceleration=2.0, speed=0.1))
     model_error = np.array([1e-4, 3e-4, 2e-4, 1e-4, 5e-4, 1e-4])[: arm.dof]
     servo = ac.ServoModel(kp=25.0, order="first", model_error=model_error)
-    done = ac.simulate(ac.compensate(plan, servo, ac.Inverse()), ac.ServoPlant(arm, servo))
-    found = ac.evaluate(done, path)
+    execution = ac.simulate(ac.compensate(plan, servo, ac.Inverse()), ac.ServoPlant(arm, servo))
+    evaluation = ac.evaluate(execution, path)
     along, across = 0.0, 0.0
     unit = np.diff(path([0.0, path.length]), axis=0)[0] / path.length
     for signs in product((-1, 1), repeat=arm.dof):
-        moved = arm.tool_position(done.q + signs * model_error) - done.tool
+        moved = arm.tool_position(execution.q + signs * model_error) - execution.tool
         ahead = moved @ unit
         along = max(along, np.abs(ahead).max())
         across = max(across, np.linalg.norm(moved - ahead[:, None] * unit, axis=1).max())
     # To first order, a joint at its worst can be reached along the path, and in the plane.
-    assert found.model_error == pytest.approx((along, across), rel=0.5 if in_space else 2e-3)
-    assert found.model_error[0] == pytest.approx(along, rel=2e-3)
-    assert found.model_error[1] > across * (1 - 2e-3)
-    assert f"{found.model_error[1] * 1e3:.4g} mm" in str(found)
-    plain = ac.simulate(done.set_points, ac.ServoPlant(arm, servo.replace(model_error=None)))
+    assert evaluation.model_error == pytest.approx((along, across), rel=0.5 if in_space else 2e-3)
+    assert evaluation.model_error[0] == pytest.approx(along, rel=2e-3)
+    assert evaluation.model_error[1] > across * (1 - 2e-3)
+    assert f"{evaluation.model_error[1] * 1e3:.4g} mm" in str(evaluation)
+    plain = ac.simulate(execution.set_points, ac.ServoPlant(arm, servo.replace(model_error=None)))
     assert ac.evaluate(plain, path).model_error is None
 
 
@@ -119,15 +119,15 @@ def test_errors_are_weighted_by_time_until_a_given_one(arm):
     t = np.concatenate([np.linspace(0, 0.1, 101), [10.0]])
     tool = np.tile((0.3, 0.2), (102, 1))
     tool[-2:] += (0, 1e-3)
-    found = ac.evaluate(by_hand(arm, t, tool), LINE, end_time=10.0).contour_error
-    assert found.rms == pytest.approx(1e-3 * np.sqrt(9.9005 / 10), rel=1e-4)
-    off = ALONG + np.outer(np.minimum(T, 1.0), (0, 1e-3))
+    evaluation = ac.evaluate(by_hand(arm, t, tool), LINE, end_time=10.0).contour_error
+    assert evaluation.rms == pytest.approx(1e-3 * np.sqrt(9.9005 / 10), rel=1e-4)
+    with_error = ALONG + np.outer(np.minimum(T, 1.0), (0, 1e-3))
     for end_time in (0.5, 2.0, 8.0):
-        found = ac.evaluate(by_hand(arm, T, off), LINE, end_time=end_time)
-        error, most = found.contour_error, min(end_time, 1.0)
-        assert found.end_time == end_time and error.t[-1] == end_time
-        assert error.max == pytest.approx(1e-3 * most, rel=1e-6)
-        expected = 1e-3 * np.sqrt((most**3 / 3 + max(end_time - 1, 0.0)) / end_time)
+        evaluation = ac.evaluate(by_hand(arm, T, with_error), LINE, end_time=end_time)
+        error, ramp_end = evaluation.contour_error, min(end_time, 1.0)
+        assert evaluation.end_time == end_time and error.t[-1] == end_time
+        assert error.max == pytest.approx(1e-3 * ramp_end, rel=1e-6)
+        expected = 1e-3 * np.sqrt((ramp_end**3 / 3 + max(end_time - 1, 0.0)) / end_time)
         assert error.rms == pytest.approx(expected, rel=1e-3)
 
 
@@ -135,52 +135,61 @@ def test_the_tool_is_settled_when_it_stays_slow_and_errors_are_covered_until_the
     # It runs at 50 mm/s, creeps at 0.5 mm/s, runs again until 1.2 s, and creeps.
     speed = np.where((T < 0.4) | ((T > 0.8) & (T <= 1.2)), 0.05, 5e-4)
     x = 0.3 + np.concatenate([[0], np.cumsum(speed[1:] * np.diff(T))])
-    done = by_hand(arm, T, ALONG)
-    law = LapLaw(breaks=np.array([0.0, 0.5]), q=done.q[:2], dq=done.dq[:1], ddq=done.dq[:1])
+    execution = by_hand(arm, T, ALONG)
+    law = LapLaw(
+        breaks=np.array([0.0, 0.5]), q=execution.q[:2], dq=execution.dq[:1], ddq=execution.dq[:1]
+    )
     short = ac.Trajectory(laws=(law,), method="hand")
-    set_points = ac.SetPoints(cycle=0.1, q=done.q[:1], trajectory=short, method="hand")
+    set_points = ac.SetPoints(cycle=0.1, q=execution.q[:1], trajectory=short, method="hand")
     creeping = by_hand(arm, T, np.stack([x, np.full_like(x, 0.2)], axis=1))
-    found = ac.evaluate(replace(creeping, set_points=set_points), LINE)
-    assert found.settled == pytest.approx(1.2, abs=0.011)
-    assert found.speed == pytest.approx(0.05, rel=1e-3)
+    evaluation = ac.evaluate(replace(creeping, set_points=set_points), LINE)
+    assert evaluation.settled == pytest.approx(1.2, abs=0.011)
+    assert evaluation.speed == pytest.approx(0.05, rel=1e-3)
     # Never before the end of the plan, as where the tool slows down to its end or stands still.
     for tool in (np.tile((0.3, 0.2), (len(T), 1)), creeping.tool):
-        found = ac.evaluate(by_hand(arm, T, tool), LINE)
-        assert found.duration == found.settled == found.end_time == 2.0
-    found = ac.evaluate(replace(done, set_points=set_points), LINE)
-    assert found.duration == 0.5 and found.end_time == found.settled == 2.0
+        evaluation = ac.evaluate(by_hand(arm, T, tool), LINE)
+        assert evaluation.duration == evaluation.settled == evaluation.end_time == 2.0
+    evaluation = ac.evaluate(replace(execution, set_points=set_points), LINE)
+    assert evaluation.duration == 0.5 and evaluation.end_time == evaluation.settled == 2.0
 
 
 def test_the_largest_error_counts_until_the_joints_rest_and_the_mean_until_the_tool_is_slow(arm):
     # It runs along the line for 1 s, and creeps sideways at 0.5 mm/s for another second.
     tool = np.stack([0.3 + 0.1 * np.minimum(T, 1.0), 0.2 + 5e-4 * np.maximum(T - 1.0, 0.0)], axis=1)
-    done = by_hand(arm, T, tool)
-    laws = (LapLaw(breaks=np.array([0.0, 1.0]), q=done.q[:2], dq=done.dq[:1], ddq=done.dq[:1]),)
-    plan = replace(done.set_points, trajectory=ac.Trajectory(laws=laws, method="hand"))
-    found = ac.evaluate(replace(done, set_points=plan), LINE)
-    assert found.end_time == found.settled == pytest.approx(1.0, abs=0.011)
-    error = found.contour_error
+    execution = by_hand(arm, T, tool)
+    laws = (
+        LapLaw(
+            breaks=np.array([0.0, 1.0]),
+            q=execution.q[:2],
+            dq=execution.dq[:1],
+            ddq=execution.dq[:1],
+        ),
+    )
+    plan = replace(execution.set_points, trajectory=ac.Trajectory(laws=laws, method="hand"))
+    evaluation = ac.evaluate(replace(execution, set_points=plan), LINE)
+    assert evaluation.end_time == evaluation.settled == pytest.approx(1.0, abs=0.011)
+    error = evaluation.contour_error
     assert error.max == pytest.approx(5e-4, rel=1e-3) and error.t_max == T[-1]
     assert error.rms < 5e-6
-    given = ac.evaluate(replace(done, set_points=plan), LINE, end_time=1.5).contour_error
-    assert (given.max, given.t_max) == (pytest.approx(2.5e-4, rel=0.03), 1.5)
-    assert given.rms == pytest.approx(2.5e-4 / 3, rel=0.03)
+    until_end = ac.evaluate(replace(execution, set_points=plan), LINE, end_time=1.5).contour_error
+    assert (until_end.max, until_end.t_max) == (pytest.approx(2.5e-4, rel=0.03), 1.5)
+    assert until_end.rms == pytest.approx(2.5e-4 / 3, rel=0.03)
 
 
 def test_ratios_to_the_limits_are_counted_in_their_own_direction(arm):
     demand = np.zeros((len(T), 2))
     demand[50] = (1.44, -0.36)
-    done = by_hand(arm, T, ALONG, demand)
+    execution = by_hand(arm, T, ALONG, demand)
     limits = ac.Limits.only(joint_acceleration=[0.72, 0.36], speed=0.1)
-    found = ac.evaluate(done, LINE, limits=limits)
-    np.testing.assert_allclose(found.demand, (1.44, 0.36))
-    np.testing.assert_allclose(found.demand_ratio, (2.0, 1.0))
-    assert found.speed_ratio == pytest.approx(0.5, rel=1e-3)
-    np.testing.assert_allclose(found.saturated, (0.25, 0.0))  # of 2 s
-    free = ac.evaluate(done, LINE, limits=ac.Limits.only())
+    evaluation = ac.evaluate(execution, LINE, limits=limits)
+    np.testing.assert_allclose(evaluation.demand, (1.44, 0.36))
+    np.testing.assert_allclose(evaluation.demand_ratio, (2.0, 1.0))
+    assert evaluation.speed_ratio == pytest.approx(0.5, rel=1e-3)
+    np.testing.assert_allclose(evaluation.saturated, (0.25, 0.0))  # of 2 s
+    free = ac.evaluate(execution, LINE, limits=ac.Limits.only())
     np.testing.assert_array_equal(free.demand_ratio, 0)
     assert np.isnan(free.speed_ratio)
-    by_arm = ac.evaluate(done, LINE)
+    by_arm = ac.evaluate(execution, LINE)
     np.testing.assert_allclose(by_arm.demand_ratio, (2.0, 0.5))
     demand = np.zeros((len(T), 2))
     demand[100], demand[120] = (0.9, 0.3), (-0.6, -0.6)
@@ -188,9 +197,9 @@ def test_ratios_to_the_limits_are_counted_in_their_own_direction(arm):
     both = ac.Limits.only(joint_acceleration=1.0)
     assert ac.evaluate(executed, LINE, limits=both).demand_ratio.tolist() == [0.9, 0.6]
     weak = both.replace(joint_acceleration=[[-0.5, 1.0], [-2.0, 1.0]])
-    found = ac.evaluate(executed, LINE, limits=weak)
-    np.testing.assert_allclose(found.demand_ratio, [1.2, 0.3])
-    np.testing.assert_array_equal(found.demand, [0.9, 0.6])
+    evaluation = ac.evaluate(executed, LINE, limits=weak)
+    np.testing.assert_allclose(evaluation.demand_ratio, [1.2, 0.3])
+    np.testing.assert_array_equal(evaluation.demand, [0.9, 0.6])
 
 
 def test_moving_arm_and_path_together_changes_nothing(arm):
@@ -221,20 +230,20 @@ def test_moving_arm_and_path_together_changes_nothing(arm):
 def test_the_objective_has_its_own_error(arm, objective, rounded):
     t = np.linspace(0, 2, 5001)
     tool = rounded(np.linspace(0, rounded.length, 5001))
-    found = ac.evaluate(by_hand(arm, t, tool), rounded, objective=objective)
-    assert found.contour_error.max < 1e-14
+    evaluation = ac.evaluate(by_hand(arm, t, tool), rounded, objective=objective)
+    assert evaluation.contour_error.max < 1e-14
     # The arc's middle is the corner error times the cosine of half the turn off the lines: a
     # ridge, of which the samples miss up to half their spacing of 70 um.
     half = rounded.corners.turn / 2
     deepest = (5e-3 * np.cos(half)).max()
-    assert found.objective_error.max == pytest.approx(deepest, abs=3.5e-5)
+    assert evaluation.objective_error.max == pytest.approx(deepest, abs=3.5e-5)
     # The other direction: the corners themselves are missed by the corner error.
-    assert found.objective_coverage_error.max == pytest.approx(5e-3, abs=1e-6)
-    assert found.coverage_error.max < 1e-6
+    assert evaluation.objective_coverage_error.max == pytest.approx(5e-3, abs=1e-6)
+    assert evaluation.coverage_error.max < 1e-6
 
 
 def test_refused(arm, refuses):
-    done = by_hand(arm, T, ALONG)
+    execution = by_hand(arm, T, ALONG)
     three = ac.Limits.only(joint_acceleration=[1, 2, 3])
     for path, options, words in (
         (LINE, {"end_time": 0.0}, "above zero"),
@@ -242,7 +251,7 @@ def test_refused(arm, refuses):
         (LINE, {"limits": three}, "joint_acceleration has 3 values"),
         (ac.Path.polyline([(0, 0, 0), (1, 0, 0)]), {}, "the path has 3"),
     ):
-        refuses(partial(ac.evaluate, done, path, **options), ac.InvalidInput, words)
+        refuses(partial(ac.evaluate, execution, path, **options), ac.InvalidInput, words)
 
 
 def test_a_tool_that_is_turned_is_off_by_that_angle():

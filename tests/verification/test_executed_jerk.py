@@ -32,13 +32,13 @@ def test_ramps_have_their_jerk_and_steps_that_over_a_command_interval(step):
     t = step * np.arange(round(0.2 / step) + 1)
     ramp = 5.0 * np.minimum(t, 0.1) - 8.0 * np.clip(t - 0.1, 0, 0.05)
     jump = np.where(t > 0.05 + step / 4, 0.6, 0.0)
-    found = executed_jerk(executed(np.stack([ramp, jump], axis=1), step, 4e-3))
-    np.testing.assert_allclose(found, [8.0, 0.6 / 4e-3], rtol=1e-9)
+    jerk = executed_jerk(executed(np.stack([ramp, jump], axis=1), step, 4e-3))
+    np.testing.assert_allclose(jerk, [8.0, 0.6 / 4e-3], rtol=1e-9)
 
 
 def test_an_arm_that_starts_with_an_acceleration_jumps():
-    found = executed_jerk(executed(np.ones((30, 2)) * [0.5, -0.2], 1e-3, 4e-3))
-    np.testing.assert_allclose(found, [125.0, 50.0])
+    jerk = executed_jerk(executed(np.ones((30, 2)) * [0.5, -0.2], 1e-3, 4e-3))
+    np.testing.assert_allclose(jerk, [125.0, 50.0])
     # A cycle that is longer than the execution, and an execution of one time.
     np.testing.assert_allclose(executed_jerk(executed(np.ones((3, 2)), 1e-3, 4e-3)), 250.0)
     assert not executed_jerk(executed(np.zeros((1, 2)), 1e-3, 4e-3)).any()
@@ -71,13 +71,13 @@ def test_a_plan_with_a_limit_of_jerk_is_executed_with_it():
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     set_points = ac.compensate(planned, servo, ac.Inverse(), cycle=1e-3)
     plant = ac.ServoPlant(ARM, servo, limits)
-    found = ac.evaluate(ac.simulate(set_points, plant), path, limits=limits, limit_use=True)
-    np.testing.assert_allclose(found.jerk_ratio, found.jerk / 7.2)
-    assert 0.99 < found.jerk_ratio.max() < 1.005
-    assert found.limit_ratios["joint_jerk"] == pytest.approx(1, abs=1e-4)
+    evaluation = ac.evaluate(ac.simulate(set_points, plant), path, limits=limits, limit_use=True)
+    np.testing.assert_allclose(evaluation.jerk_ratio, evaluation.jerk / 7.2)
+    assert 0.99 < evaluation.jerk_ratio.max() < 1.005
+    assert evaluation.limit_ratios["joint_jerk"] == pytest.approx(1, abs=1e-4)
     # Without the limit, the plan jumps.
     free = ac.plan(path, ARM, limits.replace(joint_jerk=np.inf))
     set_points = ac.compensate(free, servo, ac.Inverse(), cycle=1e-3)
     rough = ac.evaluate(ac.simulate(set_points, plant), path, limits=limits)
-    assert rough.jerk_ratio.max() > 10 and rough.command_jerk.max() > found.command_jerk.max()
+    assert rough.jerk_ratio.max() > 10 and rough.command_jerk.max() > evaluation.command_jerk.max()
     assert not ac.evaluate(ac.simulate(set_points, plant), path).jerk_ratio.any()

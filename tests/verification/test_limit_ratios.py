@@ -50,9 +50,9 @@ def measured(plan, path, limits=LIMITS):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=4e-3)
     executed = ac.simulate(set_points, ac.ServoPlant(ARM, servo))
-    found = ac.evaluate(executed, path, limits=limits, limit_use=True).limit_ratios
-    assert found is not None
-    return dict(found)
+    ratios = ac.evaluate(executed, path, limits=limits, limit_use=True).limit_ratios
+    assert ratios is not None
+    return dict(ratios)
 
 
 @pytest.mark.parametrize(("method", "places"), [("optimal", 11), ("conventional", 200)])
@@ -63,8 +63,8 @@ def test_they_are_those_of_denser_places(method, places):
     if method == "conventional":
         task, path, options = ac.Limits.only(speed=0.04), PATH, ac.Conventional()
     plan = ac.plan(path, ARM, task, options)
-    found = measured(plan, path)
+    ratios = measured(plan, path)
     for name, ratio in dense(plan, places).items():
-        assert found[name] == pytest.approx(ratio, rel=1e-6, abs=1e-9), name
+        assert ratios[name] == pytest.approx(ratio, rel=1e-6, abs=1e-9), name
         # Peaks are higher than all places around them, however dense.
-        assert found[name] >= ratio - 1e-9, name
+        assert ratios[name] >= ratio - 1e-9, name

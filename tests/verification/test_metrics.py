@@ -55,10 +55,10 @@ def test_overshoot_knows_the_segments_own_speeds(arm):
     planned = ac.plan(path, arm, limits)
     cycle = planned.duration / 400
     tool = np.column_stack([np.linspace(0.30, 0.40, 401), np.full(401, 0.20)])
-    found = ac.evaluate(executed(arm, tool, cycle, planned), path, limits=limits)
+    evaluation = ac.evaluate(executed(arm, tool, cycle, planned), path, limits=limits)
     speed = 0.10 / planned.duration
-    assert found.path_velocity == pytest.approx(speed, rel=1e-3)
-    assert found.speed_overshoot == pytest.approx(max(speed - 0.05, 0.0), abs=1e-4)
+    assert evaluation.path_velocity == pytest.approx(speed, rel=1e-3)
+    assert evaluation.speed_overshoot == pytest.approx(max(speed - 0.05, 0.0), abs=1e-4)
 
 
 def test_the_papers_job_uses_its_joints_and_keeps_its_limits(arm):
@@ -69,18 +69,18 @@ def test_the_papers_job_uses_its_joints_and_keeps_its_limits(arm):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     set_points = ac.compensate(planned, servo, ac.PolePlacement(), cycle=2e-4)
     executed = ac.simulate(set_points, ac.ServoPlant(arm, servo))
-    found = ac.evaluate(executed, rounded, limits=limits, limit_use=True)
+    evaluation = ac.evaluate(executed, rounded, limits=limits, limit_use=True)
     # Lines 1 and 3 and line 2 beside its middle run at a joint's limit: all but the corners and the
     # middle, which take 1.136 and 0.571 of 5.326 s.
-    assert found.time_at_limit == pytest.approx(1 - (1.136 + 0.571) / 5.326, abs=0.06)
+    assert evaluation.time_at_limit == pytest.approx(1 - (1.136 + 0.571) / 5.326, abs=0.06)
     names = {"joint_acceleration", "speed", "centripetal_acceleration"}
-    assert set(found.limit_ratios) == names
-    assert all(0.999 < x <= 1 + 1e-9 for x in found.limit_ratios.values())
-    assert found.speed_overshoot <= 1e-9
+    assert set(evaluation.limit_ratios) == names
+    assert all(0.999 < x <= 1 + 1e-9 for x in evaluation.limit_ratios.values())
+    assert evaluation.speed_overshoot <= 1e-9
     # Nobody pays for what was not asked for.
     errors = ac.evaluate(executed, rounded, limits=limits)
     assert errors.time_at_limit is None and errors.limit_ratios is None
-    assert errors.contour_error.rms == found.contour_error.rms
+    assert errors.contour_error.rms == evaluation.contour_error.rms
 
 
 T = np.array([0.0, 1.0, 1.5, 4.0])
@@ -89,35 +89,35 @@ S = np.array([0.0, 0.1, 0.2, 0.3])
 
 
 def test_by_hand_until_a_time_later_earlier_or_of_a_sample():
-    found = ErrorProfile.over_time(T, VALUES, S, 4.0)
+    profile = ErrorProfile.over_time(T, VALUES, S, 4.0)
     # Trapezoids of the squares 0, 4, 4, 1.
-    assert found.rms == pytest.approx(np.sqrt((2.0 + 2.0 + 6.25) / 4))
-    assert (found.max, found.t_max, found.s_max) == (2.0, 1.0, 0.1)
-    found = ErrorProfile.over_time(T, VALUES, S, 10.0)
-    assert found.rms == pytest.approx(np.sqrt((2.0 + 2.0 + 6.25 + 6.0) / 10))
-    np.testing.assert_array_equal(found.t, [0, 1, 1.5, 4, 10])
-    np.testing.assert_array_equal(found.values, [0, 2, 2, 1, 1])
-    assert found.s[-1] == 0.3
-    found = ErrorProfile.over_time(T, VALUES, S, 0.5)
-    np.testing.assert_array_equal(found.t, [0, 0.5])
-    np.testing.assert_allclose(found.values, [0, 1])
-    np.testing.assert_allclose(found.s, [0, 0.05])
-    assert (found.max, found.t_max) == (1.0, 0.5)
-    assert found.rms == pytest.approx(np.sqrt(0.5))
-    found = ErrorProfile.over_time(T, VALUES, S, 1.5)
-    np.testing.assert_array_equal(found.t, [0, 1, 1.5])
+    assert profile.rms == pytest.approx(np.sqrt((2.0 + 2.0 + 6.25) / 4))
+    assert (profile.max, profile.t_max, profile.s_max) == (2.0, 1.0, 0.1)
+    profile = ErrorProfile.over_time(T, VALUES, S, 10.0)
+    assert profile.rms == pytest.approx(np.sqrt((2.0 + 2.0 + 6.25 + 6.0) / 10))
+    np.testing.assert_array_equal(profile.t, [0, 1, 1.5, 4, 10])
+    np.testing.assert_array_equal(profile.values, [0, 2, 2, 1, 1])
+    assert profile.s[-1] == 0.3
+    profile = ErrorProfile.over_time(T, VALUES, S, 0.5)
+    np.testing.assert_array_equal(profile.t, [0, 0.5])
+    np.testing.assert_allclose(profile.values, [0, 1])
+    np.testing.assert_allclose(profile.s, [0, 0.05])
+    assert (profile.max, profile.t_max) == (1.0, 0.5)
+    assert profile.rms == pytest.approx(np.sqrt(0.5))
+    profile = ErrorProfile.over_time(T, VALUES, S, 1.5)
+    np.testing.assert_array_equal(profile.t, [0, 1, 1.5])
 
 
 def test_time_counts_not_samples_and_a_profile_may_be_one_value():
     dense = np.unique(np.concatenate([np.linspace(0, 1, 1001), [4.0]]))
-    found = ErrorProfile.over_time(dense, (dense > 1).astype(float) * 3.0, dense, 4.0)
+    profile = ErrorProfile.over_time(dense, (dense > 1).astype(float) * 3.0, dense, 4.0)
     # 1001 samples of zero weigh one second, two samples weigh three.
-    assert found.rms == pytest.approx(np.sqrt(9 * 3 / 2 / 4), rel=1e-12)
-    found = ErrorProfile.over_time(T + 1.0, VALUES + 3.0, S, 0.999)
-    assert (found.rms, found.max, found.t_max) == (3.0, 3.0, 0.999)
+    assert profile.rms == pytest.approx(np.sqrt(9 * 3 / 2 / 4), rel=1e-12)
+    profile = ErrorProfile.over_time(T + 1.0, VALUES + 3.0, S, 0.999)
+    assert (profile.rms, profile.max, profile.t_max) == (3.0, 3.0, 0.999)
     whole = ErrorProfile.over_time(T, VALUES, S, 4.0)
-    assert ErrorProfile.join([found, whole]).rms == whole.rms
-    assert ErrorProfile.join([found, found]).rms == 3.0
+    assert ErrorProfile.join([profile, whole]).rms == whole.rms
+    assert ErrorProfile.join([profile, profile]).rms == 3.0
 
 
 RIGHT_ANGLE = ac.Path.polyline([(0, 0), (1, 0), (1, 1)])
@@ -130,25 +130,25 @@ def dense(points, count=401):
 
 
 def test_corners_by_hand():
-    (found,) = corner_deviations(dense([(0, 0), (1, 0), (1, 1)]), RIGHT_ANGLE)
-    assert found.vertex == 1 and found.point == (1.0, 0.0)
-    assert found.rounding == 0.0 and found.overshoot == 0.0
+    (corners,) = corner_deviations(dense([(0, 0), (1, 0), (1, 1)]), RIGHT_ANGLE)
+    assert corners.vertex == 1 and corners.point == (1.0, 0.0)
+    assert corners.rounding == 0.0 and corners.overshoot == 0.0
     # A chamfer from 20 mm before to 20 mm after misses the corner by 20 mm / sqrt(2).
     tool = dense([(0, 0), (0.98, 0), (1, 0.02), (1, 1)], 8001)
-    (found,) = corner_deviations(tool, RIGHT_ANGLE)
-    assert found.rounding == pytest.approx(0.02 / np.sqrt(2), rel=1e-3)
-    assert found.overshoot == 0.0
+    (corners,) = corner_deviations(tool, RIGHT_ANGLE)
+    assert corners.rounding == pytest.approx(0.02 / np.sqrt(2), rel=1e-3)
+    assert corners.overshoot == 0.0
     # 30 mm too far, back on the line 0.1 m later: beyond the leaving line, through the corner.
     tool = dense([(0, 0), (1.03, 0), (1, 0.1), (1, 1)])
-    (found,) = corner_deviations(tool, RIGHT_ANGLE)
-    assert found.overshoot == pytest.approx(0.03)
-    assert found.rounding < 2e-3
+    (corners,) = corner_deviations(tool, RIGHT_ANGLE)
+    assert corners.overshoot == pytest.approx(0.03)
+    assert corners.rounding < 2e-3
     path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 0, 1)])
-    (found,) = corner_deviations(dense([(0, 0, 0), (1.01, 0, 0), (1.01, 0, 1)]), path)
-    assert found.overshoot == pytest.approx(0.01)
+    (corners,) = corner_deviations(dense([(0, 0, 0), (1.01, 0, 0), (1.01, 0, 1)]), path)
+    assert corners.overshoot == pytest.approx(0.01)
     path = ac.Path.polyline([(0, 0), (1, 0), (0.2, 0)])
-    (found,) = corner_deviations(dense([(0, 0), (1.02, 0), (0.2, 0)]), path)
-    assert found.overshoot == pytest.approx(0.02)
+    (corners,) = corner_deviations(dense([(0, 0), (1.02, 0), (0.2, 0)]), path)
+    assert corners.overshoot == pytest.approx(0.02)
     path = ac.round_corners(RIGHT_ANGLE, tolerance=0.01)
     assert corner_deviations(dense([(0, 0), (1, 0)]), path) == ()
 
@@ -159,8 +159,8 @@ def test_overshoot_is_measured_across_the_leaving_line():
         path = ac.Path.polyline([(-1, 0), (0, 0), tuple(leaving)])
         beyond = np.array([np.sin(turn), -np.cos(turn)]) * np.sign(turn)
         tool = np.concatenate([dense([(-1, 0), (0, 0)]), 0.1 * leaving + np.outer([0.01], beyond)])
-        (found,) = corner_deviations(tool, path)
-        assert found.overshoot == pytest.approx(0.01, rel=1e-9), turn
+        (corners,) = corner_deviations(tool, path)
+        assert corners.overshoot == pytest.approx(0.01, rel=1e-9), turn
 
 
 def test_every_corner_of_many_has_its_own_region():
@@ -169,9 +169,9 @@ def test_every_corner_of_many_has_its_own_region():
     path = ac.Path.polyline(points)
     tool = path(np.linspace(0, path.length, 9001)) + 0.02 * rng.normal(size=(9001, 2))
     s = path.project(tool).s
-    found = corner_deviations(tool, path)
-    assert len(found) == 58
-    for x in found:
+    corners = corner_deviations(tool, path)
+    assert len(corners) == 58
+    for x in corners:
         low = path.breaks[x.vertex] - path.lengths[x.vertex - 1] / 2
         high = path.breaks[x.vertex] + path.lengths[x.vertex] / 2
         near = tool[(s >= low) & (s <= high)] - x.point
@@ -189,40 +189,40 @@ def path(first=FAST, last=SLOW):
     )
 
 
-def braking(late, acceleration=0.5, cycle=1e-3, off=0.0):
-    """Tool points and speeds that come down from FAST to SLOW, `late` behind the joint [m]."""
+def braking(delay_length, acceleration=0.5, cycle=1e-3, lateral=0.0):
+    """Tool points and speeds from FAST to SLOW, `delay_length` behind the joint [m]."""
     length = (FAST**2 - SLOW**2) / (2 * acceleration)
     s = np.linspace(0, 0.1, 200_001)
-    begin = JOINT + late - length
+    begin = JOINT + delay_length - length
     speed = np.sqrt(np.clip(FAST**2 - 2 * acceleration * (s - begin), SLOW**2, FAST**2))
     t = np.append(0, np.cumsum(np.diff(s) / speed[:-1]))
-    at = np.arange(0, t[-1], cycle)
-    place = np.interp(at, t, s)
-    return np.stack([place, np.full(len(at), off)], axis=1), np.interp(place, s, speed)
+    times = np.arange(0, t[-1], cycle)
+    place = np.interp(times, t, s)
+    return np.stack([place, np.full(len(times), lateral)], axis=1), np.interp(place, s, speed)
 
 
-@pytest.mark.parametrize("late", [0.0, 1e-3, 3.3e-3])
-def test_the_speed_where_the_tool_passes_into_a_slow_segment_counts(late):
-    tool, speed = braking(late)
-    found = measure_speed_ratios(path(), follow_path(path(), tool), speed, None)
-    at_joint = np.sqrt(SLOW**2 + 2 * 0.5 * late)
+@pytest.mark.parametrize("delay_length", [0.0, 1e-3, 3.3e-3])
+def test_the_speed_where_the_tool_passes_into_a_slow_segment_counts(delay_length):
+    tool, speed = braking(delay_length)
+    ratios = measure_speed_ratios(path(), follow_path(path(), tool), speed, None)
+    at_joint = np.sqrt(SLOW**2 + 2 * 0.5 * delay_length)
     # Between two samples: at these alone, up to half a sample's braking would not be seen.
-    assert found.max() == pytest.approx(at_joint / SLOW, rel=2e-3)
+    assert ratios.max() == pytest.approx(at_joint / SLOW, rel=2e-3)
 
 
 def test_a_tool_that_starts_early_is_too_fast_on_the_slow_segment():
     tool, speed = braking(2e-3)
     back = path(SLOW, FAST)
     tool = np.stack([0.1 - tool[::-1, 0], tool[::-1, 1]], axis=1)
-    found = measure_speed_ratios(back, follow_path(back, tool), speed[::-1], None)
-    assert found.max() == pytest.approx(np.sqrt(SLOW**2 + 2 * 0.5 * 2e-3) / SLOW, rel=2e-3)
+    ratios = measure_speed_ratios(back, follow_path(back, tool), speed[::-1], None)
+    assert ratios.max() == pytest.approx(np.sqrt(SLOW**2 + 2 * 0.5 * 2e-3) / SLOW, rel=2e-3)
 
 
 def test_next_to_a_joint_as_near_as_the_tool_is_to_the_path_the_larger_speed_counts():
-    tool, speed = braking(1e-3, off=1e-3)
+    tool, speed = braking(1e-3, lateral=1e-3)
     within = measure_speed_ratios(path(), follow_path(path(), tool), speed, None)
     assert within.max() == pytest.approx(1.0, abs=2e-3)
-    tool, speed = braking(3e-3, off=1e-3)
+    tool, speed = braking(3e-3, lateral=1e-3)
     beyond = measure_speed_ratios(path(), follow_path(path(), tool), speed, None)
     assert beyond.max() == pytest.approx(np.sqrt(SLOW**2 + 2 * 0.5 * 2e-3) / SLOW, rel=2e-3)
 

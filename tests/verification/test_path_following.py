@@ -33,8 +33,8 @@ def retraced(random):
 def moved(path, random, n=3000, cut=0.0):
     """Tool points near a path, and their true places; tips of it may be cut off."""
     s = np.unique(np.concatenate([np.linspace(0, path.length, n), path.breaks]))
-    for at in path.stops if cut else []:
-        s = s[np.abs(s - at) > random.uniform(0.2, 1) * cut]
+    for stop in path.stops if cut else []:
+        s = s[np.abs(s - stop) > random.uniform(0.2, 1) * cut]
     s[[0, -1]] = 0, path.length
     middle = path(s)
     phase, wave = random.uniform(0, 6, 2), random.uniform(100, 300, 2)
@@ -55,9 +55,9 @@ def near(path, tool, s, window):
             u = np.minimum(
                 low[:, None] + np.linspace(0, 1, 25) * (high - low)[:, None], path.length
             )
-            off = np.linalg.norm(path(u.ravel()).reshape(-1, 25, 2) - points[:, None], axis=2)
-            i, rows = off.argmin(axis=1), np.arange(len(u))
-            best[inside] = np.minimum(best[inside], off.min(axis=1))
+            distances = np.linalg.norm(path(u.ravel()).reshape(-1, 25, 2) - points[:, None], axis=2)
+            i, rows = distances.argmin(axis=1), np.arange(len(u))
+            best[inside] = np.minimum(best[inside], distances.min(axis=1))
             low, high = u[rows, np.maximum(i - 1, 0)], u[rows, np.minimum(i + 1, 24)]
     return best
 
@@ -81,14 +81,14 @@ def judge_places(seed):
     path = retraced(random)
     cut = 1e-3 * (seed % 2)
     tool, s = moved(path, random, cut=cut)
-    found = follow_path(path, tool)
+    matching = follow_path(path, tool)
     # No place is nearer around the true one, and none that is far from there is taken.
     size = OFF + cut
-    assert (found.distance <= near(path, tool, s, OFF) + 1e-9).all()
-    assert (found.distance >= near(path, tool, s, 20 * size) - 1e-6).all()
-    assert np.abs(found.s - s).max() <= 20 * size
+    assert (matching.distance <= near(path, tool, s, OFF) + 1e-9).all()
+    assert (matching.distance >= near(path, tool, s, 20 * size) - 1e-6).all()
+    assert np.abs(matching.s - s).max() <= 20 * size
     coverage_error = left_out(path, tool, s, 3 * size)
-    assert max(found.coverage_error.max(), 0.0) == pytest.approx(coverage_error, abs=1e-5)
+    assert max(matching.coverage_error.max(), 0.0) == pytest.approx(coverage_error, abs=1e-5)
 
 
 def test_places_are_those_of_the_motion():
@@ -142,15 +142,15 @@ def test_the_orientation_is_that_of_the_way_on_which_the_tool_is(tilting):
     assert result.orientation_error.max < 1e-3
     # Not because nothing is found: half of the tilt off, half of the tilt is reported.
     wrong = path.oriented([DOWN @ exp(angle * np.array([1.0, 0, 0])) for angle in (0.0, 0.2, 0.2)])
-    found = ac.evaluate(executed, wrong).orientation_error
-    assert found.max == pytest.approx(0.2, abs=2e-3) and found.s_max > 0.99 * path.length
+    evaluation = ac.evaluate(executed, wrong).orientation_error
+    assert evaluation.max == pytest.approx(0.2, abs=2e-3) and evaluation.s_max > 0.99 * path.length
 
 
 def test_a_turn_back_is_no_violation_of_the_orientation(tilting):
     arm, path, limits, (planned, _, _) = tilting
     for allowed in (1e-6, 1e-2):
-        found = ac.check(planned, arm, limits, path, orientation_deviation=allowed, points=8)
-        use = found["orientation_deviation"]
+        check = ac.check(planned, arm, limits, path, orientation_deviation=allowed, points=8)
+        use = check["orientation_deviation"]
         assert use.verdict == "kept" and use.value < 1e-7
 
 

@@ -40,20 +40,20 @@ def plan(arm_name, speed, tolerance, space):
 
 def executions(trajectory, plant, cycle, method, resolution):
     """The same run with its results, and with results FINER times as often."""
-    known = plant.servo.replace(dead_time=0.0)
-    if known.order == "first" and method == "pole_placement":
+    servo = plant.servo.replace(dead_time=0.0)
+    if servo.order == "first" and method == "pole_placement":
         method = "inverse"
-    set_points = ac.compensate(trajectory, known, METHODS[method](), cycle=cycle)
+    set_points = ac.compensate(trajectory, servo, METHODS[method](), cycle=cycle)
     return (ac.simulate(set_points, plant, resolution=resolution / k) for k in (1, FINER))
 
 
-def figures(found):
+def figures(evaluation):
     """The largest errors of a run [m]."""
     e = (
-        found.contour_error,
-        found.objective_error,
-        found.coverage_error,
-        found.objective_coverage_error,
+        evaluation.contour_error,
+        evaluation.objective_error,
+        evaluation.coverage_error,
+        evaluation.objective_coverage_error,
     )
     return [x.max for x in e]
 
@@ -99,11 +99,14 @@ def test_no_sample_between_is_higher(
     high = arm.limits.replace(joint_acceleration=20.0)
     plant = ac.ServoPlant(arm, servo, high, saturation=None if saturates and second else "none")
     coarse, fine = executions(trajectory, plant, cycle, method, resolution)
-    found, finer = (ac.evaluate(x, path, objective=objective) for x in (coarse, fine))
-    for error, of in ((found.contour_error, path), (found.objective_error, objective)):
-        assert largest(fine, of, found.end_time) <= error.max * (1 + AGREE) + 1e-12
-    np.testing.assert_allclose(figures(found), figures(finer), rtol=AGREE, atol=1e-11)
-    roundings = ([y.rounding for y in x.corners] for x in (found, finer))
+    evaluation, finer = (ac.evaluate(x, path, objective=objective) for x in (coarse, fine))
+    for error, reference_path in (
+        (evaluation.contour_error, path),
+        (evaluation.objective_error, objective),
+    ):
+        assert largest(fine, reference_path, evaluation.end_time) <= error.max * (1 + AGREE) + 1e-12
+    np.testing.assert_allclose(figures(evaluation), figures(finer), rtol=AGREE, atol=1e-11)
+    roundings = ([y.rounding for y in x.corners] for x in (evaluation, finer))
     np.testing.assert_allclose(*roundings, rtol=AGREE, atol=5e-9)
 
 
@@ -138,9 +141,9 @@ def test_the_angle_of_a_tool_in_space():
     arm, objective, path, trajectory = plan("ur5e", 0.2, 2e-3, True)
     plant = ac.ServoPlant(arm, ac.ServoModel(kp=30.0, kv=200.0, dead_time=0.0031))
     coarse, fine = executions(trajectory, plant, 8e-3, "none", 2e-3)
-    found, finer = (ac.evaluate(x, path, objective=objective) for x in (coarse, fine))
-    assert found.orientation_error.max == pytest.approx(finer.orientation_error.max, rel=AGREE)
-    np.testing.assert_allclose(figures(found), figures(finer), rtol=AGREE)
+    evaluation, finer = (ac.evaluate(x, path, objective=objective) for x in (coarse, fine))
+    assert evaluation.orientation_error.max == pytest.approx(finer.orientation_error.max, rel=AGREE)
+    np.testing.assert_allclose(figures(evaluation), figures(finer), rtol=AGREE)
 
 
 def test_the_motion_between_results_is_that_of_finer_results():
@@ -162,8 +165,8 @@ def test_the_motion_between_results_is_that_of_finer_results():
         for i in (0, 1, 7, len(coarse.t) // 2, len(coarse.t) - 2):
             rows = np.searchsorted(fine.t, coarse.t[i] - 1e-9) + np.arange(FINER + 1)
             motion = plant.motion_between(coarse, np.array([i]))
-            found = motion(np.clip(fine.t[rows], motion.t[0], motion.t[-1]))
-            np.testing.assert_allclose(found, fine.q[rows], rtol=0, atol=1e-11)
+            interpolated = motion(np.clip(fine.t[rows], motion.t[0], motion.t[-1]))
+            np.testing.assert_allclose(interpolated, fine.q[rows], rtol=0, atol=1e-11)
 
 
 def short_contours(length, resolution):
@@ -186,11 +189,13 @@ def test_contours_of_few_samples_are_judged_by_these():
     for length, resolution in product((1e-2, 1e-4, 3e-6, 1e-7), (1e-3, 8e-3)):
         program, executed = short_contours(length, resolution)
         plain = replace(executed, plant=None)
-        known, sampled = (ac.evaluate(x, program, objective=program) for x in (executed, plain))
-        assert known.contour_error.max >= sampled.contour_error.max, (length, resolution)
+        with_motion, sampled = (
+            ac.evaluate(x, program, objective=program) for x in (executed, plain)
+        )
+        assert with_motion.contour_error.max >= sampled.contour_error.max, (length, resolution)
         # Which places are missed at their ends is told by the samples outside of the contours.
         # Between samples the way of the tool is taken for straight where no plant tells it.
-        share = known.coverage_error.max / sampled.coverage_error.max
+        share = with_motion.coverage_error.max / sampled.coverage_error.max
         assert 1 - 1e-6 <= share <= 1 + 1e-3, (length, resolution)
 
 
@@ -213,10 +218,10 @@ def test_an_execution_that_was_cut_has_no_peak_that_was_not_there():
         servo = ac.ServoModel(kp=25.0, kv=kv, order="first" if kv is None else "second")
         plant = ac.ServoPlant(arm, servo, saturation="none")
         whole = ac.simulate(ac.compensate(trajectory, servo, ac.Inverse(), cycle=4e-3), plant)
-        most = ac.evaluate(whole, path).contour_error.max
+        peak = ac.evaluate(whole, path).contour_error.max
         for part in PARTS:
             cut = replace(whole, **{name: getattr(whole, name)[part] for name in names})
-            assert ac.evaluate(cut, path).contour_error.max <= most * (1 + AGREE), (kv, part)
+            assert ac.evaluate(cut, path).contour_error.max <= peak * (1 + AGREE), (kv, part)
 
 
 def test_of_another_plant_nothing_is_believed_and_peaks_do_not_count_for_the_mean():
@@ -232,8 +237,8 @@ def test_of_another_plant_nothing_is_believed_and_peaks_do_not_count_for_the_mea
     assert plain.objective_error.max == pytest.approx(largest(coarse, objective), rel=1e-12)
     coarse, _ = executions(trajectory, plant, 4e-3, "pole_placement", 1e-3)
     plain = replace(coarse, plant=None)
-    known, sampled = (
+    with_peaks, sampled = (
         ac.evaluate(x, path, objective=objective).objective_error for x in (coarse, plain)
     )
-    assert known.max > sampled.max and known.rms == sampled.rms
-    assert len(known.t) == len(sampled.t) + 1
+    assert with_peaks.max > sampled.max and with_peaks.rms == sampled.rms
+    assert len(with_peaks.t) == len(sampled.t) + 1

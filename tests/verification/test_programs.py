@@ -70,30 +70,30 @@ def nearest(path, points):
 
 
 def test_every_contour_is_judged_while_at_work_as_by_hand(execution, program):
-    found = ac.evaluate(execution, program, limits=LIMITS)
+    evaluation = ac.evaluate(execution, program, limits=LIMITS)
     spans = [x for x in execution.set_points.trajectory.spans if x.kind == "contour"]
-    assert len(found.contours) == len(spans) == 2
+    assert len(evaluation.contours) == len(spans) == 2
     squares, times = 0.0, 0.0
-    for profile, span, contour in zip(found.contours, spans, program.contours, strict=True):
+    for profile, span, contour in zip(evaluation.contours, spans, program.contours, strict=True):
         assert span.work is not None
         inside = (execution.t >= span.work[0]) & (execution.t < span.work[1])
         t = execution.t[inside]
-        off = nearest(contour.path, ARM.tool_position(execution.q[inside]))
-        assert profile.max == pytest.approx(off.max(), rel=1e-6)
-        mean = trapezoid(off**2, t) / (t[-1] - t[0])
+        errors = nearest(contour.path, ARM.tool_position(execution.q[inside]))
+        assert profile.max == pytest.approx(errors.max(), rel=1e-6)
+        mean = trapezoid(errors**2, t) / (t[-1] - t[0])
         # Up to an interval between results at its ends.
         assert profile.rms == pytest.approx(np.sqrt(mean), rel=2e-3)
         assert span.work[0] <= profile.t[0] and profile.t[-1] == pytest.approx(span.work[1])
         assert span.work[0] <= profile.t_max <= span.work[1]
         assert span.s[0] <= profile.s_max <= span.s[1]
-        here = profile.s[np.isfinite(profile.s)]
-        assert here.min() >= span.s[0] - 1e-12 and here.max() <= span.s[1] + 1e-12
+        positions = profile.s[np.isfinite(profile.s)]
+        assert positions.min() >= span.s[0] - 1e-12 and positions.max() <= span.s[1] + 1e-12
         squares += profile.rms**2 * (profile.t[-1] - profile.t[0])
         times += profile.t[-1] - profile.t[0]
-    assert found.contour_error.rms == pytest.approx(np.sqrt(squares / times), rel=1e-12)
-    assert found.contour_error.max == max(x.max for x in found.contours)
+    assert evaluation.contour_error.rms == pytest.approx(np.sqrt(squares / times), rel=1e-12)
+    assert evaluation.contour_error.max == max(x.max for x in evaluation.contours)
     # Not compensated, the tool cuts corners: there is something to see.
-    assert found.contour_error.max > 1e-5
+    assert evaluation.contour_error.max > 1e-5
 
 
 def test_nothing_outside_the_work_counts(program, execution):
@@ -135,24 +135,24 @@ def test_a_program_of_one_contour_is_worth_what_its_path_is():
     assert first.corners == second.corners and len(first.corners) == 1
     assert first.limit_ratios == second.limit_ratios
     assert first.time_at_limit == second.time_at_limit
-    for found in (first, second):
-        assert found.end_time == found.settled > alone.set_points.trajectory.duration
-        assert [x.max for x in found.contours] == [found.contour_error.max]
+    for evaluation in (first, second):
+        assert evaluation.end_time == evaluation.settled > alone.set_points.trajectory.duration
+        assert [x.max for x in evaluation.contours] == [evaluation.contour_error.max]
 
 
 def test_the_objective_gives_corners_and_short_contours_are_judged_too(
     execution, program, objective
 ):
-    found = ac.evaluate(execution, program, objective=objective, limits=LIMITS)
-    assert found.objective_error is not None
-    assert len(found.corners) == 5  # four of the square, which begins on a side, and one
-    assert found.objective_error.max >= found.contour_error.max * 0.5
+    evaluation = ac.evaluate(execution, program, objective=objective, limits=LIMITS)
+    assert evaluation.objective_error is not None
+    assert len(evaluation.corners) == 5  # four of the square, which begins on a side, and one
+    assert evaluation.objective_error.max >= evaluation.contour_error.max * 0.5
     dot = Path.polyline([[0.3, 0.2], [0.3, 0.2 + 1e-6]])
     moves = (Contour(path=dot), Rapid(), Contour(path=BEND))
     program = Program(moves=moves)
-    found = ac.evaluate(executed(program), program, limits=LIMITS)
-    assert len(found.contours) == 2
-    assert np.isfinite([x.rms for x in found.contours]).all()
+    evaluation = ac.evaluate(executed(program), program, limits=LIMITS)
+    assert len(evaluation.contours) == 2
+    assert np.isfinite([x.rms for x in evaluation.contours]).all()
 
 
 def test_a_rapid_is_not_judged_by_limits_of_the_tool():
@@ -164,16 +164,16 @@ def test_a_rapid_is_not_judged_by_limits_of_the_tool():
     assert speed.max() > 0.05
     set_points = ac.compensate(trajectory, SERVO, ac.Inverse(), cycle=4e-3)
     execution = ac.simulate(set_points, ac.ServoPlant(ARM, SERVO, limits))
-    found = ac.evaluate(execution, DRAWN, limits=limits, limit_use=True)
+    evaluation = ac.evaluate(execution, DRAWN, limits=limits, limit_use=True)
     for name in ("speed", "tool_acceleration", "centripetal_acceleration"):
-        assert found.limit_ratios[name] <= 1 + 1e-6
+        assert evaluation.limit_ratios[name] <= 1 + 1e-6
     # Of the joints the rapid uses what the reserve leaves.
-    assert found.limit_ratios["joint_acceleration"] == pytest.approx(0.8, abs=1e-3)
-    assert found.speed < 0.021 and found.speed_overshoot < 0.001
+    assert evaluation.limit_ratios["joint_acceleration"] == pytest.approx(0.8, abs=1e-3)
+    assert evaluation.speed < 0.021 and evaluation.speed_overshoot < 0.001
     # So does a check of the plan; a contour that is too fast is seen, at its own time.
-    found = ac.check(trajectory, ARM, limits)
-    assert not found.violated and found["speed"].ratio == pytest.approx(1.0, abs=1e-6)
-    assert found["joint_acceleration"].ratio == pytest.approx(0.8, abs=1e-3)
+    evaluation = ac.check(trajectory, ARM, limits)
+    assert not evaluation.violated and evaluation["speed"].ratio == pytest.approx(1.0, abs=1e-6)
+    assert evaluation["joint_acceleration"].ratio == pytest.approx(0.8, abs=1e-3)
     slower = ac.check(trajectory, ARM, limits.replace(speed=0.01))
     assert [x.name for x in slower.violations] == ["speed"]
     contours = [x.t for x in trajectory.spans if x.kind == "contour"]
@@ -195,14 +195,14 @@ def test_refuses_a_program_that_was_not_planned(execution, program, refuses):
     ):
         refuses(call, InvalidInput, words)
     planned, whole = plain.set_points.trajectory, Program(moves=(Contour(path=BEND),))
-    found = [ac.check(planned, ARM, LIMITS, x).path_deviation for x in (whole, BEND)]
-    assert found[0] == found[1]
+    deviations = [ac.check(planned, ARM, LIMITS, x).path_deviation for x in (whole, BEND)]
+    assert deviations[0] == deviations[1]
 
 
 def test_the_mean_speed_is_that_at_work_and_not_above_the_largest(execution, program):
-    found = ac.evaluate(execution, program)
+    evaluation = ac.evaluate(execution, program)
     plan = execution.set_points.trajectory
     works = [x.work for x in plan.contour_spans]
     inside = np.any([(execution.t >= a) & (execution.t <= b) for a, b in works], axis=0)
     mean = np.average(execution.tool_speed[inside])
-    assert found.path_velocity == pytest.approx(mean, rel=0.01) and mean < found.speed
+    assert evaluation.path_velocity == pytest.approx(mean, rel=0.01) and mean < evaluation.speed

@@ -36,11 +36,9 @@ class Parameter:
     unit: str | None
     # Values in SI units; the ends of a sampled range
     values: tuple[Any, ...]
-    # Whether the values are a range
+    # The values are a range, it has a logarithmic scale, and the plan draws samples of it
     ranged: bool = False
-    # Whether the range has a logarithmic scale
     log: bool = False
-    # Whether the plan draws samples of the range
     sampled: bool = False
 
     @property

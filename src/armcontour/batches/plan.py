@@ -11,12 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from armcontour.batches.base_job import (
-    BaseJob,
-    check_placed,
-    named_files,
-    read_base,
-)
+from armcontour.batches.base_job import BaseJob, check_placed, named_files, read_base
 from armcontour.batches.columns import COLUMNS, PLACE, RUN, WORKS, read_columns
 from armcontour.batches.parameters import Parameter, read_parameter
 from armcontour.core import checks
@@ -193,7 +188,9 @@ def read_plan(plan: str | FilePath | Mapping[str, Any], *, trust_xacro: bool = F
         source, folder = file.name, file.parent
         data = load(read_text(file, "plan"), source)
         if not isinstance(data, dict):
-            raise InvalidInput(f"{source} must hold a mapping of keys such as job, run and over.")
+            raise InvalidInput(
+                f"{source} must contain a mapping of keys such as job, run and over."
+            )
     model: PlanModel = read_keys(MappingKeys(PlanModel), data, source)
     with error_context(source):
         return _plan(model, folder, FilePath(source).stem, trust_xacro)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from armcontour.program import Program
     from armcontour.robot import Arm, Limits
     from armcontour.robot.scene import Scene
-    from armcontour.verification import Check
+    from armcontour.verification import Check, CommandCheck
     from armcontour.verification.clearance import Clearance
 
 # Smallest noise [rad]: below it is rounding; an encoder of 32 bits has steps of 1.5e-9 rad.
@@ -41,19 +42,23 @@ def check_file(trajectory: FilePath, options: CheckOptions) -> int:
     from armcontour.files import read_job
     from armcontour.files.result_folder import data_json
     from armcontour.verification import check
+    from armcontour.verification.limit_verdict import VERDICTS
 
     job = None if options.path is None else read_job(options.path, trust_xacro=options.trust_xacro)
     arm, scene = _arm_and_scene(options, None if job is None else job.arm)
     limits, path, deviation, angle = _limits_and_path(options, job, arm)
     samples = _samples(trajectory, arm, options)
-    result = check(samples, arm, limits, path, deviation=deviation, orientation_deviation=angle)
+    allowed: dict[str, Any] = {"deviation": deviation, "orientation_deviation": angle}
+    result = check(samples, arm, limits, path, **allowed)
     clearance = None if scene is None else _clearance(samples, arm, scene)
+    commands = _check_commands(samples, arm, options, limits, path, allowed)
     if not result.uses and result.path_deviation is None and clearance is None:
         raise InvalidInput(f"There is no limit to check: {arm.name} has none, so give --limits.")
     data = result.to_data()
     if options.as_json:
         notes = (Row("left_out", samples.left_out), Row("notes", samples.notes))
-        parts = {} if clearance is None else {"clearance": clearance.to_data()}
+        results = {"clearance": clearance, "commands": commands}
+        parts = {key: x.to_data() for key, x in results.items() if x is not None}
         print(data_json(replace(data, rows=(*data.rows, *notes), parts=parts)), end="")
     else:
         named = sorted({y.joint + 1 for y in result.uses if y.joint is not None})
@@ -66,8 +71,38 @@ def check_file(trajectory: FilePath, options: CheckOptions) -> int:
             remarks += filter(None, [clearance.below_base])
         remarks += [f"Note: {note}" for note in arm.notes]
         Console().show(replace(data, notes=(*data.notes, *remarks)))
+        if commands is not None:
+            Console().show(commands.to_data())
+    verdicts = [result.verdict, *([] if commands is None else [commands.verdict])]
     touches = clearance is not None and not clearance.satisfied
-    return EXIT_CODES["violated" if touches else result.verdict]
+    return EXIT_CODES["violated" if touches else max(verdicts, key=VERDICTS.index)]
+
+
+def _check_commands(
+    samples: TrajectoryFile,
+    arm: Arm,
+    options: CheckOptions,
+    limits: Limits,
+    path: Program | None,
+    allowed: Mapping[str, Any],
+) -> CommandCheck | None:
+    """Check of the commands of a controller; None without `--controller`."""
+    from armcontour.cli.inputs import read_option
+    from armcontour.core.errors import InvalidInput
+    from armcontour.core.quantities import Frequency
+    from armcontour.motion.controller_laws import interpolate_points
+    from armcontour.verification import check_commands
+
+    name, rate = options.controller, read_option("--rate", options.rate, Frequency)
+    if name is None or rate is None:
+        if (name, rate, options.plan) != (None, None, None):
+            raise InvalidInput("--controller and --rate go together; --plan goes with them.")
+        return None
+    reference = None
+    if options.plan is not None:
+        plan = _samples(options.plan, arm, replace(options, noise=None))
+        reference = interpolate_points(plan, "jtc_spline").curve
+    return check_commands(samples, arm, name, rate, limits, path, reference=reference, **allowed)
 
 
 def _limits_and_path(

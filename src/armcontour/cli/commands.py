@@ -68,7 +68,8 @@ app = typer.Typer(
     epilog=(
         "Exit codes: 0 done; 1 not kept, not determined, or refused by the system; 2 invalid "
         "input; 3 out of reach; 4 no timing or certificate; 5 delay not compensated; 6 simulation "
-        "not completed; 7 cannot tell; 8 collision; 9 provisional; 130, 141 and 143 interrupted. "
+        "not completed; 7 cannot tell; 8 collision; 9 provisional; 10 robot differs; "
+        "11 robot lost; 130, 141 and 143 interrupted. "
         "Example: armcontour run gasket.dxf --cell ur5e --out gasket"
     ),
     cls=CommandGroup,

@@ -385,6 +385,11 @@ class CheckOptions(DescriptionOptions, LogOptions):
             as ur5e, a job file, of which scene is enough, or obstacles as URDF.
         noise: Largest error of measured positions, and perhaps of velocities: '0.05 mrad, 2
             mrad/s'.
+        controller: Also check the commands that a controller sends for these points: jtc,
+            jtc_spline, jtc_none, linuxcnc or hold.
+        rate: Rate of that controller: '500 Hz'.
+        plan: File with the motion that was sampled, such as planned.csv; its distance from the
+            commands is printed.
     """
 
     arm: Text = None
@@ -393,6 +398,9 @@ class CheckOptions(DescriptionOptions, LogOptions):
     run_name: Annotated[Text, typer.Option("--run")] = None
     scene: Text = None
     noise: Text = None
+    controller: Text = None
+    rate: Text = None
+    plan: File = None
     as_json: AsJson = False
 
 

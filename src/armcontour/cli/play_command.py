@@ -57,7 +57,7 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
         controller = controller_of(job, options.on, options.address, options.hal)
         if options.execute:
             _confirm(job, controller)
-        with search_progress("playing") as progress, on_interrupt(stop.set):
+        with on_interrupt(stop.set), search_progress("playing") as progress:
             played = play(
                 job,
                 controller,
@@ -74,8 +74,10 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
     if options.as_json:
         print(data_json(played.to_data()), end="")
     else:
-        _print(played, options.out)
-    return DONE if played.record is None or played.record.stopped is None else STOPPED
+        _print(played, options)
+    if played.record is None:
+        return STOPPED if options.execute else DONE
+    return DONE if played.record.stopped is None else STOPPED
 
 
 def controller_of(
@@ -125,15 +127,18 @@ def _write(played: Played, folder: ResultFolder) -> None:
     from armcontour.files.log_file import write_log
     from armcontour.files.result_folder import data_json
 
-    folder.place("log.csv", partial(write_log, log=played.log))
+    if played.record is not None:
+        folder.place("log.csv", partial(write_log, log=played.log))
     folder.write("summary.json", data_json(played.to_data()))
 
 
-def _print(played: Played, out: FilePath | None) -> None:
+def _print(played: Played, options: PlayOptions) -> None:
     """Print what moved or would move."""
     console = Console()
     console.show(played.to_data())
-    if played.record is None:
+    if not options.execute:
         console.print("Dry run: nothing moved. With --execute the robot moves.")
-    elif out is not None:
-        console.print(f"Log: {out / 'log.csv'}")
+    elif played.record is None:
+        console.print("Stopped before the motion.")
+    elif options.out is not None:
+        console.print(f"Log: {options.out / 'log.csv'}")

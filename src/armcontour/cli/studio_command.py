@@ -66,7 +66,7 @@ def _session(
     """Open the document; this loads the numerical libraries."""
     from armcontour.studio.connection import open_session
 
-    return open_session(file, cell=options.cell, trust_xacro=options.trust_xacro, say=say)
+    return open_session(file, cell=options.cell, trust_xacro=options.trust_xacro, send=say)
 
 
 def _announce(address: str, open_page: bool) -> None:

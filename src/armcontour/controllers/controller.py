@@ -18,6 +18,7 @@ from typing import Annotated, ClassVar, NamedTuple, Self
 
 import numpy as np
 
+from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import (
     ArmContourError,
@@ -48,6 +49,7 @@ SHOWN = 600
 Positions = Annotated[FloatArray, Quantity("rad"), Axes("n", "joints")]
 
 
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stop(Checked):
     """Set-points that replace those of a motion from a cycle on, and end at rest on its path.
@@ -61,6 +63,7 @@ class Stop(Checked):
     q: Positions
 
 
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Motion(Checked):
     """Set-points at the cycles of a controller, with its stops.
@@ -79,6 +82,7 @@ class Motion(Checked):
     band: float = np.inf
 
 
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlayedMotion(Checked):
     """What a controller recorded of a motion.
@@ -101,24 +105,26 @@ class PlayedMotion(Checked):
 
 
 class Command(NamedTuple):
-    """Command of a feeder process, and variables of its environment."""
+    """Command of a feeder process, variables of its environment, and a command after its end."""
 
     words: Sequence[str]
     environment: Mapping[str, str] = {}
+    clean_up: Sequence[str] = ()
 
 
 class _Channel:
     """A feeder process, and what it has sent."""
 
     def __init__(self, command: Command, folder: FilePath) -> None:
-        self.folder = folder
+        self.folder, self.clean_up = folder, command.clean_up
+        self.environment = {**os.environ, **command.environment}
         with open(folder / "stderr.txt", "w") as errors:
             self.process = subprocess.Popen(
                 command.words,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=errors,
-                env={**os.environ, **command.environment},
+                env=self.environment,
                 text=True,
                 start_new_session=True,
             )
@@ -134,8 +140,9 @@ class _Channel:
     def _listen(self) -> None:
         assert self.process.stdout is not None
         for line in self.process.stdout:
-            kind, *words = line.split()
-            if kind == "s":
+            # A process that was killed may have ended within a line.
+            kind, *words = line.split() or [""]
+            if kind == "s" and len(words) == 2 + 2 * len(self.positions):
                 self.samples.append(tuple(map(float, words)))
             elif kind == "R":
                 self.positions = [float(x) for x in words]
@@ -146,15 +153,13 @@ class _Channel:
         self.alive = False
 
     def send(self, lines: Iterable[str]) -> None:
-        """Send lines; a process that has ended is noticed by `alive`."""
+        """Send lines; `alive` shows that no process is left."""
         assert self.process.stdin is not None
         text = "".join(f"{x}\n" for x in lines)
         with self._lock:
-            try:
+            with suppress(OSError, ValueError):
                 self.process.stdin.write(text)
                 self.process.stdin.flush()
-            except (OSError, ValueError):
-                self.alive = False
 
     def event(self, kind: str) -> list[str] | None:
         """The last event of a kind since the begin of the motion."""
@@ -178,9 +183,20 @@ class _Channel:
         except subprocess.TimeoutExpired:
             os.killpg(self.process.pid, signal.SIGTERM)
             self.process.wait()
-        self._listener.join()
+        # Another process of the feeder may still stop the robot.
+        self._listener.join(CLOSING)
         assert self.process.stdout is not None
         self.process.stdout.close()
+        if self.process.returncode and self.clean_up:
+            # A process that was killed has left the controller's programs.
+            subprocess.run(
+                self.clean_up,
+                env=self.environment,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                check=False,
+            )
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
@@ -348,7 +364,7 @@ class Controller(ABC):
         return self._record(begin, motion, stops.sent, notes)
 
     def close(self) -> None:
-        """Disconnect."""
+        """End the connection; a motion stops on its path before."""
         if self._channel is not None:
             self._channel.close()
             self._channel = None
@@ -400,6 +416,8 @@ class Controller(ABC):
         deviation = float(np.abs(command - q[np.minimum(k, len(q) - 1)]).max(initial=0.0))
         if channel.event("W") is not None:
             notes = [*notes, "The feeder had no sign of life from this process and stopped."]
+        if channel.event("V") is not None:
+            notes = [*notes, "A process of the feeder was lost, and another one stopped."]
         if missing:
             notes = [*notes, f"{count_noun(missing, 'sample')} of the record are missing."]
         if late:

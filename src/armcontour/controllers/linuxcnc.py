@@ -3,28 +3,47 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path as FilePath
 
 import numpy as np
 
 from armcontour.controllers.controller import Command, Controller
+from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
-from armcontour.robot import Arm
+from armcontour.core.render import number
+from armcontour.core.result import Row
+from armcontour.core.text import count_noun
+from armcontour.robot import Arm, Limits
+from armcontour.robot.limits import or_unlimited
 from armcontour.robot.servo import ServoModel
 
 # Parent folder of the package, for the Python of the system.
 SOURCE = FilePath(__file__).parents[2]
 SYSTEM_PYTHON = "/usr/bin/python3"
+RTAPI = "/usr/bin/rtapi_app"
 # The real-time program refuses root; it then runs as this user, nobody.
 NOBODY = 65534
+# Parameters of servo models that simulated drives do not have.
+UNSUPPORTED = (
+    "dead_time",
+    "ki",
+    "velocity_feedforward",
+    "acceleration_feedforward",
+    "friction",
+    "drive_cycle",
+)
+# Signal of a HAL file that enables the drives, once the measured position is commanded.
+ENABLE = "armcontour-enable"
 # Rows of the FIFOs between the feeder and the thread.
 STREAMER_DEPTH, SAMPLER_DEPTH = 4000, 8000
 
 
+@checks.explain_calls
 class LinuxCNC(Controller):
     """LinuxCNC's HAL, with the joints of a HAL file, or with simulated drives.
 
@@ -33,9 +52,11 @@ class LinuxCNC(Controller):
     Args:
         hal_file: HAL file of the machine. It loads a servo thread of the cycle, a `streamer` with a
             float for the cycle number and one per joint, and a `sampler` with the same and the
-            measured positions [rad]. By default joints are simulated.
-        servo: Simulated drives: position and velocity loops by HAL's `pid`, which integrate to
-            positions.
+            measured positions [rad]. The signal of the command of a joint has the joint's name,
+            with `-` in place of spaces; the signal `armcontour-enable` enables the drives. By
+            default joints are simulated.
+        servo: Gains of simulated drives: position and velocity loops by HAL's `pid`, which
+            integrate to positions.
         accelerations: Largest acceleration of the simulated drives [rad/s²], one or one per joint.
         late: True for `pid` with `error-previous-target`, LinuxCNC's default, with which a loop
             compares the measured position with the command of the cycle before.
@@ -64,6 +85,26 @@ class LinuxCNC(Controller):
         self.servo, self.accelerations, self.late = servo, accelerations, late
         self.cycle, self.ahead = cycle, round(ahead / cycle)
 
+    def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
+        """Compare limits with the simulated drives, or joints with the HAL file."""
+        if self.hal_file is not None:
+            _check_file(self.hal_file, arm)
+            return [Row("joints", list(arm.joint_names), "", "joints of the HAL file")]
+        drives = np.broadcast_to(np.asarray(self.accelerations, dtype=float), arm.dof)
+        planned = or_unlimited(limits.joint_acceleration, arm.dof)
+        above = planned > drives * (1 + 1e-12)
+        if above.any():
+            j = int(above.argmax())
+            raise ControllerRefused(
+                f"The plan allows an acceleration of joint {j + 1} of "
+                f"{number(planned[j], 'rad/s²')}, but its simulated drive has "
+                f"{number(drives[j], 'rad/s²')}.",
+                joint=j,
+                needed=float(planned[j]),
+                allowed=float(drives[j]),
+            )
+        return [Row("drive_accelerations", list(drives), "rad/s²", "accelerations of the drives")]
+
     def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> Command:
         if shutil.which("halcmd") is None:
             raise ControllerRefused(
@@ -72,9 +113,9 @@ class LinuxCNC(Controller):
         file = folder / "servo.hal"
         if self.hal_file is None:
             assert self.servo is not None
-            lines = simulated_drives(
-                self.servo.for_joints(arm.dof), start, self.accelerations, self.late, self.cycle
-            )
+            names = [signal_name(x) for x in arm.joint_names]
+            servo = self.servo.for_joints(arm.dof)
+            lines = simulated_drives(names, servo, start, self.accelerations, self.late, self.cycle)
             file.write_text("\n".join(lines) + "\n")
         else:
             shutil.copy(self.hal_file, file)
@@ -94,11 +135,49 @@ class LinuxCNC(Controller):
             # The HAL of a machine has one fixed address that other programs use, too.
             apart = []
         words = [*apart, SYSTEM_PYTHON, "-m", "armcontour.controllers.devices.linuxcnc"]
-        words += [str(folder / "samples.txt"), str(file), str(self.ahead)]
-        return Command([*words, *map(repr, start.tolist())], environment)
+        words += [str(folder / "samples.txt"), str(file), str(self.ahead), str(arm.dof)]
+        return Command(words, environment, clean_up=(RTAPI, "exit"))
+
+
+def _check_file(file: FilePath, arm: Arm) -> None:
+    """Compare the joints of a HAL file with those of an arm.
+
+    Raises:
+        ControllerRefused: Their number or names differ.
+    """
+    text = file.read_text(encoding="utf-8", errors="replace")
+    floats = {x: len(y) for x, y in re.findall(r"^\s*loadrt (\w+) .*cfg=(f+)\b", text, re.M)}
+    for component, count in (("streamer", arm.dof + 1), ("sampler", 2 * arm.dof + 1)):
+        if floats.get(component) != count:
+            raise ControllerRefused(
+                f"In {file.name}, {component} has {count_noun(floats.get(component, 0), 'float')}, "
+                f"but the {count_noun(arm.dof, 'joint')} of {arm.name} need {count}, as in "
+                f"loadrt {component} cfg={'f' * count}."
+            )
+    pattern = r"^\s*net (\S+) .*\bstreamer\.0\.pin\.(\d+)"
+    signals = {int(pin): name for name, pin in re.findall(pattern, text, re.M)}
+    for j, joint in enumerate(arm.joint_names, 1):
+        if signals.get(j) != signal_name(joint):
+            raise ControllerRefused(
+                f"In {file.name}, streamer.0.pin.{j} has the signal {signals.get(j)}, but joint "
+                f"{j} of {arm.name} is {joint}, which needs net {signal_name(joint)} "
+                f"streamer.0.pin.{j}.",
+                joint=j - 1,
+            )
+    if not re.search(rf"^\s*(net|newsig) {ENABLE}\s", text, re.M):
+        raise ControllerRefused(
+            f"{file.name} has no signal {ENABLE}, which enables the drives once their measured "
+            "position is commanded."
+        )
+
+
+def signal_name(joint: str) -> str:
+    """Name of the HAL signal with the command of a joint."""
+    return re.sub(r"[^\w.-]", "-", joint)
 
 
 def simulated_drives(
+    names: Sequence[str],
     servo: ServoModel,
     start: FloatArray,
     accelerations: float | FloatArray,
@@ -106,21 +185,26 @@ def simulated_drives(
     cycle: float,
 ) -> Iterator[str]:
     """Lines of a HAL file with a servo and a double integrator per joint."""
-    if servo.kv is None:
-        raise InvalidInput("LinuxCNC simulates servos of order second.")
+    other = [x for x in UNSUPPORTED if np.any(getattr(servo, x))]
+    if servo.kv is None or not np.isfinite(servo.kv).all() or other:
+        raise InvalidInput(
+            "LinuxCNC's simulated drives have kp and kv only: give a servo of order second without "
+            f"{', '.join(other or UNSUPPORTED)}."
+        )
     dof = len(start)
     limits = np.broadcast_to(np.asarray(accelerations, dtype=float), dof)
     joints = range(dof)
 
-    def names(prefix: str) -> str:
+    def each(prefix: str) -> str:
         return ",".join(f"{prefix}{j}" for j in joints)
 
     yield f"loadrt threads name1=servo period1={round(cycle * 1e9)}"
     yield f"loadrt streamer depth={STREAMER_DEPTH} cfg={'f' * (dof + 1)}"
     yield f"loadrt sampler depth={SAMPLER_DEPTH} cfg={'f' * (2 * dof + 1)}"
-    yield f"loadrt pid names={names('p')},{names('v')}"
-    yield f"loadrt integ names={names('iv')},{names('iq')}"
-    yield f"loadrt sum2 names={names('q')}"
+    yield f"loadrt pid names={each('p')},{each('v')}"
+    yield f"loadrt integ names={each('iv')},{each('iq')}"
+    yield f"loadrt sum2 names={each('q')}"
+    yield f"newsig {ENABLE} bit"
     yield "net cycle streamer.0.pin.0 => sampler.0.pin.0"
     for j in joints:
         yield f"setp p{j}.Pgain {servo.kp[j]:.15g}"
@@ -128,10 +212,10 @@ def simulated_drives(
         if np.isfinite(limits[j]):
             yield f"setp v{j}.maxoutput {limits[j]:.15g}"
         for loop in "pv":
-            yield f"setp {loop}{j}.enable 1"
+            yield f"net {ENABLE} {loop}{j}.enable"
             yield f"setp {loop}{j}.error-previous-target {int(late)}"
         yield f"setp q{j}.offset {start[j]:.17g}"
-        yield f"net u{j} streamer.0.pin.{j + 1} => p{j}.command sampler.0.pin.{j + 1}"
+        yield f"net {names[j]} streamer.0.pin.{j + 1} => p{j}.command sampler.0.pin.{j + 1}"
         yield f"net w{j} p{j}.output => v{j}.command"
         yield f"net a{j} v{j}.output => iv{j}.in"
         yield f"net s{j} iv{j}.out => v{j}.feedback iq{j}.in"

@@ -10,6 +10,7 @@ import numpy as np
 from armcontour.control.compensation import NoCompensation
 from armcontour.controllers.commands import Stopper
 from armcontour.controllers.controller import START, Controller, Motion, PlayedMotion
+from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.fields import checked
@@ -39,6 +40,7 @@ POWERS = {
 }  # fmt: skip
 
 
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Played(Result):
     """A motion of a robot, or of a dry run what would move.
@@ -123,6 +125,10 @@ def play(
     compensated; set-points are never stretched. The robot moves to the start in joint space, at
     this share of its speed. A stop ends on the path, within the limits.
 
+    >>> from armcontour.controllers import LinuxCNC
+    >>> ac.play(ac.read_job("job.yaml"), LinuxCNC("machine.hal")).record is None
+    True
+
     Args:
         job: The job.
         on: The controller, not connected.
@@ -182,7 +188,7 @@ def play(
         on.connect(arm, motion.q[0])
         distance = float(np.abs(on.position() - motion.q[0]).max())
         played = replace(played, distance=distance)
-        if not execute:
+        if not execute or wanted():
             return played
         if distance > START:
             tell(Step(("moving to the start",)))

@@ -113,11 +113,8 @@ def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Seg
 
 
 def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArray]:
-    """The path with tangent arcs instead of its transitions, within a tolerance [m].
-
-    Returns:
-        The path, and corresponding arc lengths on both paths at the vertices [m], (n, 2).
-    """
+    """The path with tangent arcs instead of its transitions, within a tolerance [m]."""
+    # Returns the path, and corresponding arc lengths on both paths at the vertices [m], (n, 2).
     rows, breaks = path.segments, path.breaks
     arcs, vertices = fit_through(path, breaks, tolerance)
     source = np.repeat(np.arange(len(rows)), np.diff(vertices))
@@ -262,9 +259,9 @@ def _split_at_cusps(
     row, low, high = rows[one][i], parameters[i, k], parameters[i, k + 2]
     for _ in range(STEPS):
         span = GOLDEN * (high - low)
-        left, right = high - span, low + span
-        falls = length(curves(row, left, 1)) > length(curves(row, right, 1))
-        low, high = np.where(falls, left, low), np.where(falls, high, right)
+        before, after = high - span, low + span
+        falls = length(curves(row, before, 1)) > length(curves(row, after, 1))
+        low, high = np.where(falls, before, low), np.where(falls, high, after)
     cusps = (low + high) / 2
     vanishes = length(curves(row, cusps, 1)) <= AT_CUSP * largest[i]
     together = np.concatenate([breaks, cusps[vanishes]])

@@ -200,12 +200,8 @@ def _lay_bends(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntA
 
 
 def corner_error(radius: FloatArray, half_turn: FloatArray) -> FloatArray:
-    """Gap between corner point and arc [m], (10): `r (1 - cos h) / cos h`.
-
-    Args:
-        radius: Radius r of the arc [m].
-        half_turn: Half h of the angle between the lines [rad].
-    """
+    """Gap between corner point and arc [m], (10): `r (1 - cos h) / cos h`."""
+    # `radius`: radius r of the arc [m]; `half_turn`: half h of the angle between the lines [rad].
     return np.asarray(radius * 2 * np.sin(half_turn / 2) ** 2 / np.cos(half_turn))
 
 

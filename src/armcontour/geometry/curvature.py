@@ -50,20 +50,11 @@ FEW, MANY, AT_A_TIME = 2, 16, 4000
 
 @checked
 def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray]:
-    """The path with transitions where its curvature jumps without a corner.
-
-    Args:
-        path: The path.
-        tolerance: Largest distance of either path from the other [m]; tolerances of the path's own
-            segments cap it.
-
-    Returns:
-        The path, and corresponding arc lengths on both paths from start to end [m], (n, 2); the
-        correspondence is linear between them.
-
-    Raises:
-        InvalidInput: The tolerance is not above zero, or the path's tool orientation was rounded.
-    """
+    """The path with transitions where its curvature jumps without a corner."""
+    # `tolerance`: largest distance of either path from the other [m]; tolerances of the path's own
+    # segments cap it.
+    # Returns the path, and corresponding arc lengths on both paths from start to end [m], (n, 2);
+    # the correspondence is linear between them.
     allowed = tolerance
     if isinstance(path, ShapedPath):
         raise InvalidInput(

@@ -199,19 +199,7 @@ def round_corners(
     the angular rate jumps. An orientation that follows the tangent may deviate from it by that
     angle where lines and arcs meet.
 
-    Args:
-        path: The objective path.
-        tolerance: Largest corner error [m], a number or (vertices,).
-        speed: Lowest corner speed [m/s], a number or (vertices,).
-        acceleration: Centripetal acceleration at that speed [m/s²], a number or (vertices,); with
-            `tolerance` alone it only sets the reported corner speed (16).
-        angular_tolerance: Largest angle between the orientation and its value at the vertex [rad].
-        continuity: "tangent", or "curvature" for corners that a motion with a jerk limit passes
-            without a stop.
-
-    Raises:
-        InvalidInput: Neither case is given, a value is negative, the number of values is wrong, the
-            continuity is unknown, or the orientation needs an angular tolerance.
+    Arguments and errors are those of `armcontour.round_corners` for a path.
     """
     checks.check_choice("continuity", continuity, CONTINUITIES)
     if tolerance is None and (speed is None or acceleration is None):
@@ -249,15 +237,11 @@ def round_with_parabolas(
 
 
 def count_full_stops(path: Path) -> dict[str, int]:
-    """Number of full stops inside a path, by reason.
-
-    The reasons are those of `Corners.reason`, "rounding off" for corners that were not rounded,
-    "faster than a curve" for corners of a shaped path, and "tool orientation" where only the
-    orientation or its rate jumps.
-
-    Args:
-        path: The path, rounded, shaped, or neither.
-    """
+    """Number of full stops inside a path, by reason."""
+    # The reasons are those of `Corners.reason`, "rounding off" for corners that were not rounded,
+    # "faster than a curve" for corners of a shaped path, and "tool orientation" where only the
+    # orientation or its rate jumps.
+    # `path`: the path, rounded, shaped, or neither.
     if isinstance(path, RoundedPath):
         reasons = [x for x in path.corners.reason.tolist() if x is not None]
     else:

@@ -86,12 +86,9 @@ class Segments(Value):
 
     @classmethod
     def lines(cls, points: FloatArray, **columns: Any) -> Segments:
-        """The table of straight lines through points.
-
-        Args:
-            points: Ends of the lines without equal neighbours [m], (n + 1, dimension).
-            columns: Other columns of the table, such as speeds.
-        """
+        """The table of straight lines through points."""
+        # `points`: ends of the lines without equal neighbours [m], (n + 1, dimension); `columns`:
+        # other columns of the table, such as speeds.
         steps = np.diff(points, axis=0)
         lengths = np.linalg.norm(steps, axis=1)
         return cls(
@@ -143,14 +140,8 @@ class Segments(Value):
         return self.replace(checked=self.checked and together, **columns)
 
     def split(self, bounds: IntArray) -> list[Segments]:
-        """Tables of consecutive rows, each a continuous path; checked all at once.
-
-        Args:
-            bounds: First row of every table, and the number of rows, (n + 1,).
-
-        Raises:
-            InvalidInput: As in `check`.
-        """
+        """Tables of consecutive rows, each a continuous path; checked all at once."""
+        # `bounds`: first row of every table, and the number of rows, (n + 1,).
         self._check_values()
         self.check_gaps(apart=bounds[1:-1])
         whole = self.replace(checked=True)
@@ -336,11 +327,7 @@ class Segments(Value):
         return self.replace(checked=self.checked, **deeper)
 
     def check(self) -> Segments:
-        """The same segments, after a check that they make a continuous path.
-
-        Raises:
-            InvalidInput: The columns do not fit together, or there is a gap between segments.
-        """
+        """The same segments, after a check that they make a continuous path."""
         if self.checked:
             return self
         self._check_values()
@@ -377,14 +364,7 @@ class Segments(Value):
             raise InvalidInput("quintics of a path must be finite from 0 on, or NaN altogether.")
 
     def check_gaps(self, apart: IntArray | None = None) -> None:
-        """Refuse a table in which a segment does not start where the segment before it ends.
-
-        Args:
-            apart: Rows that may start anywhere.
-
-        Raises:
-            InvalidInput: There is a gap; with the index of the segment after it.
-        """
+        """Refuse a table in which a segment does not start where the segment before it ends."""
         if len(self) == 1:
             return
         gaps = np.linalg.norm(self.ends[:-1] - self.starts[1:], axis=1)

@@ -206,7 +206,9 @@ def check_correspondence(places: npt.ArrayLike, objective: Path, path: Path) -> 
     ends = np.array([[0.0, 0.0], [objective.length, path.length]])
     near = 1e-9 * (1 + ends[1])
     if pairs.ndim != 2 or not pairs.size or (np.abs(pairs[[0, -1]] - ends) > near).any():
-        raise InvalidInput("The places of a shaped path must lead from its start to its end.")
+        raise InvalidInput(
+            "The corresponding arc lengths of a shaped path must lead from its start to its end."
+        )
     if (np.diff(pairs, axis=0) < 0).any():
-        raise InvalidInput("The places of a shaped path must not decrease.")
+        raise InvalidInput("The corresponding arc lengths of a shaped path must not decrease.")
     return pairs

@@ -182,38 +182,28 @@ class Tube(Checked):
         return len(self.segments)
 
     def windows(self, places: npt.ArrayLike, reach: npt.ArrayLike) -> IntArray:
-        """First and last piece within reach of arc lengths on the objective, (n, 2).
-
-        Args:
-            places: Arc lengths on the objective [m], (n,).
-            reach: Distance along the objective to either side [m], a number or (n,).
-        """
+        """First and last piece within reach of arc lengths on the objective, (n, 2)."""
+        # `places`: arc lengths on the objective [m], (n,); `reach`: distance along the objective to
+        # either side [m], a number or (n,).
         centres, half_width = np.broadcast_arrays(
             np.asarray(places, float), np.asarray(reach, float)
         )
         return self.windows_between(centres - half_width, centres + half_width)
 
     def nearest(self, points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Arc lengths of the nearest points of the objective, each within a range [m], (n,).
-
-        Args:
-            points: The points [m], (n, dimension).
-            low: Arc lengths on the objective at which the range of each point starts [m], (n,).
-            high: Arc lengths at which the ranges end [m], (n,).
-        """
+        """Arc lengths of the nearest points of the objective, each within a range [m], (n,)."""
+        # `points`: the points [m], (n, dimension); `low`: arc lengths on the objective at which the
+        # range of each point starts [m], (n,); `high`: arc lengths at which the ranges end [m],
+        # (n,).
         ranges = np.stack([low, np.maximum(low, high)], axis=1)
         windows = self.windows_between(ranges[:, 0], ranges[:, 1])
         _, s = _nearest_in_range(points, ranges, windows, self._pieces[0])
         return np.asarray(np.clip(s, low, high))
 
     def margin(self, points: FloatArray, windows: IntArray) -> FloatArray:
-        """Remaining distance to the boundary of the tube, below 0 outside [m], (n,).
-
-        Args:
-            points: The points [m], (n, dimension).
-            windows: First and last piece of each point's part, as from `windows`, (n, 2). The piece
-                with the largest margin counts.
-        """
+        """Remaining distance to the boundary of the tube, below 0 outside [m], (n,)."""
+        # `points`: the points [m], (n, dimension); `windows`: first and last piece of each point's
+        # part, as from `windows`, (n, 2). The piece with the largest margin counts.
         from armcontour.geometry.kernels import TubePieces, find_excess
 
         everywhere = np.tile([-np.inf, np.inf], (len(points), 1))
@@ -306,13 +296,7 @@ class Tube(Checked):
     def nearest_to_corners(
         self, path: Path, places: FloatArray, reach: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Distance of each corner from its part of a path, and the nearest arc length [m].
-
-        Args:
-            path: The path.
-            places: As in `prove`, (n, 2).
-            reach: As in `prove`, one per row of `places` [m], (n,).
-        """
+        """Distance of each corner from its part of a path, and the nearest arc length [m]."""
         corner_s = self.objective.breaks[self.vertex]
         objective_s, along = places[:, 0], places[:, 1]
         around = np.interp(corner_s, objective_s, reach)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -62,11 +62,6 @@ class Woven:
     pitch: float  # Length of the seam per wave [m]
     frequency: float  # Waves per second at the assigned velocity [1/s]; NaN without a single one
     left_out: float  # Length of the seam in parts that are too short for the weave [m]
-
-
-def weave_path(path: Path, **wishes: Any) -> Path:
-    """The path that weaves along a seam; the arguments are those of `weave_seam`."""
-    return weave_seam(path, **wishes)[0]
 
 
 @checked

@@ -4,6 +4,7 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "kernels": "interval_times",
+    "controller_laws": "CONTROLLERS CommandCurve interpolate_points",
     "derivative_bounds": "largest_shares",
     "execution": "Execution FineMotion LONGEST_CLOCK LimitCost SetPoints check_cycle",
     "joint_path": "JointPath",

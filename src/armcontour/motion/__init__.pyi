@@ -1,4 +1,7 @@
 from armcontour.core.quintics import quintic as quintic
+from armcontour.motion.controller_laws import CONTROLLERS as CONTROLLERS
+from armcontour.motion.controller_laws import CommandCurve as CommandCurve
+from armcontour.motion.controller_laws import interpolate_points as interpolate_points
 from armcontour.motion.derivative_bounds import largest_shares as largest_shares
 from armcontour.motion.execution import Execution as Execution
 from armcontour.motion.execution import FineMotion as FineMotion

@@ -21,21 +21,13 @@ Derivatives: TypeAlias = list[FloatArray]
 def largest_shares(
     law: PathLaw, limits: FloatArray, speeds: FloatArray, allowed: float
 ) -> FloatArray:
-    """Largest ratios of joint motion and path speed to their limits, over all times of a law.
-
-    A ratio of at most `allowed` is proven for all times of the law, up to rounding errors: an
-    interval whose bound exceeds it is halved. A larger ratio is that of a point, or a bound.
-
-    Args:
-        law: The law.
-        limits: Lower and upper bounds of acceleration [rad/s²] and of velocity [rad/s] of every
-            joint, infinite without one, (4, dof).
-        speeds: Two highest path speeds on every interval of the joint path [m/s], (m, 2).
-        allowed: The ratio to prove.
-
-    Returns:
-        The ratios of the four limits of joints and of both path speeds, (6,).
-    """
+    """Largest ratios of joint motion and path speed to their limits, over all times of a law."""
+    # A ratio of at most `allowed` is proven for all times of the law, up to rounding errors: an
+    # interval whose bound exceeds it is halved. A larger ratio is that of a point, or a bound.
+    # `limits`: lower and upper bounds of acceleration [rad/s²] and of velocity [rad/s] of every
+    # joint, infinite without one, (4, dof); `speeds`: two highest path speeds on every interval of
+    # the joint path [m/s], (m, 2).
+    # Returns the ratios of the four limits of joints and of both path speeds, (6,).
     i = np.arange(len(law.breaks) - 1)
     begin, end = law.breaks[:-1], law.breaks[1:]
     largest = np.zeros(6)

@@ -248,15 +248,10 @@ class FineMotion:
     def through(
         cls, t: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray | None, indices: IntArray
     ) -> FineMotion:
-        """The motion from each of some samples to the next one, by polynomials.
-
-        Args:
-            t: Times of all results [s], (n,).
-            q: Joint positions [rad], (n, dof).
-            dq: Joint velocities [rad/s], (n, dof).
-            ddq: Joint accelerations [rad/s²], (n, dof), or None.
-            indices: Indices of the results before, increasing, (m,).
-        """
+        """The motion from each of some samples to the next one, by polynomials."""
+        # `t`: times of all results [s], (n,); `q`: joint positions [rad], (n, dof); `dq`: joint
+        # velocities [rad/s], (n, dof); `ddq`: joint accelerations [rad/s²], (n, dof), or None;
+        # `indices`: indices of the results before, increasing, (m,).
         i = (indices[:, None] + np.arange(2)).ravel()
         rate = dq[i]
         acceleration = None if ddq is None else ddq[i]
@@ -264,11 +259,7 @@ class FineMotion:
 
 
 def check_cycle(cycle: float) -> float:
-    """A checked cycle [s].
-
-    Raises:
-        InvalidInput: The interval is not a number, or outside INTERVALS.
-    """
+    """A checked cycle [s]."""
     interval = checks.check_number("cycle", cycle, "s")
     if INTERVALS[1] < interval <= 1e3 * INTERVALS[1]:
         raise InvalidInput(

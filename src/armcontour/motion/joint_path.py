@@ -17,7 +17,7 @@ from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
 from armcontour.core.text import count_noun, format_table, joint_rows, short_repr
 from armcontour.geometry import Path
-from armcontour.motion.kernels import JointMotion, examine_pieces, joint_motions, spline_pieces
+from armcontour.motion.kernels import JointDerivatives, examine_pieces, joint_motions, spline_pieces
 
 # Rounding error of differences of arc lengths, over the largest arc length.
 PLAY = 4 * float(np.finfo(np.float64).eps)
@@ -265,7 +265,7 @@ class JointPath(Checked):
         along, end = np.zeros((4, len(arc_lengths))), self.breaks[pieces + 1]
         along[0], along[1] = arc_lengths, 1.0
         end.setflags(write=False)
-        out = JointMotion(q, first, second, np.empty((0, self.dof)))
+        out = JointDerivatives(q, first, second, np.empty((0, self.dof)))
         rows = np.arange(last + 2)
         joint_motions(along, end, pieces, rows, self.breaks, self.coefficients, out)
         q, first, second = (x.reshape(*np.shape(s), self.dof) for x in (q, first, second))

@@ -29,16 +29,10 @@ def interval_time(width: float, begin: float, end: float, slope: float) -> float
 def interval_times(
     width: FloatArray, begin: FloatArray, end: FloatArray, slope: FloatArray
 ) -> FloatArray:
-    """Durations of intervals with a path acceleration linear in s [s], (n,).
-
-    `(2 / k) atanh(k width / (begin + end))` with `k² = slope`.
-
-    Args:
-        width: Lengths of the intervals [m], (n,).
-        begin: Path speeds at the starts [m/s], (n,).
-        end: Path speeds at the ends [m/s], (n,).
-        slope: Slopes of dds over s [1/s²], (n,).
-    """
+    """Durations of intervals with a path acceleration linear in s [s], (n,)."""
+    # `(2 / k) atanh(k width / (begin + end))` with `k² = slope`.
+    # `width`: lengths of the intervals [m], (n,); `begin`: path speeds at the starts [m/s], (n,);
+    # `end`: path speeds at the ends [m/s], (n,); `slope`: slopes of dds over s [1/s²], (n,).
     times = np.empty(len(width))
     for i in range(len(width)):
         times[i] = interval_time(width[i], begin[i], end[i], slope[i])
@@ -149,7 +143,7 @@ def spline_pieces(knots: FloatArray, points: FloatArray, clamped: bool) -> Float
 SHORT = 1e-2
 
 
-class JointMotion(NamedTuple):
+class JointDerivatives(NamedTuple):
     """Joint positions and their derivatives over time, (n, dof) each; (0, dof) if not requested."""
 
     q: FloatArray
@@ -223,7 +217,7 @@ def joint_motions(
     rows: IntArray,
     breaks: FloatArray,  # Breaks of all joint paths [m], each counted from its own start, (m,)
     coefficients: FloatArray,
-    out: JointMotion,  # Output; arrays without rows are not computed
+    out: JointDerivatives,  # Output; arrays without rows are not computed
 ) -> None:
     """Joint positions and their derivatives over time along joint paths, by the chain rule."""
     # `end`: end of the law's interval at each point [m], (n,): a break of the joint path there ends

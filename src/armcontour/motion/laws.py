@@ -16,7 +16,7 @@ from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Interval
 from armcontour.motion.joint_path import JointPath
 from armcontour.motion.kernels import (
-    JointMotion,
+    JointDerivatives,
     interval_times,
     joint_motions,
     path_motions,
@@ -39,10 +39,10 @@ class Law(Checked, ABC):
 
     @abstractmethod
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """Q or a derivative up to the third, at times `t` [s], of interval `i`, (n, dof)."""
+        """Joint positions or a derivative up to the third, at `t` [s] of interval `i`, (n, dof)."""
 
     def motion(self, i: IntArray, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
-        """Q and its derivatives up to an order, at times `t` of interval `i`, (n, dof) each.
+        """Joint positions and derivatives up to an order, at `t` of interval `i`, (n, dof) each.
 
         This is faster than `on_interval` for every order.
         """
@@ -60,7 +60,7 @@ class LawAlongPath(Law):
 
     @abstractmethod
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """S or a derivative up to the third, at times `t` [s], of interval `i`, (n,)."""
+        """Arc length or a derivative up to the third, at times `t` [s], of interval `i`, (n,)."""
 
     @abstractmethod
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
@@ -119,7 +119,7 @@ class LapLaw(Law):
         return np.asarray(self.ddq[i] if order == 2 else np.zeros_like(self.ddq[i]))
 
     def motion(self, i: IntArray, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
-        """Q and its derivatives up to an order, at times `t` of interval `i`, (n, dof) each."""
+        """Joint positions and derivatives up to an order, at `t` of interval `i`, (n, dof) each."""
         u = (t - self.breaks[i])[..., None]
         dq, ddq = self.dq[i], self.ddq[i]
         derivatives = [self.q[i] + u * (dq + u * ddq / 2), dq + u * ddq, ddq]
@@ -181,7 +181,7 @@ class LineLaw(LapLaw, LawAlongPath):
         object.__setattr__(self, "s", checks.frozen_array(s))
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """S or a derivative: the tool's position and its derivatives along the line."""
+        """Arc length or a derivative: the tool's position and its derivatives along the line."""
         q = self.on_interval(i, t, 0)
         if order == 0:
             return np.clip(self._along(q), self.s[i], self.s[i + 1])
@@ -299,7 +299,7 @@ class PathLaw(LawAlongPath):
         return self.reach(passed[(passed > self.s[0]) & (passed < self.s[-1])])[1]
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """S or a derivative at times `t` by the formula of interval `i`."""
+        """Arc length or a derivative at times `t` by the formula of interval `i`."""
         return np.asarray(self.path_motion(i, t)[order])
 
     def path_motion(self, i: IntArray, t: FloatArray) -> FloatArray:
@@ -310,11 +310,11 @@ class PathLaw(LawAlongPath):
         return np.asarray(motion.reshape(4, *shape))
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """Q or a derivative by the chain rule."""
+        """Joint positions or a derivative by the chain rule."""
         return join_path(self.joint_path, self.s[i + 1], self.path_motion(i, t), (order,))[0]
 
     def motion(self, i: IntArray, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
-        """Q and its derivatives up to an order by the chain rule, (n, dof) each."""
+        """Joint positions and derivatives up to an order by the chain rule, (n, dof) each."""
         orders = tuple(range(order + 1))
         return join_path(self.joint_path, self.s[i + 1], self.path_motion(i, t), orders)
 
@@ -342,7 +342,7 @@ def join_path(
     # Returns (n, dof) for each order.
     shape, dof = np.shape(along)[1:], joint_path.dof
     count = along[0].size
-    motion = JointMotion(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))
+    motion = JointDerivatives(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))
     only = np.zeros(count, dtype=np.intp)
     rows = np.array([0, len(joint_path.breaks)])
     tables = rows, joint_path.breaks, joint_path.coefficients

@@ -222,7 +222,7 @@ def _time_mask(t: FloatArray, start: float, end: float, source: str) -> BoolArra
 
 
 def _unwrap(command: FloatArray, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Both without jumps of whole turns, starting in the same turn."""
+    """Set-points and positions without jumps of whole turns, starting in the same turn."""
     # `Log` refuses numbers that no joint has, so their jumps stay.
     if max(np.abs(x).max() for x in (command, measured)) > LARGEST["q"]:
         return command, measured

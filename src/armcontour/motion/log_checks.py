@@ -115,8 +115,8 @@ def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
         return log
     notes = describe_match(names, joint_names, order)
     if spare := [x for i, x in enumerate(names) if i not in order]:
-        left_out = list_some(spare, MAX_NAMED)
-        notes.append(f"Joints of {source} that the arm does not have are left out: {left_out}.")
+        ignored = list_some(spare, MAX_NAMED)
+        notes.append(f"Joints of {source} that the arm does not have are ignored: {ignored}.")
     return replace(
         log,
         command=log.command[:, order],

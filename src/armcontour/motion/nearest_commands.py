@@ -51,7 +51,7 @@ def find_excess(
     """Order, row and joint of the set-point farthest beyond its bound, and its value."""
     # `q`: set-points [rad], (n, dof); `cycle`: cycle [s]; `bounds`: as from `command_bounds`, or
     # its first orders.
-    # Returns the row is that of the last set-point of the difference; None if all bounds are
+    # The row is that of the last set-point of the difference. Returns None if all bounds are
     # satisfied.
     worst, violation = COMMAND_SLACK, None
     for order, (low, high) in enumerate(bounds):

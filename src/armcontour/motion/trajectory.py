@@ -20,7 +20,7 @@ from armcontour.core.quantities import Interval
 from armcontour.core.render import number
 from armcontour.core.text import count_kinds, count_noun, draw, format_table, short_repr, to_html
 from armcontour.geometry import Path
-from armcontour.motion.kernels import JointMotion, joint_motions, path_motions
+from armcontour.motion.kernels import JointDerivatives, joint_motions, path_motions
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw
 from armcontour.robot import Arm, Limits
 
@@ -738,7 +738,9 @@ class JoinedLaws:
             array.setflags(write=False)
         along = path_motions(row, local, self.breaks, self.s, *self.rates)
         dof = self.coefficients.shape[2]
-        motion = JointMotion(*(np.empty((len(t) if k in orders else 0, dof)) for k in range(4)))
+        motion = JointDerivatives(
+            *(np.empty((len(t) if k in orders else 0, dof)) for k in range(4))
+        )
         tables = self.path_rows, self.path_breaks, self.coefficients
         joint_motions(along, _locked(self.s[row + 1]), law, *tables, motion)
         return tuple(motion[k] for k in orders)

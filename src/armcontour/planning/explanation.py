@@ -157,7 +157,7 @@ class Explanation(Result):
             (
                 Row("assigned_length", self.assigned_length, "1", "length at the assigned speed"),
                 Row("assigned_time", self.assigned_time, "1"),
-                Row("slowest", slowest and slowest.sentence, "", "slowest place"),
+                Row("slowest", slowest and slowest.sentence, "", "slowest point"),
                 Row("jerk_stops", len(self.jerk_stops) or None, "", "stops by limits of jerk"),
             ),
             (
@@ -375,12 +375,7 @@ def _runs(values: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def find_jerk_stops(joint_path: JointPath, trajectory: Trajectory) -> FloatArray:
-    """Arc lengths of breaks without a stop at which limits of jerk require one [m].
-
-    Args:
-        joint_path: The joint path.
-        trajectory: The motion along it.
-    """
+    """Arc lengths of breaks without a stop at which limits of jerk require one [m]."""
     breaks = np.setdiff1d(joint_path.breaks[1:-1], joint_path.stops)
     return np.asarray(breaks[trajectory.speed_at(breaks) == 0])
 

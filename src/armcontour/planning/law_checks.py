@@ -56,11 +56,6 @@ def require_speed(limits: Limits, method: str) -> float:
     return limits.speed
 
 
-def segment_speeds(path: Path, speed: float) -> FloatArray:
-    """Assigned velocity of each segment [m/s], (n,): its own velocity, but at most `speed`."""
-    return np.fmin(path.speeds, speed)
-
-
 def path_law(joint_path: JointPath, s: FloatArray, start: FloatArray, end: FloatArray) -> PathLaw:
     """Time law with constant path acceleration on each interval."""
     # `s`: arc lengths of the interval ends [m], (n + 1,); `start`: tool speed at the start of each
@@ -117,38 +112,24 @@ def check_kept(
     for law in laws if limited else ():
         states = law_states(law, arm)
         for name in limited:
-            _refuse_in_law(law, states, limits, name, location, start, remedy)
+            use = states.use(name, limits)
+            ratio = use.ratio
+            if ratio.max() <= 1 + ROUNDING:
+                continue
+            index = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
+            joint = int(index[1]) if len(index) == 2 else None
+            needed, limit = use.value[index], np.broadcast_to(use.limit, ratio.shape)[index]
+            subject = "the tool" if joint is None else f"joint {joint + 1}"
+            intervals, times = sample_times(law)
+            s = float(law.path_position(intervals[index[0]], times[index[0]]))
+            raise NotRealizable(
+                f"{location}, at {s:.4g} m, {subject} would need {needed:.4g} {UNITS[name]}"
+                f"{OF.get(name, '')}, but its limit is {limit:.4g} {UNITS[name]}: {remedy}.",
+                s=s,
+                t=start + float(times[index[0]]),
+                joint=joint,
+                limit=name,
+                needed=float(needed),
+                allowed=float(limit),
+            )
         start += float(law.breaks[-1])
-
-
-def _refuse_in_law(
-    law: LawAlongPath,
-    states: States,
-    limits: Limits,
-    name: str,
-    location: str,
-    start: float,
-    remedy: str,
-) -> None:
-    """Raise NotRealizable if a law that starts at the time `start` [s] violates one limit."""
-    use = states.use(name, limits)
-    ratio = use.ratio
-    if ratio.max() <= 1 + ROUNDING:
-        return
-    index = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
-    joint = int(index[1]) if len(index) == 2 else None
-    needed, limit = use.value[index], np.broadcast_to(use.limit, ratio.shape)[index]
-    subject = "the tool" if joint is None else f"joint {joint + 1}"
-    intervals, times = sample_times(law)
-    s = float(law.path_position(intervals[index[0]], times[index[0]]))
-    raise NotRealizable(
-        f"{location}, at {s:.4g} m, {subject} would need {needed:.4g} {UNITS[name]}"
-        f"{OF.get(name, '')}, "
-        f"but its limit is {limit:.4g} {UNITS[name]}: {remedy}.",
-        s=s,
-        t=start + float(times[index[0]]),
-        joint=joint,
-        limit=name,
-        needed=float(needed),
-        allowed=float(limit),
-    )

@@ -289,7 +289,7 @@ def _refuse_standing(s: float) -> NoReturn:
     raise NotRealizable(
         f"At {s:.6g} m along the path no joint moves with s, so that nothing bounds ds there, and "
         "constraints that are functions of s cannot be satisfied: remove them, or give the joint "
-        "path a parameter along which the joints go on.",
+        "path a parameter along which the joints keep moving.",
         s=s,
     )
 

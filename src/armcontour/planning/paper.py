@@ -20,7 +20,6 @@ from armcontour.planning.law_checks import (
     law_peaks,
     path_law,
     require_speed,
-    segment_speeds,
     tool_path_of,
 )
 from armcontour.planning.options import FEWEST_LAPS, MAX_LAPS, Paper
@@ -53,7 +52,7 @@ def plan_paper(joint_path: JointPath, arm: Arm, limits: Limits, options: Paper) 
     # `joint_path`: A traced path of lines and arcs; `limits`: limits with joint accelerations and
     # an assigned velocity; the centripetal acceleration sets the corner speed (16).
     path = tool_path_of(joint_path, "paper")
-    assigned = segment_speeds(path, require_speed(limits, "paper"))
+    assigned = np.fmin(path.speeds, require_speed(limits, "paper"))
     _refuse_limits(limits)
     junctions = _junctions(path, _straight(path), assigned, limits)
     lines = _make_lines(joint_path, arm, limits, assigned, junctions, options)
@@ -240,7 +239,7 @@ def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajec
     # as in Sec. IV of the paper. Limits of torque and of angular motion are checked between the
     # jumps.
     path = tool_path_of(joint_path, "conventional")
-    speeds = segment_speeds(path, require_speed(limits, "conventional"))
+    speeds = np.fmin(path.speeds, require_speed(limits, "conventional"))
     law = path_law(joint_path, path.breaks, speeds, speeds)
     check_kept(
         [law],

@@ -203,11 +203,7 @@ def intervals_of(program: Program) -> int | None:
 
 
 def check_duration(program: Program, limits: Limits) -> None:
-    """Check the duration of a program at its assigned velocities against LONGEST_MOTION.
-
-    Raises:
-        InvalidInput: The program takes longer.
-    """
+    """Check the duration of a program at its assigned velocities against LONGEST_MOTION."""
     total = assigned_time(program, limits)
     if not total <= LONGEST_MOTION:
         raise InvalidInput(

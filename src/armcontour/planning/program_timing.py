@@ -260,15 +260,7 @@ def _early_place(event: Event, length: float, called: str) -> float:
 
 
 def check_jerk_support(method: Method, limits: Limits) -> None:
-    """Check that the method supports the limits of jerk, if any.
-
-    Args:
-        method: The method.
-        limits: The limits.
-
-    Raises:
-        NotRealizable: Limits of jerk are given, and the method does not support them.
-    """
+    """Check that the method supports the limits of jerk, if any."""
     limited = limits.jerk_limits
     if not limited or method == Method.OPTIMAL:
         return

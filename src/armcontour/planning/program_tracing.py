@@ -129,21 +129,12 @@ def trace_program(
     if seed is None:
         shaped = [x.path for x in program.contours if isinstance(x.path, ShapedPath)]
         seed = shaped[0].outcome.joints if shaped else None
-    tracer = _Tracer(
-        program.single_path,
-        program.moves,
-        program.contours,
-        arm,
-        arm.with_limits(bounds),
-        bounds,
-        configuration,
-        seed,
-        accept,
-    )
+    limited, contours = arm.with_limits(bounds), program.contours
+    tracer = _Tracer(program, contours, arm, limited, bounds, configuration, seed, accept)
     for i, move in enumerate(program.moves):
         tracer.follow(i, move)
         if isinstance(move, Contour) and progress is not None:
-            progress(Step(("tracing",), tracer.done / len(tracer.contours)))
+            progress(Step(("tracing",), tracer.done / len(contours)))
     return Tracing(
         program=program, steps=tuple(tracer.steps), faster_rejected=tracer.faster_rejected
     )
@@ -153,8 +144,7 @@ def trace_program(
 class _Tracer:
     """Traces the moves of a program in order; each starts at the end of the previous one."""
 
-    single_path: Path | None
-    moves: tuple[Move, ...]
+    program: Program
     contours: tuple[Contour, ...]
     arm: Arm
     limited: Arm
@@ -172,7 +162,7 @@ class _Tracer:
         """Add the steps of a move; a rapid without a path is the gap before the next move."""
         if isinstance(move, Contour):
             # A single path has no number.
-            alone = self.single_path is not None and not move.name
+            alone = self.program.single_path is not None and not move.name
             called = "" if alone else contour_called(move, self.done)
             with TracedMove(move=i, called=called).named():
                 self._append(i, self._trace(move.path, i), called)
@@ -217,7 +207,9 @@ class _Tracer:
     def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
         arm, limited = self.arm, self.limited
         try:
-            index = next(k for k in range(i, len(self.moves)) if self.moves[k] is contour)
+            index = next(
+                k for k in range(i, len(self.program.moves)) if self.program.moves[k] is contour
+            )
             fastest = self._fastest(contour.path, index, configuration=self.configuration)
             back = trace(path.reversed(), limited, **configuration_of(arm, fastest(0.0)))
             return trace(path, limited, **configuration_of(arm, back(back.length)))
@@ -254,9 +246,9 @@ class _Tracer:
 
     def _look_ahead(self, joint_path: JointPath, i: int) -> float:
         """Lower bound of the duration of the moves after move i [s]; infinite if infeasible."""
-        done = sum(isinstance(x, Contour) for x in self.moves[: i + 1])
+        done = sum(isinstance(x, Contour) for x in self.program.moves[: i + 1])
         trial = replace(self, steps=[], last=joint_path, done=done, looks_ahead=False)
-        for k, move in enumerate(self.moves[i + 1 :], i + 1):
+        for k, move in enumerate(self.program.moves[i + 1 :], i + 1):
             if trial.done == done + AHEAD:
                 break
             try:
@@ -293,16 +285,9 @@ def configuration_of(arm: Arm, q: FloatArray) -> dict[str, Any]:
 
 
 def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) -> Path:
-    """Turn the tool along a rapid from the orientation of the last contour to that of the next.
-
-    Args:
-        path: The path of the rapid.
-        before: The contour before the rapid, if any.
-        after: The contour after the rapid, if any.
-
-    Returns:
-        The path with an orientation; the same path if it has one, or if none is required.
-    """
+    """Turn the tool along a rapid from the orientation of the last contour to that of the next."""
+    # `before`: the contour before the rapid, if any; `after`: the contour after the rapid, if any.
+    # Returns the path with an orientation; the same path if it has one, or if none is required.
     if path.orientation is not None or path.dimension == 2:
         return path
     ends = [(x.path.orientation, x.path.length) for x in before]

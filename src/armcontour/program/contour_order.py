@@ -61,8 +61,8 @@ def direct_contours(program: Program, process: Process) -> Program:
         if inner:
             raise InvalidInput(
                 f"{contour_called(contour, i)} cannot run backwards for the direction {direction}, "
-                f"because it switches {inner[0].name} on its way: give direction drawn, for its "
-                "layer too."
+                f"because its event {inner[0].name} is not at an end: give direction "
+                "drawn, for its layer too."
             )
         turned[contour] = _reverse_contour(contour)
     moves = tuple(turned.get(x, x) if isinstance(x, Contour) else x for x in program.moves)

@@ -54,12 +54,8 @@ SIDE_HALVINGS = 14
 
 
 def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, float, float]]:
-    """Parts of the tool path that separate material: path, first and last arc length, kerf [m].
-
-    Args:
-        program: The program with leads.
-        process: The process that it was prepared for.
-    """
+    """Parts of the tool path that separate material: path, first and last arc length, kerf [m]."""
+    # `process`: the process that it was prepared for.
     parts = []
     for contour in program.contours:
         layer, (begin, end) = process.of_layer(contour.layer), contour.at_work

@@ -171,12 +171,9 @@ def draw_with_arcs(contour: Contour) -> Contour:
 
 
 def put_on_path(contour: Contour, path: RoundedPath | ShapedPath) -> Contour:
-    """The contour on another path, with events and work at the corresponding arc lengths.
-
-    Args:
-        contour: The contour on its objective path.
-        path: The path that replaces the objective path.
-    """
+    """The contour on another path, with events and work at the corresponding arc lengths."""
+    # `contour`: the contour on its objective path; `path`: the path that replaces the objective
+    # path.
     return _move_to_path(contour, path, path.place)
 
 

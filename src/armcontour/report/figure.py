@@ -17,13 +17,7 @@ from armcontour.core.palette import VERDICTS
 from armcontour.core.render import number
 
 # Array types that plotly.js reads from base64, by numpy type.
-TYPES = {
-    "int8": "i1",
-    "int16": "i2",
-    "int32": "i4",
-    "float32": "f4",
-    "float64": "f8",
-}
+TYPES = {"int8": "i1", "int16": "i2", "int32": "i4", "float32": "f4", "float64": "f8"}
 # Characters that could end a script, as they are written in JSON.
 UNSAFE = {"<": "\\u003c", ">": "\\u003e", "/": "\\u002f"}
 # Without tools for selection, which has no effect.

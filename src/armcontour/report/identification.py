@@ -102,7 +102,7 @@ def _sections(identification: Identification | BodyIdentification, data: Data) -
             Section(
                 key="motion",
                 title="Motion and residuals",
-                summary="measured and predicted positions of all joints, and what remains",
+                summary="measured and predicted positions of all joints, and residuals",
                 parts=(_figure(identification),),
             )
         )

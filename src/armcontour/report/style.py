@@ -40,14 +40,14 @@ def run_widths(names: Iterable[str]) -> dict[str, float]:
     return {name: min(1.5 + 1.3 * (len(listed) - 1 - i), 7.0) for i, name in enumerate(listed)}
 
 
-def thin(t: FloatArray, *curves: FloatArray, most: int = MAX_POINTS) -> list[FloatArray]:
-    """Times and curves (n,) reduced to about `most` points.
+def thin(t: FloatArray, *curves: FloatArray, count: int = MAX_POINTS) -> list[FloatArray]:
+    """Times and curves (n,) reduced to about `count` points.
 
     Each interval keeps the extremes of every curve; gaps (NaN) and the ends next to them remain.
     """
     n = len(t)
-    bins = most // (2 * max(1, len(curves)))
-    if n <= most:
+    bins = count // (2 * max(1, len(curves)))
+    if n <= count:
         return [t, *curves]
     size = int(np.ceil(n / bins))
     chosen = {0, n - 1}

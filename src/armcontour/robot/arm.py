@@ -76,14 +76,8 @@ def resolve_limits(
 
 
 def compare_limits(limits: Limits, arm: Arm) -> str:
-    """A sentence on the limits that exceed the arm's; empty if none does.
-
-    Lifted limits do not count.
-
-    Args:
-        limits: The limits, with one value per joint.
-        arm: The arm.
-    """
+    """A sentence on the limits (one value per joint) that exceed the arm's; empty if none does."""
+    # Lifted limits do not count.
     above = []
     for name, unit in UNITS.items():
         values, arm_values = getattr(limits, name), getattr(arm.limits, name)

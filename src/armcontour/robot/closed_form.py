@@ -25,7 +25,7 @@ NEAR = 1e-6
 FIRST, AT_ONCE = 8, 4096
 
 
-class Axis(NamedTuple):
+class JointAxis(NamedTuple):
     """A joint axis, with its matrix of the vector product."""
 
     along: FloatArray
@@ -48,7 +48,9 @@ class Axis(NamedTuple):
     def meet(
         self, v: FloatArray, along: FloatArray, component: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Rotation angles that give vectors a prescribed component along a direction."""
+        """Angles [rad], (..., 2), that rotate vectors to a component along a direction."""
+        # Also the missing part of the component, (...), negative if two angles exist; the angles
+        # are equal if the component cannot be reached.
         # along (3,).
         # Returns missing part of the component, negative if two angles exist, (...), and the angles
         # [rad], (..., 2); equal if the component cannot be reached.
@@ -81,7 +83,7 @@ class Reach(NamedTuple):
 class ClosedForm:
     """Joint axes of an arm with closed-form inverse kinematics."""
 
-    axes: tuple[Axis, ...]
+    axes: tuple[JointAxis, ...]
     points: FloatArray  # Points on them [m], (6, 3)
     center: FloatArray  # The point at which the axes 5 and 6 meet [m], (3,)
     end: FloatArray  # Rotation and position of the tool in the frame of the base, (3, 4)
@@ -104,7 +106,7 @@ class ClosedForm:
             return None
         last = Frame(position=points[5], rotation=links[5, :, :3])
         return cls(
-            axes=tuple(map(Axis, axes, cross_matrix(axes))),
+            axes=tuple(map(JointAxis, axes, cross_matrix(axes))),
             points=points,
             center=center,
             end=(last @ chain.tip @ chain.tool).matrix,

@@ -16,10 +16,13 @@ from armcontour.robot.limits import Limits, or_unlimited
 
 
 class Dynamics:
-    """Inverse dynamics of a chain; arrays are (n, dof), or (dof,) for one state.
+    """Inverse dynamics of a chain with masses; arrays are (n, dof), or (dof,) for one state.
+
+    Joint positions are in rad, velocities in rad/s and accelerations in rad/s². The armature of the
+    drives is part of the torques.
 
     Args:
-        chain: A chain with masses. Its armature is added to the torque of each joint separately.
+        chain: A chain with masses.
 
     Raises:
         InvalidInput: The chain has no masses.
@@ -52,13 +55,7 @@ class Dynamics:
     def path_terms(
         self, q: npt.ArrayLike, dq_ds: npt.ArrayLike, d2q_ds2: npt.ArrayLike
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Coefficients a, b, c of the torque `a dds + b ds² + c` along a path, without friction.
-
-        Args:
-            q: Joint positions [rad], (n, dof).
-            dq_ds: First derivatives by arc length [rad/m], same shape.
-            d2q_ds2: Second derivatives by arc length [rad/m²], same shape.
-        """
+        """Coefficients a, b, c of the torque `a dds + b ds² + c` along a path, without friction."""
         from armcontour.robot import kernels
 
         a, b, c = kernels.path_terms(self._links, self._gravity, *self._rows(q, dq_ds, d2q_ds2))
@@ -83,17 +80,9 @@ class Dynamics:
     def derivatives(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, *, gravity: bool = True
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Derivatives of the torque by position, velocity and acceleration, without friction.
+        """Derivatives of the torque by q, dq and ddq, without friction, (n, dof, dof) each.
 
-        Args:
-            q: Joint positions [rad], (n, dof).
-            dq: Joint velocities [rad/s], same shape.
-            ddq: Joint accelerations [rad/s²], same shape.
-            gravity: Whether the torque includes gravity.
-
-        Returns:
-            Derivatives by position [N m/rad], by velocity [N m s/rad] and by acceleration, which is
-            the mass matrix [kg m²], (n, dof, dof) each.
+        They have the units N m/rad, N m s/rad and kg m²; the last one is the mass matrix.
         """
         states, unit = self._rows(q, dq, ddq), np.eye(len(self.chain))
 
@@ -115,17 +104,10 @@ class Dynamics:
     def last_body_regressor(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, *, gravity: bool = True
     ) -> FloatArray:
-        """Joint torques per inertial parameter of the last body; torques are linear in them.
+        """Joint torques per inertial parameter of the last body, (n, dof, 10).
 
-        Args:
-            q: Joint positions [rad], (n, dof).
-            dq: Joint velocities [rad/s], same shape.
-            ddq: Joint accelerations [rad/s²], same shape.
-            gravity: Whether the torque includes gravity.
-
-        Returns:
-            Torques per mass, per first moments, and per moments of inertia xx, xy, yy, xz, yz and
-            zz about the origin, all in the frame of the last joint, (n, dof, 10).
+        The parameters are mass, first moments, and moments of inertia xx, xy, yy, xz, yz and zz
+        about the origin, all in the frame of the last joint.
         """
         from armcontour.robot import kernels
 

@@ -283,19 +283,17 @@ def _centripetal(states: States) -> Bounded:
     return value, np.where(speed > SLOWEST, error + turned, 0.0)
 
 
-def _angular_speed(states: States) -> Bounded:
-    return _vector(states, angular(require_orientation(states.arm).tool_twist), 1)
-
-
-def _angular_acceleration(states: States) -> Bounded:
-    return _vector(states, angular(require_orientation(states.arm).tool_twist_rate), 2)
-
-
 # The quantity of each limit, with the number of derivatives of q that it needs.
 QUANTITIES: dict[str, tuple[int, Callable[[States], Bounded]]] = {
     "joint_torque": (2, _torque),
-    "angular_speed": (1, _angular_speed),
-    "angular_acceleration": (2, _angular_acceleration),
+    "angular_speed": (
+        1,
+        lambda x: _vector(x, angular(require_orientation(x.arm).tool_twist), 1),
+    ),
+    "angular_acceleration": (
+        2,
+        lambda x: _vector(x, angular(require_orientation(x.arm).tool_twist_rate), 2),
+    ),
     "joint_jerk": (3, lambda x: _joints(x, 3)),
     "tool_jerk": (3, lambda x: _vector(x, x.arm.tool_jerk, 3)),
     "joint_velocity": (1, lambda x: _joints(x, 1)),

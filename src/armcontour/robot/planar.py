@@ -28,7 +28,7 @@ SINGULAR_MARGIN = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Tube(Checked):
+class LinkTube(Checked):
     """A uniform round tube that replaces a link of unknown mass and inertia."""
 
     outer_diameter: Size  # Outer diameter [m]
@@ -99,7 +99,7 @@ class PlanarTwoLink(ChainArm):
         limits: Limits,
         source: str = "",
         joint_names: tuple[Name, Name] = ("joint 1", "joint 2"),
-        tubes: tuple[Tube, Tube] | None = None,
+        tubes: tuple[LinkTube, LinkTube] | None = None,
         payload: Payload | None = None,
         assumed: str = "",
         limits_hint: str = "",
@@ -205,7 +205,7 @@ class PlanarTwoLink(ChainArm):
     def _chain(
         self,
         joints: tuple[str, ...],
-        tubes: tuple[Tube, Tube] | None,
+        tubes: tuple[LinkTube, LinkTube] | None,
         payload: Payload | None,
         assumed: str,
     ) -> Chain:
@@ -275,7 +275,7 @@ class PlanarTwoLink(ChainArm):
         )
 
 
-def _capsules(tubes: tuple[Tube, Tube], lengths: tuple[float, float]) -> ArmShapes:
+def _capsules(tubes: tuple[LinkTube, LinkTube], lengths: tuple[float, float]) -> ArmShapes:
     """Capsules that replace the tubes; the second one ends at the tool."""
     shapes = []
     for k, (tube, length) in enumerate(zip(tubes, lengths, strict=True), start=1):

@@ -225,11 +225,17 @@ NO_FLOOR: Literal["none"] = "none"
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Margins(Checked):
-    """Smallest allowed distances between bodies, by the kind of pair."""
+    """Smallest allowed distances between bodies, by the kind of pair.
 
-    environment: Distance = 0.005  # A link and an obstacle [m]
-    own: Distance = 0.002  # Two links of the arm [m]
-    tool: Distance = 0.002  # The tool and anything else [m]
+    Args:
+        environment: A link and an obstacle [m].
+        own: Two links of the arm [m].
+        tool: The tool and anything else [m].
+    """
+
+    environment: Distance = 0.005
+    own: Distance = 0.002
+    tool: Distance = 0.002
 
 
 MARGINS = Margins()

@@ -169,12 +169,14 @@ class RigidBodyPlant(LimitedPlant):
         self.noise = noise
         self.seed = seed
         self.reference = arm.limits.middle(arm.dof)
-        own_inertia = self.servo.inertia
-        self.nominal_inertia = (
-            _nominal_inertia(self.controller_chain, self.reference)
-            if own_inertia is None
-            else own_inertia
-        )
+        if self.servo.inertia is None:
+            model = mujoco_model.build(
+                self.controller_chain.replace(payload=None), STEP, friction=False
+            )
+            matrix = mujoco_model.mass_matrix(model, self.reference)
+            self.nominal_inertia = np.asarray(np.diagonal(matrix))
+        else:
+            self.nominal_inertia = self.servo.inertia
         self.limits = limits
         vars(self).update(self._drives(None))
         self._springs = _springs(self.chain, joint_stiffness, joint_damping)
@@ -597,12 +599,6 @@ def _springs(
             "remove joint_stiffness."
         )
     return Springs(checks.frozen_array(k), checks.frozen_array(d))
-
-
-def _nominal_inertia(chain: Chain, reference: FloatArray) -> FloatArray:
-    """Inertia of each joint at the reference position without payload [kg m²], (dof,)."""
-    model = mujoco_model.build(chain.replace(payload=None), STEP, friction=False)
-    return np.asarray(np.diagonal(mujoco_model.mass_matrix(model, reference)))
 
 
 def _torque_limits(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArray:

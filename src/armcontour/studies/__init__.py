@@ -1,1 +1,1 @@
-"""Studies: what plans one job many times. Certificates, and places of a part or a base."""
+"""Studies that plan one job many times: certificates, and placements of a part or a base."""

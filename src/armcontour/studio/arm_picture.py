@@ -41,7 +41,8 @@ TABLE_SIZE, TABLE_THICKNESS = 1.1, 0.02
 
 def arm_frame(job: Job) -> PageFrame:
     """Frame with the arm of a job and the bodies in its cell."""
-    arm, chain = job.arm, _chain_of(job.arm)
+    arm, chain = job.arm, job.arm.chain
+    assert chain is not None, "every arm of a job has a chain"
     base = chain.base
     bodies, arrays = _bodies(arm, chain, job.scene or Scene())
     lower, upper = arm.limits.joint_range(arm.dof)
@@ -75,11 +76,6 @@ def matrix(frame: Frame) -> FloatArray:
     homogeneous = np.eye(4)
     homogeneous[:3, :3], homogeneous[:3, 3] = frame.rotation, frame.position
     return homogeneous
-
-
-def _chain_of(arm: Arm) -> Chain:
-    assert arm.chain is not None, "every arm of a job has a chain"
-    return arm.chain
 
 
 def _reach(chain: Chain) -> float:

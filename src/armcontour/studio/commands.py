@@ -97,7 +97,7 @@ class Gestures:
 
 
 def _read_edits(message: PageMessage) -> list[Mapping[str, Any]]:
-    """The edits of a message, a list of 1 to MOST_EDITS mappings."""
+    """The edits of a message, a list of 1 to MAX_EDITS mappings."""
     edits = message.get("edits")
     if not isinstance(edits, list) or not edits or not all(isinstance(x, dict) for x in edits):
         raise InvalidInput(f"The message {message.get('op')} needs edits, a list of mappings.")
@@ -170,11 +170,8 @@ class Commands:
 
     def _save(self, page: Page, message: PageMessage) -> None:
         """Write the job file; a job without a file becomes a download."""
-        document, force, send = (
-            self._editor.document,
-            message.get("force") is True,
-            self._display.send,
-        )
+        document, send = self._editor.document, self._display.send
+        force = message.get("force") is True
         if document.file is None:
             name = f"{document.data.get('name') or 'job'}.yaml"
             content = document.text.encode()
@@ -186,9 +183,8 @@ class Commands:
                 f"{document.file.name} was changed by another program since it was opened: "
                 "overwrite it, or reload it."
             )
-            send(
-                PageFrame("conflict", {"sentence": sentence, "diff": document.conflict()}), to=page
-            )
+            facts = {"sentence": sentence, "diff": document.conflict()}
+            send(PageFrame("conflict", facts), to=page)
             return
         document.save(force=force)
         add_recent(document.file, None)
@@ -228,12 +224,8 @@ class Commands:
         self._display.send(start_frame(), to=page)
 
     def _new(self, page: Page, message: PageMessage) -> None:
-        card, arm, editor = (
-            _required_text(message, "card"),
-            _required_text(message, "arm"),
-            self._editor,
-        )
-        before = editor.document
+        card, arm = (_required_text(message, name) for name in ("card", "arm"))
+        editor, before = self._editor, self._editor.document
         editor.open(new_document(card, arm, editor.uploads, before))
         self._show_opened(before)
 

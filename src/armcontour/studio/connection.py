@@ -13,7 +13,6 @@ from armcontour.core.progress import Step
 from armcontour.studio.access_control import Send
 
 if TYPE_CHECKING:
-    from armcontour.studio.document import Document
     from armcontour.studio.pages import PageMessage
     from armcontour.studio.scheduler import TaskWorkerFactory
     from armcontour.studio.session import Session
@@ -136,33 +135,24 @@ class SessionHost:
                 page.send(data, "start")
 
 
-class StartProgress:
-    """Reports the progress of the start to the pages."""
-
-    def __init__(self, say: Callable[[bytes], None]) -> None:
-        self._broadcast = say
-
-    def __call__(self, step: Step) -> None:
-        """Report a step."""
-        from armcontour.studio.page_frame import PageFrame
-
-        header = {"id": START, "task": START, "steps": list(step.names), "share": step.done}
-        self._broadcast(
-            PageFrame("progress", {"seq": None, "rev": 0, **header, "eta": None}).pack()
-        )
-
-
 def open_session(
     file: FilePath | None,
     *,
     cell: str | None = None,
     trust_xacro: bool = False,
-    say: Callable[[bytes], None] = lambda data: None,
-    slow: TaskWorkerFactory | None = None,
+    send: Callable[[bytes], None] = lambda data: None,
+    task_worker: TaskWorkerFactory | None = None,
 ) -> Session:
     """Open a job file, a drawing in a cell, or an empty plane; `Session.begin` shows it."""
-    tell = StartProgress(say)
-    tell(Step(("loading armcontour",)))
+
+    def report(step: Step) -> None:
+        header = {"id": START, "task": START, "steps": list(step.names), "share": step.done}
+        send(PageFrame("progress", {"seq": None, "rev": 0, **header, "eta": None}).pack())
+
+    from armcontour.studio.page_frame import PageFrame
+
+    report(Step(("loading armcontour",)))
+    from armcontour.studio import drafts, start_page
     from armcontour.studio.editor import arm_file_of
     from armcontour.studio.preview import CoarsePlanner
     from armcontour.studio.session import Session
@@ -171,27 +161,21 @@ def open_session(
     named: list[FilePath] = []
     # The job file may be a link to another folder; the user has named it.
     with listen_to_reading(lambda place, content: named.append(place)):
-        document = _document(file, cell)
+        if file is None:
+            document = start_page.blank_document(DEFAULT_CELL, FilePath.cwd(), drafts.START)
+        else:
+            document = start_page.open_file(file, cell)
     folder = document.folder or FilePath.cwd()
     previewer = CoarsePlanner(folder, trust_xacro=trust_xacro)
-    tell(Step(("reading the job",)))
+    report(Step(("reading the job",)))
     named_arm = arm_file_of(document.data)
     with listen_to_reading(lambda place, content: named.append(place)):
         session = Session(
             document,
             previewer,
             trusted=[folder / named_arm] if trust_xacro and named_arm else (),
-            progress=tell,
-            slow=slow or TaskWorker,
+            progress=report,
+            task_worker=task_worker or TaskWorker,
         )
     session.confine(named)
     return session
-
-
-def _document(file: FilePath | None, cell: str | None) -> Document:
-    from armcontour.studio.drafts import START
-    from armcontour.studio.start_page import blank_document, open_file
-
-    if file is None:
-        return blank_document(DEFAULT_CELL, FilePath.cwd(), START)
-    return open_file(file, cell)

@@ -62,10 +62,8 @@ def _quantity(
     keys: Keys, data: Mapping[str, Any], job: Job, run: str
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Slider row of a quantity, or those of its joints."""
-    written, value = (
-        value_at(data, locate_key(keys, data, run)),
-        value_of(keys, job, run_of(job, run)),
-    )
+    written = value_at(data, locate_key(keys, data, run))
+    value = value_of(keys, job, run_of(job, run))
     key = ".".join(map(str, keys))
     if not isinstance(value, np.ndarray):
         yield key, _row(keys, value, written)

@@ -172,10 +172,9 @@ class Document:
 
     def conflict(self) -> str:
         """Differences between the file on disk and the text, as a unified diff."""
-        there = (
-            decode_text(self._read_file(), self.file) if self.on_disk() in (SAME, CHANGED) else ""
-        )
-        return _diff(there.removeprefix(BOM), self.text, self.source, "on disk", "now")
+        exists = self.on_disk() in (SAME, CHANGED)
+        text = decode_text(self._read_file(), self.file) if exists else ""
+        return _diff(text.removeprefix(BOM), self.text, self.source, "on disk", "now")
 
     def reload(self) -> None:
         """Replace the text by the file on disk, as one step of undo."""

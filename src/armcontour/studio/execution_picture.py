@@ -62,7 +62,7 @@ def tool_lines(
     detail: Detail | None = None,
     **columns: FloatArray,
 ) -> dict[str, Any]:
-    """As `executed_lines`; `columns` are further values of each sample, (n, k)."""
+    """Arrays of the tool deviation; `columns` are further values of each sample, (n, k)."""
     base = np.concatenate([x.on_path for x in pieces])
     detail = detail or Detail.for_points(view.uv(base))
     ends = np.cumsum([0, *(len(x.on_path) for x in pieces)])

@@ -148,14 +148,14 @@ def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
     ]
     in_plane = kind == FILE or all(x[2] is None or len(x[2]) == 2 for x in records)
     plane = _plane_of(job, frame if in_plane else None, points)
-    file = path.get("file")
+    file, uv = path.get("file"), plane.uv(_vertices(job))
     return Handles(
         job=job,
         kind=kind,
         file=file,
         frame=frame,
         plane=plane,
-        centre=_centre(job, plane),
+        centre=np.asarray((uv.min(axis=0) + uv.max(axis=0)) / 2),
         waypoints=tuple(
             Waypoint(index=k, keys=x[1], point=at, uv=plane.uv(at), written=tuple(x[3]), role=x[0])
             for k, (x, at) in enumerate(zip(records, points, strict=True))
@@ -268,12 +268,6 @@ def _plane_across(normal: FloatArray, point: FloatArray, *, flat: bool) -> Plane
 def _vertices(job: Job) -> FloatArray:
     """Ends of all segments of a job's path [m], (n, dimension)."""
     return np.concatenate([x.path.vertices for x in job.program.contours])
-
-
-def _centre(job: Job, plane: Plane) -> FloatArray:
-    """Centre of a job's path in the picture [m], (2,)."""
-    uv = plane.uv(_vertices(job))
-    return np.asarray((uv.min(axis=0) + uv.max(axis=0)) / 2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -117,14 +117,11 @@ class Pages:
         number = secrets.token_hex(8)
         with self._lock:
             self.files[number] = File(name, kind, data)
-            while len(self.files) > MAX_FILES or self._exceeds_memory():
+            while len(self.files) > MAX_FILES or (
+                len(self.files) > 1 and sum(len(x.data) for x in self.files.values()) > MAX_BYTES
+            ):
                 del self.files[next(iter(self.files))]
         return number
-
-    def _exceeds_memory(self) -> bool:
-        """True if the kept files exceed the memory limit; the newest is always kept."""
-        sizes = [len(x.data) for x in self.files.values()]
-        return len(sizes) > 1 and sum(sizes) > MAX_BYTES
 
     def _remember(self, key: str, frame: PageFrame, answers: Mapping[int, int]) -> None:
         """Keep a frame for future pages, and discard the frames that it makes obsolete."""
@@ -153,8 +150,8 @@ class Display:
     def __init__(
         self,
         editor: Editor,
-        fast: Callable[[Callable[[PageFrame], None]], PreviewWorker],
-        slow: TaskWorkerFactory,
+        preview_worker: Callable[[Callable[[PageFrame], None]], PreviewWorker],
+        task_worker: TaskWorkerFactory,
         rest_time: float,
     ) -> None:
         self.editor = editor
@@ -163,7 +160,9 @@ class Display:
         # Shown revision, including the edits of a gesture.
         self._revision = Revision({})
         self._on_disk = ""
-        self.scheduler = Scheduler(editor.previewer, self._send_state_frame, fast, slow, rest_time)
+        self.scheduler = Scheduler(
+            editor.previewer, self._send_state_frame, preview_worker, task_worker, rest_time
+        )
 
     def show_all(self) -> None:
         """Show the document and its run."""

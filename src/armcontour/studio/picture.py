@@ -332,18 +332,14 @@ def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
             return []
         apex, point = view.uv(path((c.start + c.end) / 2)), view.uv(c.point)
         tolerances = path.objective.tolerances
-        neighbour_tolerance = np.fmin(
+        bound = np.fmin(
             tolerances[c.vertex - 1], tolerances[np.minimum(c.vertex, len(tolerances) - 1)]
         )
         # Only corners of a single contour can have their own tolerance.
         numbers = np.zeros(len(c), dtype=np.intp)
         if len(contours) == 1:
             numbers = corner_waypoints(contours[0].path, path.objective)[c.vertex - 1]
-        allowed = (
-            neighbour_tolerance
-            if rounding is None
-            else np.fmin(neighbour_tolerance, _caps(rounding, numbers))
-        )
+        allowed = bound if rounding is None else np.fmin(bound, _caps(rounding, numbers))
         for k in range(len(c)):
             rows.append(
                 {

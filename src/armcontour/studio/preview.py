@@ -1,8 +1,6 @@
-"""Plans and executions while a person edits: those steps of `run` that are not done yet.
+"""Previews: plans and executions of an edited document, without checks for collisions.
 
-A preview differs from a run where waiting for it would take too long, and its notes say so:
-its run is coarser (`coarser_run`), and an arm in space keeps the configuration of the last plan.
-Nothing is checked for collisions.
+A preview differs from `run` if that takes too long: see `coarser_run` and `Preview.differs`.
 """
 
 from __future__ import annotations
@@ -91,7 +89,6 @@ class PreviewExecution:
     """Simulated execution of a plan."""
 
     planned: Preview
-    set_points: SetPoints
     execution: Execution
     pieces: tuple[ContourExecution, ...]
     errors: ErrorProfile
@@ -160,10 +157,8 @@ class CoarsePlanner:
         job = self.job(data, run)
         (job_run,) = job.runs
         with error_context(f"Run {job_run.name}"):
-            preview_run, differs = (
-                (job_run, ()) if tier == Tier.EXACT else coarser_run(job, job_run, tier)
-            )
-            plan, notes = self._plan(job, preview_run, tier, progress)
+            run_of_tier, differs = coarser_run(job, job_run, tier)
+            plan, notes = self._plan(job, run_of_tier, tier, progress)
             explanation = explain_plan(job, plan.trajectory, self._reuse)
         return Preview.of(
             plan,
@@ -207,7 +202,6 @@ class CoarsePlanner:
             )
         return PreviewExecution(
             planned=planned,
-            set_points=set_points,
             execution=execution,
             pieces=pieces,
             errors=errors,
@@ -319,6 +313,8 @@ def _with_one_run(model: JobModel, run: str | None) -> JobModel:
 
 def coarser_run(job: Job, job_run: Run, tier: Tier) -> tuple[Run, tuple[str, ...]]:
     """Run of a preview, and sentences on its differences from the run of the job."""
+    if tier == Tier.EXACT:
+        return job_run, ()
     run, differs, cycle = job_run, [], max(job_run.cycle, DEFAULT_CYCLE)
     try:
         for servo in (job.servo, job.plant_servo):

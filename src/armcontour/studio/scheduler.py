@@ -113,24 +113,24 @@ class Scheduler:
         self,
         previewer: CoarsePlanner,
         deliver: Callable[[PageFrame, DocumentState | None], bool],
-        fast: Callable[[Callable[[PageFrame], None]], PreviewWorker],
-        slow: TaskWorkerFactory,
+        preview_worker: Callable[[Callable[[PageFrame], None]], PreviewWorker],
+        task_worker: TaskWorkerFactory,
         rest_time: float,
     ) -> None:
         self.previewer, self._rest = previewer, rest_time
         self._pictures = 0
-        self._deliver, self._make_task_worker = deliver, slow
+        self._deliver, self._make_task_worker = deliver, task_worker
         self._lock = RLock()
         self._results = ShownResults()
         self._newest: DocumentState | None = None
         # Time of the last execution [s].
         self._executed_at = 0.0
         self._done = Event()
-        self._preview_worker = fast(self._fail)
+        self._preview_worker = preview_worker(self._fail)
         # Details are drawn while a plan is computed.
-        self._detail_worker = fast(self._fail)
+        self._detail_worker = preview_worker(self._fail)
         self._detail_requests: dict[object, tuple[Detail, Callable[[PageFrame], None]]] = {}
-        self._figures_worker = slow(self._receive)
+        self._figures_worker = task_worker(self._receive)
         # Running and queued requests of figures, and the last request with its figures.
         self._current: FiguresRequest | None = None
         self._queued: FiguresRequest | None = None
@@ -497,11 +497,9 @@ class Scheduler:
         """Send progress at intervals; a change of the state of the work (`how`) is sent at once."""
         with self._lock:
             now = time.monotonic()
-            due = (
-                state.start_time + PROGRESS_DELAY
-                if state.reported is None
-                else state.reported + PROGRESS_INTERVAL
-            )
+            due = state.start_time + PROGRESS_DELAY
+            if state.reported is not None:
+                due = state.reported + PROGRESS_INTERVAL
             if state is self._newest and (how or (now >= due and not state.stopped)):
                 state.reported = now
                 tier = Tier.EXACT if state.answered else Tier.PREVIEW

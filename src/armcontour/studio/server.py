@@ -1,6 +1,6 @@
-"""The Studio's server: the page, its sockets, files to open and to save, start and end.
+"""Server of the Studio: page, sockets, uploads, downloads.
 
-It answers as soon as it can, and loads what computes meanwhile: `serve` begins with little.
+It imports little, so that it answers while a thread loads the numerical libraries.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ SWITCH_INTERVAL = 5e-4
 # to 32 MB, hundreds of MB after motions of minutes.
 LARGE_ARRAY, M_MMAP_THRESHOLD = 2**20, -3
 # Close codes of websockets.
-REFUSED_CODE, BUSY_CODE, GOING = 1008, 1013, 1001
+REFUSED_CODE, BUSY_CODE = 1008, 1013
 
 
 class Server:

@@ -1,8 +1,4 @@
-"""One document on pages: what they say, one after the other, and what all of them are told.
-
-Pages that show the same document are its tabs. An edit by one of them is shown by all. An edit of a
-document that has changed since its gesture began is not made, but answered with the new document.
-"""
+"""Session: a document, its pages, and the execution of their messages in order."""
 
 from __future__ import annotations
 
@@ -39,15 +35,15 @@ class Session:
         previewer: CoarsePlanner,
         *,
         trusted: Iterable[FilePath] = (),
-        fast: Callable[[Callable[[PageFrame], None]], PreviewWorker] = PreviewWorker,
-        slow: TaskWorkerFactory = TaskWorker,
+        preview_worker: Callable[[Callable[[PageFrame], None]], PreviewWorker] = PreviewWorker,
+        task_worker: TaskWorkerFactory = TaskWorker,
         rest_time: float = REST,
         progress: Progress = lambda step: None,
     ) -> None:
         self.editor = Editor(document, previewer, trusted)
-        self.display = Display(self.editor, fast, slow, rest_time)
+        self.display = Display(self.editor, preview_worker, task_worker, rest_time)
         self._commands = Commands(self.display, self.confine)
-        self._told = progress
+        self._progress = progress
         self._ending = contextlib.ExitStack()
 
     @property
@@ -67,7 +63,7 @@ class Session:
         job = None if handles is None else handles.job
         with contextlib.ExitStack() as compiling:
             if job is not None:
-                compiling.enter_context(compile_for_run(job.arm.dimension, self._told))
+                compiling.enter_context(compile_for_run(job.arm.dimension, self._progress))
             with self.display.lock:
                 self.display.show_all()
             if self.editor.state.job is not None:

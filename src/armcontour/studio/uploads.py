@@ -1,8 +1,4 @@
-"""Files that a page sends: jobs, drawings and robot descriptions.
-
-A job that refers to a drawing needs a file. So what a page sends is kept in a folder of its own
-until the end, and as long as a draft needs it, unless the folder of the job has the same file.
-"""
+"""Files sent by pages: jobs, drawings, robot descriptions and logs."""
 
 from __future__ import annotations
 
@@ -73,7 +69,7 @@ class Uploads:
         ]
 
     def keep_log(self, name: str, content: bytes) -> str:
-        """Keep a log of the robot and discard the oldest beyond MOST_LOGS; returns its name."""
+        """Keep a log of the robot and discard the oldest beyond MAX_LOGS; returns its name."""
         check_file_name(name)
         if FilePath(name).suffix.lower() not in LOGS or not content:
             kinds = ", ".join(LOGS)
@@ -106,9 +102,9 @@ class Uploads:
                 continue
             shutil.rmtree(folder, ignore_errors=True)
 
-    def _store(self, name: str, content: bytes, beside: FilePath) -> str:
+    def _store(self, name: str, content: bytes, folder: FilePath) -> str:
         """Path of a file next to the job if it exists there, else in the folder of uploads."""
-        there = beside / name
+        there = folder / name
         if there.is_file() and not there.is_symlink() and there.read_bytes() == content:
             return name
         make_private(self.folder)

@@ -133,8 +133,8 @@ def select_points(weight: FloatArray, rows: Sequence[FloatArray], limit: int) ->
     if len(indices) > limit // 2:
         heaviest = np.argpartition(weight[indices], -(limit // 2))[-(limit // 2) :]
         indices = np.union1d(indices[heaviest], np.flatnonzero(np.isinf(weight)))
-    stays = np.zeros(count, dtype=bool)
-    stays[indices] = stays[0] = stays[-1] = True
+    mask = np.zeros(count, dtype=bool)
+    mask[indices] = mask[0] = mask[-1] = True
     parts = max(1, (limit - len(indices)) // (2 * len(rows)))
     width = -(-count // parts)
     table = np.nan_to_num(np.stack(rows))
@@ -144,9 +144,9 @@ def select_points(weight: FloatArray, rows: Sequence[FloatArray], limit: int) ->
         if begin < end:
             cut = table[:, begin:end].reshape(len(rows), -1, min(width, end - begin))
             first = begin + np.arange(cut.shape[1]) * width
-            stays[first + cut.argmin(axis=2)] = True
-            stays[first + cut.argmax(axis=2)] = True
-    return np.flatnonzero(stays)
+            mask[first + cut.argmin(axis=2)] = True
+            mask[first + cut.argmax(axis=2)] = True
+    return np.flatnonzero(mask)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

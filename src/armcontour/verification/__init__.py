@@ -4,6 +4,7 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "trajectory_check": "Check PathDeviation check",
+    "command_check": "CommandCheck check_commands",
     "error_profile": "Coverage ErrorProfile",
     "evaluation": "Evaluation evaluate",
     "contour_execution": "CornerDeviation",

@@ -1,3 +1,5 @@
+from armcontour.verification.command_check import CommandCheck as CommandCheck
+from armcontour.verification.command_check import check_commands as check_commands
 from armcontour.verification.contour_execution import CornerDeviation as CornerDeviation
 from armcontour.verification.error_profile import Coverage as Coverage
 from armcontour.verification.error_profile import ErrorProfile as ErrorProfile

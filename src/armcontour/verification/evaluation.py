@@ -24,7 +24,6 @@ from armcontour.program import Program
 from armcontour.robot import Limits, resolve_limits
 from armcontour.robot.limit_use import use_of
 from armcontour.verification.contour_execution import (
-    ContourExecution,
     CornerDeviation,
     common_delay,
     evaluated_times,
@@ -117,7 +116,11 @@ class Evaluation(Result, Checked):
 
     def to_data(self) -> Data:
         """Result rows, errors first."""
-        return Data("Evaluation", (*self._errors, *self._motion), (self._cornering,))
+        names = ("joint", "contour", "point", "rounding", "overshoot")
+        columns = tuple(Row(x, None, "m" if x not in names[:2] else "") for x in names)
+        rows = [(c.vertex, c.contour, c.point, c.rounding, c.overshoot) for c in self.corners]
+        corners = Table("cornering", columns, rows)
+        return Data("Evaluation", (*self._errors, *self._motion), (corners,))
 
     @property
     def _errors(self) -> tuple[Row, ...]:
@@ -179,14 +182,6 @@ class Evaluation(Result, Checked):
             return "of the motion"
         usable = number(1 - plan.reserve, "1")
         return f"of the motion; planned for {usable} of the accelerations and torques"
-
-    @property
-    def _cornering(self) -> Table:
-        """Table of deviations at the corners of the objective path."""
-        names = ("joint", "contour", "point", "rounding", "overshoot")
-        columns = tuple(Row(x, None, "m" if x not in names[:2] else "") for x in names)
-        rows = [(c.vertex, c.contour, c.point, c.rounding, c.overshoot) for c in self.corners]
-        return Table("cornering", columns, rows)
 
     __repr__ = short_repr
     figure = draw
@@ -324,7 +319,11 @@ def evaluate(
             default=None,
         ),
         orientation_error=_join_known([x.orientation_error for x in pieces]),
-        corners=_number_corners(pieces) if program.single_path is None else pieces[0].corners,
+        corners=tuple(
+            replace(x, contour=None if program.single_path is not None else number)
+            for number, piece in enumerate(pieces, start=1)
+            for x in piece.corners
+        ),
         contours=contours,
         speed=max(float(x.speed.max()) for x in pieces),
         speed_ratio=ratio if ratio > 0 else np.nan,
@@ -377,12 +376,6 @@ def _largest_errors(errors: Sequence[tuple[float, float] | None]) -> tuple[float
     """Largest first and second values, without None; None if there are none."""
     along, across = (max((x[i] for x in errors if x), default=-1.0) for i in (0, 1))
     return None if along < 0 else (along, across)
-
-
-def _number_corners(pieces: Sequence[ContourExecution]) -> tuple[CornerDeviation, ...]:
-    """Cornering deviations of all contours, with contour numbers."""
-    numbered = enumerate(pieces, start=1)
-    return tuple(replace(x, contour=number) for number, y in numbered for x in y.corners)
 
 
 def _time_at_limit(executed: Execution, limits: Limits, duration: float) -> float:

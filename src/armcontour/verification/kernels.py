@@ -23,7 +23,7 @@ MAX_HALVES, SURE = 64, 1e-10
 PAIRS = 50_000
 
 
-class ToolMotion(NamedTuple):
+class FollowedTool(NamedTuple):
     """Tool points in order, with their path points."""
 
     points: FloatArray  # Tool points in order, padded to space [m], (n, 3) with n > 1
@@ -167,7 +167,7 @@ def find_places(
 
 @compiled(inner=True)
 def _tool_distances(
-    p: Point, q: Point, motion: ToolMotion, i: int, until: float, reach: float
+    p: Point, q: Point, motion: FollowedTool, i: int, until: float, reach: float
 ) -> tuple[float, float, float]:
     """Distances of two path points from the tool's motion around its chord i [m], and a bound."""
     # The motion extends by `reach` on both sides of the chord, and until the tool has passed
@@ -205,7 +205,7 @@ def _tool_distances(
 
 @compiled()
 def _measure_parts(
-    motion: ToolMotion,
+    motion: FollowedTool,
     rows: FloatArray,
     order: IntArray,
     parts: IntArray,
@@ -253,7 +253,7 @@ def _measure_parts(
 
 
 def measure_coverage(
-    motion: ToolMotion, rows: FloatArray, begin: float, end: float
+    motion: FollowedTool, rows: FloatArray, begin: float, end: float
 ) -> tuple[FloatArray, FloatArray]:
     """Largest distance from the path to the tool, for the path interval of each tool step."""
     # Intervals are split at segment ends. The step from the point with the largest distance comes

@@ -286,7 +286,7 @@ class LimitUseAccumulator:
         )
 
 
-class Law(Protocol):
+class TimeLaw(Protocol):
     """Joint positions over time as a time law, such as a `Trajectory`."""
 
     @property
@@ -303,7 +303,7 @@ class Law(Protocol):
 
 
 def record_law(
-    law: Law, tally: LimitUseAccumulator, *, points: int, seed: int, velocity_step: float
+    law: TimeLaw, tally: LimitUseAccumulator, *, points: int, seed: int, velocity_step: float
 ) -> int:
     """Record the states of a law at `points` random times per interval; return their number."""
     # velocity_step: largest jump of a joint's velocity at a break [rad/s].
@@ -334,7 +334,7 @@ def record_law(
 
 
 def uses_of_law(
-    law: Law,
+    law: TimeLaw,
     arm: Arm,
     limits: Limits,
     right_times: FloatArray,
@@ -375,7 +375,7 @@ def uses_of_law(
 
 
 def _record_steps(
-    law: Law, t: FloatArray, tally: LimitUseAccumulator, velocity_step: float
+    law: TimeLaw, t: FloatArray, tally: LimitUseAccumulator, velocity_step: float
 ) -> None:
     """Record the jumps at breaks, which the accelerations on both sides do not show."""
     if not len(t):
@@ -391,7 +391,7 @@ def _record_steps(
 
 
 def _record_acceleration_steps(
-    law: Law,
+    law: TimeLaw,
     t: FloatArray,
     tally: LimitUseAccumulator,
     names: Collection[str],
@@ -413,7 +413,7 @@ def _record_acceleration_steps(
 
 
 def _accelerations(
-    law: Law, t: FloatArray, tally: LimitUseAccumulator, name: str, side: str
+    law: TimeLaw, t: FloatArray, tally: LimitUseAccumulator, name: str, side: str
 ) -> FloatArray:
     """Accelerations whose rate a limit of jerk bounds, on one side of times, (n, columns)."""
     if name == "path_jerk":
@@ -422,7 +422,7 @@ def _accelerations(
     return np.array(ddq if name == "joint_jerk" else tally.arm.tool_acceleration(q, dq, ddq))
 
 
-def find_known_jerks(law: Law, limits: Limits, start: FloatArray) -> tuple[str, ...]:
+def find_known_jerks(law: TimeLaw, limits: Limits, start: FloatArray) -> tuple[str, ...]:
     """Limits of jerk that can be checked for a law that begins at `start` [s], (1,)."""
 
     def is_known(along: bool) -> bool:

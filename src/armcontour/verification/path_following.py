@@ -84,7 +84,7 @@ def follow_path(
     # points: in order [m], (n, dimension) with n > 1. The coverage error is evaluated between the
     # arc lengths `work` [m], by default on the whole path; the tool starts at or before the first
     # one. Points outside `judged` are used for the coverage error only.
-    from armcontour.verification.kernels import ToolMotion, follow, measure_coverage
+    from armcontour.verification.kernels import FollowedTool, follow, measure_coverage
 
     first, last = (0, len(points)) if judged is None else (judged.start, judged.stop)
     begin, end = (0.0, path.length) if work is None else work
@@ -104,7 +104,7 @@ def follow_path(
     followed = slice(0, max(reached, 2))
     chords = length(np.diff(padded[followed], axis=0))
     later = np.minimum.accumulate(s[followed][::-1])[::-1].copy()
-    motion = ToolMotion(padded[followed], distance[followed], s[followed], chords, later)
+    motion = FollowedTool(padded[followed], distance[followed], s[followed], chords, later)
     coverage_error, coverage_s = measure_coverage(motion, geometry, begin, min(end, path.length))
     selected = slice(first, last)
     for index, others in ((first, slice(0, first)), (last - 1, slice(last, None))):

@@ -38,7 +38,7 @@ Column: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Log:
+class SampledMotion:
     """Checked samples, with bounds on their errors."""
 
     t: FloatArray  # Times, increasing [s], (n,)
@@ -74,7 +74,7 @@ class Log:
         return y, error
 
 
-def record_samples(log: Log, tally: LimitUseAccumulator) -> None:
+def record_samples(log: SampledMotion, tally: LimitUseAccumulator) -> None:
     """Record the values at the samples, and lower bounds of the peaks between them."""
     rates = () if log.dq is None else (log.dq,) if log.ddq is None else (log.dq, log.ddq)
     states = States(tally.arm, (log.q, *rates), log.errors)
@@ -118,7 +118,7 @@ def record_samples(log: Log, tally: LimitUseAccumulator) -> None:
 
 
 def _mean_rows(
-    log: Log, states: States, limits: Limits
+    log: SampledMotion, states: States, limits: Limits
 ) -> tuple[list[tuple[str, Column, int]], list[Column]]:
     """Limits of mean rates, with the columns and difference orders that determine them."""
     # Velocities follow from positions, accelerations from velocities if available, and jerks from
@@ -152,7 +152,7 @@ def _mean_rows(
 
 
 def _record_angular_speed(
-    log: Log, tally: LimitUseAccumulator, frames: FloatArray, k: int
+    log: SampledMotion, tally: LimitUseAccumulator, frames: FloatArray, k: int
 ) -> float:
     """Record mean angular speeds over windows of `k` samples; return the effect of rounding."""
     span, time_error = (x[:, 0] for x in log.spans(k))
@@ -165,7 +165,9 @@ def _record_angular_speed(
     return tally.rates("angular_speed", t, (angle / span)[:, None], q, error)
 
 
-def _record_centripetal(log: Log, tally: LimitUseAccumulator, tool: list[Column], k: int) -> float:
+def _record_centripetal(
+    log: SampledMotion, tally: LimitUseAccumulator, tool: list[Column], k: int
+) -> float:
     """Record mean tool accelerations normal to the motion; return the effect of rounding."""
     from scipy.ndimage import maximum_filter1d
 
@@ -199,7 +201,7 @@ def _record_centripetal(log: Log, tally: LimitUseAccumulator, tool: list[Column]
     return float(error.max()) / limit
 
 
-def _record_windows(log: Log, dq: FloatArray, tally: LimitUseAccumulator, k: int) -> None:
+def _record_windows(log: SampledMotion, dq: FloatArray, tally: LimitUseAccumulator, k: int) -> None:
     """Record mean accelerations and jerks from positions and velocities at the ends of windows."""
     (span, time_error), (t, q) = log.spans(k), log.middles(k)
     step, total = log.q[k:] - log.q[:-k], dq[k:] + dq[:-k]

@@ -33,15 +33,15 @@ from armcontour.verification.limit_verdict import (
     KEPT,
     VERDICTS,
     VIOLATED,
-    Law,
     LimitUse,
     LimitUseAccumulator,
+    TimeLaw,
     merge_uses,
     record_law,
     shift_use,
 )
 from armcontour.verification.path_following import follow_path
-from armcontour.verification.sample_check import Log, record_samples
+from armcontour.verification.sample_check import SampledMotion, record_samples
 
 # Error bound of computed numbers, in units of the last binary digit.
 ULPS = 4
@@ -198,7 +198,7 @@ class Check(Result):
 
 @checked
 def check(
-    samples: TimeSamples | Law,
+    samples: TimeSamples | TimeLaw,
     arm: Arm,
     limits: Limits | None = None,
     path: Path | Program | None = None,
@@ -353,7 +353,7 @@ def _split(samples: Any, arm: Arm, program: Program | None, limits: Limits | Non
 
 
 def _judge_law(
-    law: Law, tally: LimitUseAccumulator, points: int, seed: int, velocity_step: float
+    law: TimeLaw, tally: LimitUseAccumulator, points: int, seed: int, velocity_step: float
 ) -> dict[str, Any]:
     """Check a law; returns the fields of `Check` that the accumulator does not have."""
     count = record_law(law, tally, points=points, seed=seed, velocity_step=velocity_step)
@@ -372,7 +372,7 @@ def _judge_law(
     }
 
 
-def _judge_log(log: Log, tally: LimitUseAccumulator) -> dict[str, Any]:
+def _judge_log(log: SampledMotion, tally: LimitUseAccumulator) -> dict[str, Any]:
     """Check samples; returns the fields of `Check` that the accumulator does not have."""
     record_samples(log, tally)
     speeds = None if log.dq is None else np.abs(log.dq).max(axis=1)
@@ -427,7 +427,7 @@ def _not_judged(limits: Limits, path: Path | None, judged: set[str]) -> tuple[st
     )
 
 
-def _reconstruction(log: Log) -> str:
+def _reconstruction(log: SampledMotion) -> str:
     """Assumption about the motion between samples, in one sentence."""
     columns = [x for x in ("q", "dq", "ddq") if getattr(log, x) is not None]
     listed = " and ".join(", ".join(columns).rsplit(", ", 1))
@@ -444,7 +444,9 @@ def _reconstruction(log: Log) -> str:
     )
 
 
-def _check_samples(samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLike] | None) -> Log:
+def _check_samples(
+    samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLike] | None
+) -> SampledMotion:
     """Check samples, and bound the errors of their numbers from printing and computing."""
     t, q = getattr(samples, "t", None), getattr(samples, "q", None)
     if t is None or q is None:
@@ -485,7 +487,7 @@ def _check_samples(samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLik
     t_error, clock = _time_errors(
         times, checks.not_negative("resolution of t", digits.get("t", 0.0))
     )
-    return Log(
+    return SampledMotion(
         t=times,
         q=columns["q"],
         dq=columns.get("dq"),

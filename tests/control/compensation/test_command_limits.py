@@ -29,17 +29,17 @@ SERVO = ac.ServoModel(kp=10.0, order="first")
 def largest_shares(q, cycle, limits):
     """Largest differences of set-points between rests, over their limits."""
     q = np.pad(q, ((3, 3), (0, 0)), mode="edge")
-    given = (limits.joint_velocity, limits.joint_acceleration, limits.joint_jerk)
+    derivative_limits = (limits.joint_velocity, limits.joint_acceleration, limits.joint_jerk)
     return [
         float((np.abs(np.diff(q, k, axis=0)) / cycle**k / limit).max())
-        for k, limit in enumerate(given, start=1)
+        for k, limit in enumerate(derivative_limits, start=1)
         if limit is not None
     ]
 
 
 def nearest(q, cycle, limits):
     """The nearest set-points by Clarabel, one joint after the other."""
-    count, found = len(q), q.copy()
+    count, nearest_q = len(q), q.copy()
     rows = np.clip(np.arange(-3, count + 3), 0, count - 1)
     repeated = sp.csc_array((np.ones(len(rows)), (np.arange(len(rows)), rows)))
     scale = 1e3
@@ -63,8 +63,8 @@ def nearest(q, cycle, limits):
             [clarabel.NonnegativeConeT(size)],
             settings,
         ).solve()
-        found[1:-1, j] += np.array(solved.x) / scale
-    return found
+        nearest_q[1:-1, j] += np.array(solved.x) / scale
+    return nearest_q
 
 
 @pytest.fixture(scope="module")
@@ -155,10 +155,10 @@ def test_limits_that_do_not_bind_change_nothing(square, method):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     free = ac.compensate(square[1], servo, METHODS[method]())
     wide = ac.Limits(joint_velocity=9.0, joint_acceleration=1e4, joint_jerk=1e7)
-    kept = ac.compensate(square[1], servo, METHODS[method](command_limits=wide))
-    np.testing.assert_array_equal(kept.q, free.q)
-    assert kept.start_time == free.start_time and kept.limit_cost is None
-    assert max(x.max() for x in kept.command_use.values()) < 1
+    limited = ac.compensate(square[1], servo, METHODS[method](command_limits=wide))
+    np.testing.assert_array_equal(limited.q, free.q)
+    assert limited.start_time == free.start_time and limited.limit_cost is None
+    assert max(x.max() for x in limited.command_use.values()) < 1
 
 
 def test_set_points_beyond_a_range_alone_are_moved_to_its_end(square, free):
@@ -166,12 +166,12 @@ def test_set_points_beyond_a_range_alone_are_moved_to_its_end(square, free):
     upper = np.full(7, 3.0)
     upper[5] = (free.q[:, 5].max() + square[1](np.linspace(0, 1.75, 999))[:, 5].max()) / 2
     limits = ac.Limits(joint_upper=upper, joint_velocity=9.0)
-    found = ac.compensate(square[1], SERVO, ac.Inverse(command_limits=limits), cycle=CYCLE)
-    more = round((free.start_time - found.start_time) / CYCLE)
+    limited = ac.compensate(square[1], SERVO, ac.Inverse(command_limits=limits), cycle=CYCLE)
+    more = round((free.start_time - limited.start_time) / CYCLE)
     q = np.pad(free.q, ((more, more), (0, 0)), mode="edge")
-    assert (q > upper).any() and (found.q <= upper).all()
-    np.testing.assert_allclose(found.q, np.minimum(q, upper), atol=1e-8)
-    np.testing.assert_array_equal(found.q[:, :5], q[:, :5])
+    assert (q > upper).any() and (limited.q <= upper).all()
+    np.testing.assert_allclose(limited.q, np.minimum(q, upper), atol=1e-8)
+    np.testing.assert_array_equal(limited.q[:, :5], q[:, :5])
 
 
 def test_a_motion_at_its_limits_all_the_time_gets_set_points_that_take_longer():
@@ -182,11 +182,11 @@ def test_a_motion_at_its_limits_all_the_time_gets_set_points_that_take_longer():
     tight = limits.replace(joint_jerk=500.0)
     servo = ac.ServoModel(order="delay", dead_time=3e-3)
     for method in ("none", "inverse"):
-        found = ac.compensate(plan, servo, METHODS[method](command_limits=tight), cycle=2e-3)
-        assert max(largest_shares(found.q, 2e-3, tight)) <= 1
-        assert found.start_time < 0 and found.t[-1] > plan.duration
-        assert found.limit_cost.contour_rms is None
-        assert 1e-4 < found.limit_cost.deviation[0] < 5e-3
+        set_points = ac.compensate(plan, servo, METHODS[method](command_limits=tight), cycle=2e-3)
+        assert max(largest_shares(set_points.q, 2e-3, tight)) <= 1
+        assert set_points.start_time < 0 and set_points.t[-1] > plan.duration
+        assert set_points.limit_cost.contour_rms is None
+        assert 1e-4 < set_points.limit_cost.deviation[0] < 5e-3
 
 
 @pytest.mark.parametrize(
@@ -224,7 +224,7 @@ def test_written_set_points_are_within_the_limits(limited, arm, tmp_path):
         assert max(largest_shares(q, CYCLE, LIBFRANKA)) <= 1
 
 
-def test_programs_with_fewer_digits_say_what_rounding_needs(tmp_path):
+def test_programs_with_fewer_digits_report_the_effect_of_rounding(tmp_path):
     """URScript has 6 decimals, at 2 ms up to 500 rad/s³ of jerk; csv has 12."""
     arm = ac.load_arm("ur5e")
     start, end = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0], [0.3, -1.2, 1.2, -1.4, -1.6, 0.2]
@@ -246,9 +246,9 @@ def test_learning_keeps_the_limits(square, arm, limited):
     robot = ac.ServoPlant(arm, SERVO.replace(kp=9.0), saturation="none")
     set_points, errors = limited, []
     for _ in range(3):
-        done = ac.simulate(set_points, robot, resolution=CYCLE)
-        errors.append(ac.evaluate(done, square[0]).contour_error.rms)
-        set_points = ac.learn(set_points, done, arm=arm, servo=SERVO)
+        execution = ac.simulate(set_points, robot, resolution=CYCLE)
+        errors.append(ac.evaluate(execution, square[0]).contour_error.rms)
+        set_points = ac.learn(set_points, execution, arm=arm, servo=SERVO)
         assert set_points.command_limits is not None
         assert max(largest_shares(set_points.q, CYCLE, LIBFRANKA)) <= 1 + 1e-9
     assert errors[-1] < errors[0]
@@ -285,10 +285,10 @@ def test_a_job_has_command_limits_and_its_results_state_use_and_cost(tmp_path):
     assert any("command_limits" in x and "contour error" in x for x in strict.warnings)
     assert any("command limits" in x for x in strict.remarks)
     assert wide.set_points.limit_cost is None and wide.evaluation.contour_error.max < 1e-6
-    found = json.loads(data_json(study.to_data()))["runs"]
-    assert found["strict"]["limit_contour_max"] == strict.set_points.limit_cost.contour_max
-    assert max(found["strict"]["command_use"]["joint_jerk"]) == pytest.approx(1, abs=1e-5)
-    assert found["wide"]["limit_contour_max"] == 0
+    runs = json.loads(data_json(study.to_data()))["runs"]
+    assert runs["strict"]["limit_contour_max"] == strict.set_points.limit_cost.contour_max
+    assert max(runs["strict"]["command_use"]["joint_jerk"]) == pytest.approx(1, abs=1e-5)
+    assert runs["wide"]["limit_contour_max"] == 0
     page = render_report(study)
     assert "command limit" in page and number(strict.set_points.limit_cost.contour_max, "m") in page
 

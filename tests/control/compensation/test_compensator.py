@@ -60,8 +60,8 @@ def test_a_parabola_in_closed_form(interpolation, gain):
     np.testing.assert_allclose(set_points.q[inside], expected, atol=1e-14)
 
 
-@pytest.mark.parametrize(("interpolation", "most"), [("linear", 1.02), ("cubic", 1.17)])
-def test_jumps_of_acceleration_ask_for_little_more_wherever_they_are(arm, interpolation, most):
+@pytest.mark.parametrize(("interpolation", "bound"), [("linear", 1.02), ("cubic", 1.17)])
+def test_jumps_of_acceleration_ask_for_little_more_wherever_they_are(arm, interpolation, bound):
     a = np.array([0.7, -0.4])
     servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation=interpolation)
     plant = ac.ServoPlant(arm, servo, ac.Limits.only(), saturation="none")
@@ -69,10 +69,10 @@ def test_jumps_of_acceleration_ask_for_little_more_wherever_they_are(arm, interp
         half = 0.3 + phase * 4e-3
         plan = laps([0, half, 2 * half], [(0.0, 0.0), half * a], [a, -a])
         set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=4e-3)
-        done = ac.simulate(set_points, plant, resolution=4e-3 / 16)
-        assert (np.abs(done.demand_range) < most * np.abs(a)).all()
+        execution = ac.simulate(set_points, plant, resolution=4e-3 / 16)
+        assert (np.abs(execution.demand_range) < bound * np.abs(a)).all()
         # Values of the exact command would ask for up to 1.31 and 1.44, and leave up to 8e-6 rad.
-        assert np.abs(done.q - plan.with_rests(done.t)).max() < 2e-6
+        assert np.abs(execution.q - plan.with_rests(execution.t)).max() < 2e-6
 
 
 def test_rests_and_ends_are_the_plans():
@@ -100,9 +100,12 @@ def test_the_last_set_point_is_the_end():
         )
         # The first set-point that may be the end is the first at or after it; of means, half an
         # interval after it.
-        least = 1.0 - 1e-9 + (cycle / 2 if method == "inverse" else 0.0)
-        assert set_points.t[-1] >= least, (method, cycle)
-        assert method == "pole_placement" or set_points.t[-1] < least + cycle, (method, cycle)
+        earliest_end = 1.0 - 1e-9 + (cycle / 2 if method == "inverse" else 0.0)
+        assert set_points.t[-1] >= earliest_end, (method, cycle)
+        assert method == "pole_placement" or set_points.t[-1] < earliest_end + cycle, (
+            method,
+            cycle,
+        )
     # Durations are sums of many laps: a little more or less than 0.3 s is 0.3 s.
     for method, more in (("none", 0), ("inverse", 2)):  # the inverse has one before and one after
         for duration in (0.3 * (1 - 1e-11), 0.3, 0.3 * (1 + 1e-11)):
@@ -115,11 +118,11 @@ def test_the_last_set_point_is_the_end():
 def test_compensation_is_linear(method):
     times = [0.0, 0.3, 0.5, 0.9]
     rng = np.random.default_rng(0)
-    given = rng.normal(size=(2, 3, 2)), rng.normal(size=(2, 3, 2)), rng.normal(size=(2, 2))
+    segments_in = rng.normal(size=(2, 3, 2)), rng.normal(size=(2, 3, 2)), rng.normal(size=(2, 2))
     a, b = 0.7, -2.5
 
     def set_points(*k):
-        trajectory = laps(times, *(np.tensordot(k, x, 1) for x in given))
+        trajectory = laps(times, *(np.tensordot(k, x, 1) for x in segments_in))
         return ac.compensate(trajectory, UNEVEN, METHODS[method](), cycle=0.01).q
 
     np.testing.assert_allclose(
@@ -133,8 +136,8 @@ def test_the_inverse_undoes_the_servo(arm):
     errors = []
     for cycle in (8e-3, 4e-3, 2e-3):
         set_points = ac.compensate(trajectory, UNEVEN, ac.Inverse(), cycle=cycle)
-        done = ac.simulate(set_points, plant, resolution=cycle)
-        errors.append(np.abs(done.q - trajectory(done.t.clip(0, 1.0))).max())
+        execution = ac.simulate(set_points, plant, resolution=cycle)
+        errors.append(np.abs(execution.q - trajectory(execution.t.clip(0, 1.0))).max())
     # Means over intervals, and lines between them, leave errors of second order in the period. They
     # are made up for but next to both ends.
     assert errors[0] / errors[1] > 5 and errors[1] / errors[2] > 5
@@ -164,14 +167,18 @@ def test_joints_of_several_orders_are_compensated_by_the_inverse(refuses):
     plan = smooth()
     set_points = ac.compensate(plan, servo)
     assert set_points.method == "inverse"
-    off = {}
+    errors = {}
     for method in ("inverse", "none"):
-        done = ac.simulate(ac.compensate(plan, servo, METHODS[method]()), ac.ServoPlant(arm, servo))
-        off[method] = np.abs(done.q - plan(np.clip(done.t, 0, plan.duration))).max(axis=0)
-    assert (off["inverse"] < 0.02 * off["none"]).all()
+        execution = ac.simulate(
+            ac.compensate(plan, servo, METHODS[method]()), ac.ServoPlant(arm, servo)
+        )
+        errors[method] = np.abs(execution.q - plan(np.clip(execution.t, 0, plan.duration))).max(
+            axis=0
+        )
+    assert (errors["inverse"] < 0.02 * errors["none"]).all()
     call = partial(ac.compensate, plan, servo, ac.PolePlacement())
     refuses(call, ac.InvalidInput, "order second, delay", "take the compensation inverse")
     # A joint without a model keeps its plan; bodies take no other loops.
     unknown = ac.ServoModel(order="unknown")
-    kept = ac.compensate(plan, unknown)
-    np.testing.assert_allclose(kept.q, plan(np.clip(kept.t, 0, plan.duration)), atol=1e-5)
+    default = ac.compensate(plan, unknown)
+    np.testing.assert_allclose(default.q, plan(np.clip(default.t, 0, plan.duration)), atol=1e-5)

@@ -61,19 +61,19 @@ def strong(arm, servo=SERVO, **options):
     return ac.RigidBodyPlant(arm, servo, ac.Limits(joint_torque=1e4), **options)
 
 
-def off(arm, servo=SERVO, plan=SWING, plant=None, **options):
+def largest_deviation(arm, servo=SERVO, plan=SWING, plant=None, **options):
     """Largest distance of a joint from the plan, at any time until rest."""
     plant = plant or strong(arm, servo)
-    done = ac.simulate(compensate(plan, arm, servo, **options), plant)
-    return np.abs(done.q - plan(done.t.clip(0, plan.duration))).max()
+    execution = ac.simulate(compensate(plan, arm, servo, **options), plant)
+    return np.abs(execution.q - plan(execution.t.clip(0, plan.duration))).max()
 
 
 def contour_error(arm, rounded, plan, cycle=CYCLE):
     """RMS and largest contour error on rigid bodies [mm]."""
     plant = ac.RigidBodyPlant(arm, SERVO)
-    done = ac.simulate(compensate(plan, arm, cycle=cycle), plant, resolution=1e-3)
-    found = ac.evaluate(done, rounded).contour_error
-    return found.rms * 1e3, found.max * 1e3
+    execution = ac.simulate(compensate(plan, arm, cycle=cycle), plant, resolution=1e-3)
+    error = ac.evaluate(execution, rounded).contour_error
+    return error.rms * 1e3, error.max * 1e3
 
 
 @pytest.fixture(scope="module")
@@ -98,29 +98,29 @@ def fast(light, corners):
 def test_a_square_at_full_speed(light, corners, fast, armature, cycle, rms, largest):
     """The servo's own inverse has 0.138 / 0.410 mm with inertias of drives, and more without."""
     arm = with_chain(light, armature=np.full(6, armature))
-    found = contour_error(arm, corners, fast, cycle)
-    assert found[0] < rms and found[1] < largest
+    errors = contour_error(arm, corners, fast, cycle)
+    assert errors[0] < rms and errors[1] < largest
 
 
 def test_the_papers_job_and_a_short_line(arm, rounded, limits, light):
     """The servo's own inverse has 0.017 / 0.032 mm."""
     plan = ac.plan(rounded, arm, limits)
     assert plan.duration < 5.33
-    found = contour_error(arm, rounded, plan)
-    assert found[0] < 2e-4 and found[1] < 1e-3
+    errors = contour_error(arm, rounded, plan)
+    assert errors[0] < 2e-4 and errors[1] < 1e-3
     path = ac.Path.polyline([CORNER, (0.5, 0.08, 0.2)]).oriented(DOWN)
     plan = ac.plan(path, light, LIMITS.replace(joint_jerk=320.0))
     assert contour_error(light, path, plan)[0] < 0.001
 
 
-def test_the_joints_do_at_t_what_the_plan_says_at_t(heavy):
+def test_the_joints_follow_the_plan_without_delay(heavy):
     dead_times = (0.0, 8e-3, [0.0, 1e-3, 2.5e-3, 4e-3, 0.0103, 0.02])
     for interpolation, dead in product(("linear", "step", "cubic"), dead_times):
         servo = SERVO.replace(interpolation=interpolation, dead_time=dead)
         # The cycle of the drives, 0.25 ms, leaves more of held set-points: they come half of it
         # early.
-        assert off(heavy, servo) < (3e-4 if interpolation == "step" else 1e-5), servo
-        assert dead == 0.0 or off(heavy, servo, plant=strong(heavy)) > 1e-4, servo
+        assert largest_deviation(heavy, servo) < (3e-4 if interpolation == "step" else 1e-5), servo
+        assert dead == 0.0 or largest_deviation(heavy, servo, plant=strong(heavy)) > 1e-4, servo
 
 
 def test_means_of_the_command_are_those_of_the_exact_one(heavy):
@@ -130,7 +130,7 @@ def test_means_of_the_command_are_those_of_the_exact_one(heavy):
     """
     x = np.linspace(-1, 1, 401)
     weight = (1 - np.abs(x)) / (1 - np.abs(x)).sum()
-    for interpolation, left in (("linear", 0.05), ("cubic", 0.25)):
+    for interpolation, remainder in (("linear", 0.05), ("cubic", 0.25)):
         servo = SERVO.replace(interpolation=interpolation).for_joints(6)
         set_points = compensate(SWING, heavy, servo, cycle=0.02)
         drives = Drives(arm=heavy, servo=servo)
@@ -138,12 +138,12 @@ def test_means_of_the_command_are_those_of_the_exact_one(heavy):
         for k in range(2, len(set_points.q) - 2):
             t = set_points.t[k] + 0.02 * x
             exact = drives.command(SWING(t), SWING(t, 1), SWING(t, 2))
-            given = sample_command(pieces, 0.02, np.zeros(6), t - set_points.start_time)
+            sampled = sample_command(pieces, 0.02, np.zeros(6), t - set_points.start_time)
             points = drives.command(*(SWING([set_points.t[k]], order) for order in range(3)))
-            gap = np.abs(weight @ (given - exact)).max()
+            gap = np.abs(weight @ (sampled - exact)).max()
             assert gap < 2e-5
             # Which set-points at the exact command's values do not have.
-            assert k != 5 or gap < left * np.abs(points - set_points.q[k]).max()
+            assert k != 5 or gap < remainder * np.abs(points - set_points.q[k]).max()
     servo = SERVO.replace(interpolation="step").for_joints(6)
     set_points = compensate(SWING, heavy, servo, cycle=0.02)
     drives = Drives(arm=heavy, servo=servo)
@@ -160,10 +160,10 @@ def test_the_arm_stands_at_both_ends_although_it_sags(heavy):
     assert (
         np.abs(set_points.q[0] - START).max() > 1e-3 < np.abs(set_points.q[-1] - START - SIZE).max()
     )
-    done = ac.simulate(set_points, plant)
-    np.testing.assert_allclose(done.q[0], START, atol=1e-9)
-    np.testing.assert_allclose(done.q[-1], START + SIZE, atol=1e-6)
-    assert np.abs(done.q - SWING(done.t.clip(0, DURATION))).max() < 3e-5
+    execution = ac.simulate(set_points, plant)
+    np.testing.assert_allclose(execution.q[0], START, atol=1e-9)
+    np.testing.assert_allclose(execution.q[-1], START + SIZE, atol=1e-6)
+    assert np.abs(execution.q - SWING(execution.t.clip(0, DURATION))).max() < 3e-5
     fed = compensate(SWING, loaded)
     np.testing.assert_array_equal(fed.q[[0, -1]], [START, SWING([DURATION], side="left")[0]])
 
@@ -180,19 +180,19 @@ def test_integrators_are_compensated_as_exactly_as_drives_without(
     The drives' cycle is left, of which viscous friction damps more where there is no integrator.
     """
     rough = with_chain(heavy, coulomb=np.full(6, friction), viscous=np.full(6, 2 * friction))
-    found = []
+    errors = []
     for ki in (0.0, [8.0, 20.0, 8.0, 3.0, 8.0, 30.0]):
         servo = SERVO.replace(
             ki=ki, interpolation=interpolation, velocity_feedforward=feed, dead_time=2.5e-3
         )
         set_points = compensate(SWING, rough, servo, gravity_feedforward=gravity)
-        done = ac.simulate(set_points, strong(rough, servo, gravity_feedforward=gravity))
-        error = np.abs(done.q - SWING(done.t.clip(0, DURATION)))
-        found.append(error[done.t < DURATION].max())
-    assert found[1] < share * found[0]
+        execution = ac.simulate(set_points, strong(rough, servo, gravity_feedforward=gravity))
+        error = np.abs(execution.q - SWING(execution.t.clip(0, DURATION)))
+        errors.append(error[execution.t < DURATION].max())
+    assert errors[1] < share * errors[0]
     np.testing.assert_allclose(set_points.q[[0, -1]], [START, START + SIZE], atol=1e-12)
     assert 1e-4 < set_points.truncated.max()
-    assert (error[done.t >= DURATION].max(axis=0) < set_points.truncated + 2 * found[0]).all()
+    assert (error[execution.t >= DURATION].max(axis=0) < set_points.truncated + 2 * errors[0]).all()
 
 
 def test_every_joint_stands_still_first(heavy):
@@ -210,14 +210,19 @@ def test_every_joint_stands_still_first(heavy):
 def test_a_load_that_the_controller_does_not_know_can_be_known_to_the_set_points(heavy):
     loaded = with_chain(heavy, payload=ac.Payload(mass=2.0, center=(0.02, 0.0, 0.1)))
     plant = strong(loaded, controller=heavy)
-    assert off(loaded, plant=plant, controller=heavy) < 3e-5 < 1e-3 < off(loaded, plant=plant)
+    assert (
+        largest_deviation(loaded, plant=plant, controller=heavy)
+        < 3e-5
+        < 1e-3
+        < largest_deviation(loaded, plant=plant)
+    )
 
 
 def test_friction_is_compensated_but_not_at_rest(heavy):
     coulomb, viscous = np.array([[6.0, 6.0, 4.0, 1.5, 1.5, 1.5], [8.0, 8.0, 5.0, 2.0, 2.0, 2.0]])
     rough = with_chain(heavy, coulomb=coulomb, viscous=viscous)
     plant = strong(rough)
-    assert off(rough) < 3e-5 < 5e-4 < off(heavy, plant=plant)
+    assert largest_deviation(rough) < 3e-5 < 5e-4 < largest_deviation(heavy, plant=plant)
     set_points, smooth_one = compensate(SWING, rough), compensate(SWING, heavy)
     # Joint 5 stays at rest in the plan: no term of friction pushes it.
     np.testing.assert_allclose(set_points.q[:, 4], smooth_one.q[:, 4], atol=1e-15)

@@ -52,11 +52,11 @@ def test_set_points_are_26_applied_to_the_trajectory():
     motion = laps([0.0, 0.04, 0.1, 0.2], velocities, np.zeros((3, 2)), start)
     for poles, cycle in product(POLES, (4e-3, 1e-3)):
         set_points = place(motion, UNEVEN, cycle=cycle, poles=poles)
-        at = set_points.t[:-1]  # the last one is the end itself
+        times = set_points.t[:-1]  # the last one is the end itself
         for j in range(2):
             system = compensator_26(UNEVEN.kp[j], UNEVEN.kv[j], *poles)
-            source = motion(at.clip(0, 0.2))[:, j] - start[j]
-            _, expected, _ = signal.lsim(system, source, at)
+            source = motion(times.clip(0, 0.2))[:, j] - start[j]
+            _, expected, _ = signal.lsim(system, source, times)
             near = 1e-9 * max(np.abs(expected).max(), 1.0)
             q = set_points.q[:-1, j] - start[j]
             np.testing.assert_allclose(q, expected, atol=near, err_msg=f"{poles}, {cycle}")
@@ -106,8 +106,8 @@ def test_default_poles_cancel_the_zero_and_all_joints_trail_alike(arm):
     gap = {}
     for method in ("pole_placement", "none"):
         set_points = ac.compensate(alike, UNEVEN, METHODS[method](), cycle=2e-4)
-        done = ac.simulate(set_points, plant, resolution=2e-4)
-        gap[method] = np.abs(np.diff(done.q, axis=1)).max()
+        execution = ac.simulate(set_points, plant, resolution=2e-4)
+        gap[method] = np.abs(np.diff(execution.q, axis=1)).max()
     assert gap["pole_placement"] < 1e-4 < 1e-2 < gap["none"]
 
 
@@ -121,10 +121,10 @@ def demand_over_acceleration(arm, poles, accelerations, times, kv=150.0):
     motion = laps(times, *both, (0.0, 0.0))
     set_points = place(motion, servo, cycle=2e-4, poles=poles)
     # Up to the end of the motion only: there the velocity jumps to zero.
-    kept = round(times[-1] / 2e-4) + 1
-    cut = ac.SetPoints(cycle=2e-4, q=set_points.q[:kept], trajectory=motion, method="cut")
-    done = ac.simulate(cut, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=2e-4)
-    return np.abs(done.demand[:kept]).max() / np.abs(a).max()
+    count = round(times[-1] / 2e-4) + 1
+    cut = ac.SetPoints(cycle=2e-4, q=set_points.q[:count], trajectory=motion, method="cut")
+    execution = ac.simulate(cut, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=2e-4)
+    return np.abs(execution.demand[:count]).max() / np.abs(a).max()
 
 
 def test_l1_norm_of_the_triple_pole_at_minus_50(arm):
@@ -161,8 +161,10 @@ def test_velocity_error_vanishes_when_the_poles_sum_to_minus_kv(arm, servo):
     ramp = laps([0.0, 1.0], [(1.0, 1.0)], [(0.0, 0.0)], (0.0, 0.0))
     for poles, vanishes in (([-50] * 3, True), ([-30, -50, -70], True), ([-75] * 3, False)):
         set_points = place(ramp, servo, cycle=1e-3, poles=poles)
-        done = ac.simulate(set_points, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-3)
-        lag = 0.99 - done.q[990, 0]
+        execution = ac.simulate(
+            set_points, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-3
+        )
+        lag = 0.99 - execution.q[990, 0]
         m1, m2, g = poles
         # Coefficient with which velocity enters the error, from F G at low frequency.
         assert abs(lag - 150 * (150 + g + m1 + m2) / (g * m1 * m2)) < 1e-5
@@ -205,15 +207,15 @@ def test_lag_and_demand():
         ([-300, -300, -300], 1 / 240, 1.047),
         ([-800, -800, -150], 2 / 800, 1.0),
     ):
-        found = pole_behaviour(SERVO, poles)
-        np.testing.assert_allclose(found.lag, lag, atol=1e-12)
-        np.testing.assert_allclose(found.demand, demand, rtol=1e-4)
-        assert (found.peaking[0] > 1.0001) == (demand > 1), poles
+        behaviour = pole_behaviour(SERVO, poles)
+        np.testing.assert_allclose(behaviour.lag, lag, atol=1e-12)
+        np.testing.assert_allclose(behaviour.demand, demand, rtol=1e-4)
+        assert (behaviour.peaking[0] > 1.0001) == (demand > 1), poles
 
 
 def test_peaking_and_demand_of_complex_poles():
     poles = np.array([-60 + 80j, -60 - 80j, -90])
-    found = pole_behaviour(ac.ServoModel(kp=25.0, kv=[150.0, 40.0]), poles)
+    behaviour = pole_behaviour(ac.ServoModel(kp=25.0, kv=[150.0, 40.0]), poles)
     m1, m2, g = poles
     for j, kv in enumerate((150.0, 40.0)):
         x = (kv + g) * (m1 + m2) + kv**2 + m1 * m2 + kv * g
@@ -223,10 +225,10 @@ def test_peaking_and_demand_of_complex_poles():
             return float(np.real(sum(a * np.exp(p * t) for a, p in zip(rest, poles, strict=True))))
 
         norm = integrate.quad(lambda t, f=response: abs(f(t)), 0, 0.5, limit=500)[0]
-        np.testing.assert_allclose(found.demand[j], norm, rtol=1e-3)
+        np.testing.assert_allclose(behaviour.demand[j], norm, rtol=1e-3)
         w = 1j * np.linspace(0, 500, 100001)
         size = np.abs((x * w - m1 * m2 * g) / ((w - m1) * (w - m2) * (w - g)))
-        np.testing.assert_allclose(found.peaking[j], size.max(), rtol=1e-4)
+        np.testing.assert_allclose(behaviour.peaking[j], size.max(), rtol=1e-4)
 
 
 def test_demands_are_those_of_the_plant(arm):
@@ -236,13 +238,15 @@ def test_demands_are_those_of_the_plant(arm):
         servo = ac.ServoModel(kp=[25.0, 60.0], kv=[150.0, 40.0], interpolation=interpolation)
         low, high = extreme_demands(servo.for_joints(2), q, 0.01)
         set_points = ac.SetPoints(cycle=0.01, q=q, trajectory=still, method="x")
-        done = ac.simulate(set_points, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-5)
-        n = np.searchsorted(done.t, 0.39 - 1e-9)
+        execution = ac.simulate(
+            set_points, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-5
+        )
+        n = np.searchsorted(execution.t, 0.39 - 1e-9)
         # A held command jumps, and so does the demand: the plant lists what is before, the other
         # both.
-        np.testing.assert_allclose(np.maximum(-low, high), done.peak_demand, rtol=2e-5)
-        assert (done.demand[:n].min(axis=0) >= low * (1 + 1e-5)).all()
-        assert (done.demand[:n].max(axis=0) <= high * (1 + 1e-5)).all()
+        np.testing.assert_allclose(np.maximum(-low, high), execution.peak_demand, rtol=2e-5)
+        assert (execution.demand[:n].min(axis=0) >= low * (1 + 1e-5)).all()
+        assert (execution.demand[:n].max(axis=0) <= high * (1 + 1e-5)).all()
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
@@ -255,16 +259,16 @@ def test_the_fastest_poles_just_do_not_saturate(arm, plan, interpolation):
     for share, saturates in ((1.0, False), (1.03, True)):
         placed = np.column_stack([share * poles[:, :2], poles[:, 2]])
         set_points = ac.compensate(plan, servo, ac.PolePlacement(poles=placed))
-        done = ac.simulate(set_points, ac.ServoPlant(arm, servo, arm.limits))
-        assert (done.peak_demand > 0.72).any() == saturates
+        execution = ac.simulate(set_points, ac.ServoPlant(arm, servo, arm.limits))
+        assert (execution.peak_demand > 0.72).any() == saturates
 
 
 def test_the_fastest_poles_follow_better_and_stop_at_the_interval(arm, plan, rounded, limits):
     rms = []
     for poles in (None, fastest_poles(SERVO, plan, limits)):
         set_points = ac.compensate(plan, SERVO, ac.PolePlacement(poles=poles))
-        done = ac.simulate(set_points, ac.ServoPlant(arm, SERVO, arm.limits))
-        rms.append(ac.evaluate(done, rounded, limits=limits).contour_error.rms)
+        execution = ac.simulate(set_points, ac.ServoPlant(arm, SERVO, arm.limits))
+        rms.append(ac.evaluate(execution, rounded, limits=limits).contour_error.rms)
     assert rms[1] < rms[0] / 5
     loose = ac.Limits.only(joint_acceleration=100.0)
     poles = fastest_poles(SERVO, plan, loose, cycle=0.02)
@@ -310,38 +314,40 @@ def gains(order):
     return {"kp": [25.0, 40.0], "kv": [150.0, 90.0] if order == "second" else None, "order": order}
 
 
-def off(arm, servo, cycle, method="inverse", plant=None, **options):
+def largest_deviation(arm, servo, cycle, method="inverse", plant=None, **options):
     """Largest distance of a joint from the plan that it shall follow, at any time."""
     set_points = ac.compensate(SWING, servo, METHODS[method](**options), cycle=cycle)
-    done = ac.simulate(
+    execution = ac.simulate(
         set_points, ac.ServoPlant(arm, plant or servo, ac.Limits.only()), resolution=1e-3
     )
-    assert done.t[0] == set_points.start_time == set_points.t[0]
-    return np.abs(done.q - SWING(done.t.clip(0, DURATION))).max()
+    assert execution.t[0] == set_points.start_time == set_points.t[0]
+    return np.abs(execution.q - SWING(execution.t.clip(0, DURATION))).max()
 
 
-def test_the_joint_does_at_t_what_the_plan_says_at_t(arm):
-    left = {"linear": 3e-5, "cubic": 2e-5, "step": 2e-4}
-    for order, interpolation, dead in product(("second", "first"), left, DEAD_TIMES):
+def test_the_joint_follows_the_plan_without_delay(arm):
+    bounds = {"linear": 3e-5, "cubic": 2e-5, "step": 2e-4}
+    for order, interpolation, dead in product(("second", "first"), bounds, DEAD_TIMES):
         servo = ac.ServoModel(**gains(order), interpolation=interpolation, dead_time=dead)
-        errors = [off(arm, servo, cycle) for cycle in (4e-3, 2e-3)]
+        errors = [largest_deviation(arm, servo, cycle) for cycle in (4e-3, 2e-3)]
         # What is left is interpolation: of second order in the period or better, but for the ripple
         # of held set-points, which a servo of first order passes on.
-        assert errors[0] < left[interpolation], servo
+        assert errors[0] < bounds[interpolation], servo
         assert errors[0] / errors[1] > 3, servo
 
 
 def test_without_the_lead_a_joint_is_late(arm):
-    late = ac.ServoModel(**gains("second"), dead_time=0.05)
+    delayed = ac.ServoModel(**gains("second"), dead_time=0.05)
     prompt = ac.ServoModel(**gains("second"))
     speed = np.abs(SWING(np.linspace(0, DURATION, 1001), 1)).max()
-    assert off(arm, prompt, 1e-3, plant=late) == pytest.approx(0.05 * speed, rel=0.02)
-    assert off(arm, late, 1e-3) < 2e-6
+    assert largest_deviation(arm, prompt, 1e-3, plant=delayed) == pytest.approx(
+        0.05 * speed, rel=0.02
+    )
+    assert largest_deviation(arm, delayed, 1e-3) < 2e-6
     held = ac.ServoModel(**gains("second"), interpolation="step")
     drawn = ac.ServoModel(**gains("second"))
     speed = np.abs(SWING(np.linspace(0, DURATION, 1001), 1)).max()
-    assert off(arm, drawn, 4e-3, plant=held) == pytest.approx(2e-3 * speed, rel=0.03)
-    assert off(arm, held, 4e-3) < 0.02 * 2e-3 * speed
+    assert largest_deviation(arm, drawn, 4e-3, plant=held) == pytest.approx(2e-3 * speed, rel=0.03)
+    assert largest_deviation(arm, held, 4e-3) < 0.02 * 2e-3 * speed
 
 
 def test_it_holds_before_and_after_and_none_leads_nothing():
@@ -356,9 +362,9 @@ def test_it_holds_before_and_after_and_none_leads_nothing():
     np.testing.assert_array_equal(set_points.q[before[:, 1], 1], -0.2)
     for j in range(2):
         np.testing.assert_array_equal(set_points.q[after[:, j], j], SWING(DURATION)[j])
-    at = t.clip(0, DURATION)
+    t_inside = t.clip(0, DURATION)
     for j in range(2):
-        q, dq, ddq = (SWING(at[:, j], order)[:, j] for order in (0, 1, 2))
+        q, dq, ddq = (SWING(t_inside[:, j], order)[:, j] for order in (0, 1, 2))
         u = q + dq / servo.kp[j] + ddq / (servo.kp[j] * servo.kv[j])
         np.testing.assert_allclose(set_points.q[:, j], u, atol=3e-4)
     assert set_points.t[-2] < DURATION + 0.005 - servo.dead_time.min() <= set_points.t[-1] + 1e-12

@@ -135,8 +135,8 @@ WRONG = (
 
 
 def test_refusals(refuses, tmp_path):
-    for text, given, words in WRONG:
-        refuses(partial(parse_log, text, **given), InvalidInput, words)
+    for text, fit_options, words in WRONG:
+        refuses(partial(parse_log, text, **fit_options), InvalidInput, words)
     refuses(lambda: read_log(tmp_path / "no.csv"), InvalidInput, "no.csv")
     file = tmp_path / "l.csv"
     for options, words in (
@@ -166,33 +166,35 @@ def log():
 
 
 @pytest.fixture(scope="module")
-def found(log):
+def identification(log):
     return identify(log)
 
 
-def test_the_servo_file_is_the_servo_that_was_judged(found, tmp_path):
+def test_the_servo_file_is_the_servo_that_was_judged(identification, tmp_path):
     file = tmp_path / "servo.yaml"
-    file.write_text(servo_yaml(found))
+    file.write_text(servo_yaml(identification))
     assert "one program only" in file.read_text()
     data = yaml.safe_load(file.read_text())
     assert list(data) == ["servo"] and data["servo"]["order"] == ["second", "second"]
     assert data["servo"]["acceleration_limit"][0] == "none"
-    read, judged = read_servo(file, 2), found.servo_model().for_joints(2)
+    read, judged = read_servo(file, 2), identification.servo_model().for_joints(2)
     for x in fields(read):
         np.testing.assert_array_equal(getattr(read, x.name), getattr(judged, x.name), x.name)
     np.testing.assert_allclose(read.kp, [25, 40], rtol=0.01)
     np.testing.assert_allclose(read.dead_time, [12.3e-3, 4e-3], atol=3e-4)
     assert read.acceleration_limit[1] == pytest.approx(20, rel=0.01)
-    assert all(x.model_error <= y for x, y in zip(found.joints, read.model_error, strict=True))
+    assert all(
+        x.model_error <= y for x, y in zip(identification.joints, read.model_error, strict=True)
+    )
 
 
-def test_the_json_and_the_report(found):
-    data = json.loads(data_json(found.to_data()))
+def test_the_json_and_the_report(identification):
+    data = json.loads(data_json(identification.to_data()))
     first, second = data["joints"]
     assert [x["name"] for x in first["parameters"]] == ["kp", "kv", "dead_time"]
     assert second["parameters"][-1]["value"] == pytest.approx(20, rel=0.05)
-    assert first["rms"] == found.joints[0].rms and first["written"] is True
-    page = render_identification(found)
+    assert first["rms"] == identification.joints[0].rms and first["written"] is True
+    page = render_identification(identification)
     assert "a &lt;b&gt;" in page and "<b>" not in page.split("</style>")[0]
     assert "http-equiv" not in page and 'src="http' not in page
 

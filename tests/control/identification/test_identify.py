@@ -95,8 +95,8 @@ def test_what_is_written_is_what_is_judged(fed):
     q = np.tile(log.command, 2)
     rest = ac.Trajectory(laws=(ac.dwell_law(q[0], log.t[-1]),), method="rest")
     set_points = ac.SetPoints(cycle=4e-3, q=q, trajectory=rest, method="none")
-    done = ac.simulate(set_points, ac.ServoPlant(arm, both, ac.Limits()))
-    moved = np.interp(log.t, done.t, done.q[:, 0])
+    execution = ac.simulate(set_points, ac.ServoPlant(arm, both, ac.Limits()))
+    moved = np.interp(log.t, execution.t, execution.q[:, 0])
     some = predictions[1].used[:, 0]
     assert np.std((log.measured[:, 0] - moved)[some]) == pytest.approx(
         predictions[1].rms[0], rel=0.01
@@ -107,17 +107,17 @@ def test_a_cycle_of_the_drive_is_part_of_the_model():
     drive_cycle, u = 4e-3, 5e-3 * multisine(np.arange(2500) * 4e-3, 20.0, 5)
     q = w = 0.0
     y = np.zeros(2500)
-    late = np.concatenate([[0.0, 0.0], u[:-2]])
+    delayed = np.concatenate([[0.0, 0.0], u[:-2]])
     for i in range(2500):
         y[i] = q
-        a = 150.0 * (25.0 * (late[i] - q) - w)
+        a = 150.0 * (25.0 * (delayed[i] - q) - w)
         q, w = q + drive_cycle * w + drive_cycle**2 / 2 * a, w + drive_cycle * a
     y += np.random.default_rng(0).normal(0, 1e-5, len(y))
     log = Log(t=np.arange(2500) * drive_cycle, command=u, measured=y)
-    found = identify(log, ac.ServoFit(drive_cycle=drive_cycle))
-    assert_near(found.joints[0], {"kp": 25.0, "kv": 150.0, "delay": 8e-3})
-    assert math.isnan(found.joints[0].velocity_feedforward.value)
-    assert found.servo_model().drive_cycle == drive_cycle
+    fit = identify(log, ac.ServoFit(drive_cycle=drive_cycle))
+    assert_near(fit.joints[0], {"kp": 25.0, "kv": 150.0, "delay": 8e-3})
+    assert math.isnan(fit.joints[0].velocity_feedforward.value)
+    assert fit.servo_model().drive_cycle == drive_cycle
     with pytest.raises(InvalidInput, match="drive_cycle"):
         ac.ServoFit(drive_cycle=0.1)
 
@@ -133,8 +133,8 @@ def test_the_true_cycle_of_the_drive_makes_the_fit_better(interval):
     )
     for name in ("kp", "kv", "velocity_feedforward", "dead_time"):
         value = getattr(truth, name)
-        off = abs(getattr(with_cycle, name).value / value - 1)
-        assert off < min(3e-3, 0.2 * abs(getattr(without, name).value / value - 1)), name
+        error = abs(getattr(with_cycle, name).value / value - 1)
+        assert error < min(3e-3, 0.2 * abs(getattr(without, name).value / value - 1)), name
     assert with_cycle.unseen_rms < 1.01 * without.unseen_rms
 
 
@@ -151,20 +151,18 @@ def test_held_set_points_and_the_option_model():
     u = 3e-3 * multisine(t, 20.0, 1)
     y = move(t, u, kp=25.0, kv=150.0, linear=False, steps=20)
     log = Log(t=t, command=u, measured=y, interpolation="step")
-    found = identify(log)
-    assert found.interpolation == "step" and found.joints[0].kv.value == pytest.approx(
-        150, rel=0.02
-    )
+    fit = identify(log)
+    assert fit.interpolation == "step" and fit.joints[0].kv.value == pytest.approx(150, rel=0.02)
     first = identify(log, FIRST).joints[0]
-    assert math.isnan(first.kv.value) and first.unseen_rms > 10 * found.joints[0].unseen_rms
+    assert math.isnan(first.kv.value) and first.unseen_rms > 10 * fit.joints[0].unseen_rms
     with pytest.raises(InvalidInput, match="linear"):
         identify(log, ac.ServoFit(interpolation="linear"))
 
 
 def test_dry_friction_is_found_where_data_show_it():
     t, u = shaken(8.0, 4e-3, 2)
-    late = u - 2e-4 * np.tanh(np.gradient(u, t) / 5e-3)
-    log = log_of(2, 1e-6, t=t, u=late, kp=25.0, kv=150.0, delay=8e-3)
+    with_friction = u - 2e-4 * np.tanh(np.gradient(u, t) / 5e-3)
+    log = log_of(2, 1e-6, t=t, u=with_friction, kp=25.0, kv=150.0, delay=8e-3)
     log = Log(t=t, command=u, measured=log.measured)
     joint = identify(log).joints[0]
     assert joint.friction.value == pytest.approx(2e-4, rel=0.2)
@@ -172,8 +170,8 @@ def test_dry_friction_is_found_where_data_show_it():
 
 def test_a_gap_splits_a_log_and_lost_samples_do_not_matter(fed):
     log = fed.logs[1]
-    kept = np.delete(np.arange(len(log.t)), [*range(300, 304), *range(700, 900)])
-    cut = Log(t=log.t[kept], command=log.command[kept], measured=log.measured[kept])
+    indices = np.delete(np.arange(len(log.t)), [*range(300, 304), *range(700, 900)])
+    cut = Log(t=log.t[indices], command=log.command[indices], measured=log.measured[indices])
     assert len(cut.gaps) == 2
     joint = identify(cut).joints[0]
     assert abs(joint.kp.value - FED["kp"]) < 4.5 * joint.kp.sd
@@ -181,7 +179,9 @@ def test_a_gap_splits_a_log_and_lost_samples_do_not_matter(fed):
     assert np.isnan(rest[cut.gaps[1] + 1]) and not np.isnan(rest[cut.gaps[1]])
     with pytest.raises(InvalidInput, match=r"gap of 0.804 s"):
         Log(
-            t=log.t[kept[300:]], command=log.command[kept[300:]], measured=log.measured[kept[300:]]
+            t=log.t[indices[300:]],
+            command=log.command[indices[300:]],
+            measured=log.measured[indices[300:]],
         ).check_gaps()
 
 
@@ -200,12 +200,12 @@ def test_what_is_not_explained_is_not_written():
     y = move(t, u, kp=25.0, kv=150.0, steps=10)
     other = np.cumsum(np.random.default_rng(4).normal(0, 1, len(t)))
     bad = y + 1.5 * np.std(u - y) * (other - other.mean()) / np.std(other)
-    found = identify(Log(t=t, command=np.stack([u, u], 1), measured=np.stack([bad, y], 1)))
-    assert [x.written for x in found.joints] == [False, True]
-    assert found.joints[0].share > 0.3 and "no model" in found.joints[0].note
-    servo = found.servo_model()
+    fit = identify(Log(t=t, command=np.stack([u, u], 1), measured=np.stack([bad, y], 1)))
+    assert [x.written for x in fit.joints] == [False, True]
+    assert fit.joints[0].share > 0.3 and "no model" in fit.joints[0].note
+    servo = fit.servo_model()
     assert servo.order == ("unknown", "second") and servo.kp[0] == math.inf
-    np.testing.assert_allclose(found.predict(found.logs[0]).rms[0], found.joints[0].rms)
+    np.testing.assert_allclose(fit.predict(fit.logs[0]).rms[0], fit.joints[0].rms)
     with pytest.raises(InvalidInput, match="servo of no joint"):
         identify(Log(t=t, command=u, measured=bad)).servo_model()
 
@@ -215,9 +215,9 @@ def test_joints_that_stand_or_move_uniformly_get_no_model():
     still = np.random.default_rng(0).normal(0, 1e-5, len(t))
     ramp, log = 0.1 * t, commands("step", 25.0, 150.0, 12.3e-3, 1)[1][: len(t)]
     command = np.stack([0 * t, log, ramp], 1)
-    found = identify(Log(t=t, command=command, measured=np.stack([still, still, ramp - 4e-3], 1)))
+    fit = identify(Log(t=t, command=command, measured=np.stack([still, still, ramp - 4e-3], 1)))
     for joint, words in zip(
-        found.joints, ("no motion", "no motion beyond noise", "uniform"), strict=True
+        fit.joints, ("no motion", "no motion beyond noise", "uniform"), strict=True
     ):
         assert not joint.written and words in joint.note
 
@@ -225,24 +225,24 @@ def test_joints_that_stand_or_move_uniformly_get_no_model():
 def test_a_parameter_at_its_bound_is_not_determined():
     """KUKA KR300, axes 1 and 2, program A, a multisine (see its LICENSE)."""
     log = read_log(KR300 / "A.csv")
-    found = identify(Log(t=log.t, command=log.command[:, :2], measured=log.measured[:, :2]))
-    one, two = found.joints
+    fit = identify(Log(t=log.t, command=log.command[:, :2], measured=log.measured[:, :2]))
+    one, two = fit.joints
     assert one.written and one.share < 0.3
     assert not one.dead_time.determined and math.isnan(one.dead_time.sd)
     # Gravity is not modelled.
     assert not two.written and two.share > 0.5
     other = read_log(KR300 / "B.csv")
     other = Log(t=other.t, command=other.command[:, :2], measured=other.measured[:, :2])
-    predicted = found.predict(other)
+    predicted = fit.predict(other)
     assert predicted.rms[0] < 0.5 * predicted.tracking_rms[0]
 
 
 def test_errors_at_the_tool(fed):
     log = fed.logs[0]
     both = Log(t=log.t, command=np.tile(log.command, 2), measured=np.tile(log.measured, 2))
-    found = identify(both)
+    fit = identify(both)
     arm = ac.load_arm("pmk3s")
-    errors = found.predict(both).tool_errors(arm)
+    errors = fit.predict(both).tool_errors(arm)
     assert 0 < np.sqrt(np.mean(errors**2)) < 1e-4
 
 
@@ -332,16 +332,16 @@ def test_a_cascade_is_found_and_predicts_other_programs(truth, interval, drive_c
         y = follow(LoggedCommand(t, u), truth, float(u[0]), 0.0, drive_cycle)
         y += np.random.default_rng(seed + 100).normal(0, 1e-5, len(t))
         logs.append(Log(t=t, command=u, measured=y, source=f"{seed}.csv"))
-    found = identify(logs[:2], ac.ServoFit(drive_cycle=drive_cycle or None))
-    joint = found.joints[0]
+    fit = identify(logs[:2], ac.ServoFit(drive_cycle=drive_cycle or None))
+    joint = fit.joints[0]
     for name in joint.parameters:
         x = getattr(joint, name)
         assert abs(x.value - getattr(truth, name)) < 4.5 * x.sd, name
         assert x.determined, name
     assert joint.ki.value == pytest.approx(truth.ki, rel=0.01)
     assert math.isnan(joint.velocity_feedforward.value) == (truth.velocity_feedforward == 0)
-    assert found.predict(logs[2]).rms[0] < 1.1e-5
-    servo = found.servo_model()
+    assert fit.predict(logs[2]).rms[0] < 1.1e-5
+    servo = fit.servo_model()
     assert servo.ki[0] == pytest.approx(joint.ki.value, rel=1e-5)
-    written = yaml.safe_load(servo_yaml(found))["servo"]
+    written = yaml.safe_load(servo_yaml(fit))["servo"]
     assert written["ki"] == [pytest.approx(truth.ki, rel=0.01)] and written["order"] == ["second"]

@@ -61,20 +61,20 @@ def test_compensation_of_known_joints_is_judged_on_the_other_program(good):
 
 def test_errors_at_the_tool_of_an_arm(good):
     arm = ac.load_arm("pmk3s")
-    found = ac.identify([robot_log(1), robot_log(2)], ac.ServoFit(kinematics=arm))
-    assert found.judgement.ratio < 0.02
+    fit = ac.identify([robot_log(1), robot_log(2)], ac.ServoFit(kinematics=arm))
+    assert fit.judgement.ratio < 0.02
     # Without compensation, by another way: distance to the nearest point of a dense path.
-    log = found.logs[0]
-    use = np.isfinite(found.joints[0].rests[0])
-    off = log.measured - log.command
-    tool = arm.tool_position(log.command + off - off[use].mean(axis=0))
+    log = fit.logs[0]
+    use = np.isfinite(fit.joints[0].rests[0])
+    error = log.measured - log.command
+    tool = arm.tool_position(log.command + error - error[use].mean(axis=0))
     dense = np.linspace(T[0], T[-1], 300 * len(T))
     path = arm.tool_position(np.stack([np.interp(dense, T, x) for x in log.command.T], axis=1))
     away = [
         np.linalg.norm(path[max(300 * i - 10500, 0) : 300 * i + 600] - tool[i], axis=1).min()
         for i in np.flatnonzero(use)
     ]
-    assert found.judgement.errors[0, 0] == pytest.approx(np.sqrt(np.mean(np.square(away))), rel=0.2)
+    assert fit.judgement.errors[0, 0] == pytest.approx(np.sqrt(np.mean(np.square(away))), rel=0.2)
     with pytest.raises(ac.InvalidInput, match="give the arm of the log"):
         ac.identify(robot_log(1), ac.ServoFit(kinematics=ac.load_arm("ur5e")))
 
@@ -90,8 +90,8 @@ def test_positions_that_the_arm_cannot_have_are_refused():
 
 def test_the_delay_that_joints_share_is_compensated_for_a_joint_without_a_model():
     logs = [robot_log(k, gravity=6e-3) for k in (1, 2)]
-    found = ac.identify(logs)
-    one, two = found.joints
+    fit = ac.identify(logs)
+    one, two = fit.joints
     assert one.written and not two.written and two.note
     assert two.servo.dead_time == pytest.approx(1 / 28 + 6e-3, rel=0.3)
     arm = ac.load_arm("pmk3s")
@@ -100,7 +100,7 @@ def test_the_delay_that_joints_share_is_compensated_for_a_joint_without_a_model(
     planned = ac.plan(path, arm, arm.limits.replace(speed=0.05), ac.Optimal(reserve=0.3))
     names = ("kp", "kv", "dead_time")
     truth = ac.ServoModel(**{x: [getattr(y, x) for y in SERVOS] for x in names})
-    servo = found.servo_model()
+    servo = fit.servo_model()
     errors = []
     for x, method in (
         (servo, "inverse"),
@@ -116,7 +116,7 @@ def test_the_delay_that_joints_share_is_compensated_for_a_joint_without_a_model(
     assert errors[0] < errors[1] < errors[2]
 
 
-def test_one_program_is_provisional_and_the_file_says_so(good, tmp_path, capsys):
+def test_a_fit_of_one_program_is_marked_provisional_in_the_file(good, tmp_path, capsys):
     files = []
     for log in (*good.logs, robot_log(1)):
         files.append(tmp_path / f"{len(files)}.csv")
@@ -152,8 +152,8 @@ def test_one_program_is_provisional_and_the_file_says_so(good, tmp_path, capsys)
 
 
 def test_values_of_the_record_are_checked():
-    for given in ({"contour_ratio": -0.1}, {"programs": 0}, {"programs": 1.5}):
+    for record in ({"contour_ratio": -0.1}, {"programs": 0}, {"programs": 1.5}):
         with pytest.raises(ac.InvalidInput):
-            ac.ServoModel(kp=25.0, kv=150.0, **given)
+            ac.ServoModel(kp=25.0, kv=150.0, **record)
     assert ac.ServoModel(kp=25.0, kv=150.0, contour_ratio=0.6, programs=2).doubt
     assert not ac.ServoModel(kp=25.0, kv=150.0, contour_ratio=0.4, programs=2).doubt

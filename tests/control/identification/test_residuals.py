@@ -36,16 +36,16 @@ def test_a_pattern_is_named_with_what_to_record(disturbance, words, record):
     q = np.stack(
         [follow(LoggedCommand(T, x.copy(), "linear"), SERVO, x[0], 0.0).ravel() for x in u.T], 1
     )
-    off = disturbance(u, q)
+    residual = disturbance(u, q)
     lag = np.std((q - u)[:, 1])
-    q[:, 1] += off * 0.6 * lag / np.std(off)
-    found = ac.identify(ac.Log(t=T, command=u, measured=q), ac.ServoFit(model="second"))
-    one, two = found.joints
+    q[:, 1] += residual * 0.6 * lag / np.std(residual)
+    fit = ac.identify(ac.Log(t=T, command=u, measured=q), ac.ServoFit(model="second"))
+    one, two = fit.joints
     assert not one.note
     assert words in two.note and record in two.note
 
 
-def test_the_sign_and_the_phase_of_velocity_are_told_from_each_other():
+def test_sign_and_phase_of_velocity_are_distinguished():
     u = program(3)
     log = ac.Log(t=T, command=u, measured=u)
     rate = np.gradient(u[:, 0], T)
@@ -76,10 +76,10 @@ def test_a_servo_states_the_motion_of_its_logs():
         )
         for x in (y.command for y in logs)
     ]
-    found = ac.identify(
+    fit = ac.identify(
         [ac.Log(t=T, command=x.command, measured=q) for x, q in zip(logs, moved, strict=True)]
     )
-    servo = found.servo_model()
+    servo = fit.servo_model()
     np.testing.assert_allclose(servo.logged_velocity, rates, rtol=0.05)
     assert not servo.describe_excess(rates[None], 0 * rates[None])
     assert "joint 2" in servo.describe_excess(rates[None] * [1, 1.5], 0 * rates[None])

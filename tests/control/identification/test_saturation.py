@@ -16,14 +16,14 @@ CYCLE = 1e-3
 @njit
 def run_loop(u, kp, kv, acceleration, velocity):
     """Positions of a sampled loop with limits of acceleration and of velocity."""
-    q, w, found = u[0], 0.0, np.empty(len(u))
+    q, w, measured = u[0], 0.0, np.empty(len(u))
     for k in range(len(u)):
-        found[k] = q
-        wanted = min(max(kp * (u[k] - q), -velocity), velocity)
-        a = min(max(kv * (wanted - w), -acceleration), acceleration)
+        measured[k] = q
+        velocity_command = min(max(kp * (u[k] - q), -velocity), velocity)
+        a = min(max(kv * (velocity_command - w), -acceleration), acceleration)
         w += CYCLE * a
         q += CYCLE * w
-    return found
+    return measured
 
 
 def moves(top, seconds=5.0, seed=2):
@@ -48,12 +48,12 @@ def log_of(t, u, y, noise=0.0):
 
 @pytest.mark.parametrize(("noise", "near"), [(0.0, 2e-4), (2e-6, 2e-3)])
 def test_gains_of_a_log_that_saturates_are_those_of_one_that_does_not(noise, near):
-    found = []
+    joints = []
     for top in (1.4, 0.6):
         t, u = moves(top)
         log = log_of(t, u, run_loop(u, 25.0, 150.0, 0.9, np.inf), noise)
-        found.append(identify(log).joints[0])
-    hard, gentle = found
+        joints.append(identify(log).joints[0])
+    hard, gentle = joints
     assert all(x in hard.saturation for x in ("joint 1", "0.9 rad/s²"))
     assert not gentle.saturation
     assert hard.acceleration_limit.value == pytest.approx(0.9, rel=0.01)
@@ -88,20 +88,20 @@ def hal():
     plan = ac.plan(path, arm, limits, ac.Optimal(reserve=0.02))
     robot = ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0, drive_cycle=CYCLE))
     first = ac.compensate(plan, ac.ServoModel(kp=20.0, kv=120.0), cycle=4e-3)
-    done = ac.simulate(first, robot, resolution=CYCLE)
+    execution = ac.simulate(first, robot, resolution=CYCLE)
     times = first.start_time + np.arange(len(first.q)) * first.cycle
-    u = np.stack([np.interp(done.t, times, x) for x in first.q.T], axis=1)
-    return path, plan, robot, log_of(done.t, u, done.q)
+    u = np.stack([np.interp(execution.t, times, x) for x in first.q.T], axis=1)
+    return path, plan, robot, log_of(execution.t, u, execution.q)
 
 
 def test_a_log_of_a_first_run_that_saturates_compensates_the_next_one(hal):
     path, plan, robot, log = hal
-    for drive_cycle, most in ((None, 5e-7), (CYCLE, 1e-7)):
-        found = identify(log, ac.ServoFit(drive_cycle=drive_cycle))
-        assert all("0.72 rad/s²" in x.saturation for x in found.joints)
+    for drive_cycle, bound in ((None, 5e-7), (CYCLE, 1e-7)):
+        fit = identify(log, ac.ServoFit(drive_cycle=drive_cycle))
+        assert all("0.72 rad/s²" in x.saturation for x in fit.joints)
         with pytest.warns(UserWarning, match="one program"):
-            set_points = ac.compensate(plan, found.servo_model(), cycle=4e-3)
-        assert ac.evaluate(ac.simulate(set_points, robot), path).contour_error.rms <= most
+            set_points = ac.compensate(plan, fit.servo_model(), cycle=4e-3)
+        assert ac.evaluate(ac.simulate(set_points, robot), path).contour_error.rms <= bound
 
 
 def test_a_joint_that_saturates_most_of_the_time_can_be_judged():
@@ -132,14 +132,14 @@ def shaken(seed):
 
 def logs_of(servo, seed, drive_cycle=0.0, noise=1e-5, step=0.0, change=lambda t, y: y):
     """Two logs of a simulated joint, with the resolution `step` of its encoder."""
-    found = []
+    logs = []
     for k in (0, 1):
         t, u = shaken(10 * seed + k)
         y = change(t, follow(LoggedCommand(t, u), servo, float(u[0]), 0.0, drive_cycle))
         y = y + noise * np.random.default_rng([seed, k]).normal(size=len(t))
         y = np.round(y / step) * step if step else y
-        found.append(Log(t=t, command=u, measured=y, source=f"{k}.csv"))
-    return found
+        logs.append(Log(t=t, command=u, measured=y, source=f"{k}.csv"))
+    return logs
 
 
 SERVOS = (
@@ -165,11 +165,11 @@ def behind_spring(t, y):
 
 
 def test_parameters_are_effective_where_an_effect_is_missing():
-    found = identify(logs_of(SERVOS[1], 1, change=behind_spring))
-    assert found.joints[0].effective
-    (remark,) = found.remarks
+    fit = identify(logs_of(SERVOS[1], 1, change=behind_spring))
+    assert fit.joints[0].effective
+    (remark,) = fit.remarks
     assert "joint 1" in remark
-    assert "effective" in str(found)
+    assert "effective" in str(fit)
     integrated = JointServo(9.0, 90.0, 0.5, 0.0, 4e-3, ki=8.0)
     assert identify(logs_of(integrated, 2), ac.ServoFit(model="first")).joints[0].effective
 

@@ -17,13 +17,13 @@ SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 
 def teach(set_points, arm, robot, path, objective, runs):
     """RMS contour errors of the runs [m]: the first one before learning."""
-    found = []
+    errors = []
     for k in range(runs + 1):
         executed = ac.simulate(set_points, robot(k))
-        found.append(ac.evaluate(executed, path, objective=objective).contour_error.rms)
+        errors.append(ac.evaluate(executed, path, objective=objective).contour_error.rms)
         if k < runs:
             set_points = ac.learn(set_points, executed, arm=arm, servo=SERVO)
-    return found
+    return errors
 
 
 def test_the_papers_job_with_a_gain_that_is_not_known():

@@ -47,13 +47,13 @@ def teach(arm, set_points, runs, **options):
 
 
 @pytest.fixture(scope="module")
-def late(arm, set_points):
+def delayed_runs(arm, set_points):
     """Runs of a robot that is 9 ms later than its model."""
     return teach(arm, set_points, 4, dead_time=9e-3)
 
 
-def test_runs_get_better(late, path):
-    done, lessons = late
+def test_runs_get_better(delayed_runs, path):
+    done, lessons = delayed_runs
     errors = [ac.evaluate(x, path).contour_error.rms for x in done]
     assert errors[1] < 0.25 * errors[0]
     assert errors[3] < 0.05 * errors[0]
@@ -61,17 +61,17 @@ def test_runs_get_better(late, path):
         assert run.rms == pytest.approx(error, rel=0.1)
 
 
-def test_a_lesson_comes_back_from_its_numbers(arm, late):
+def test_a_lesson_comes_back_from_its_numbers(arm, delayed_runs):
     """The history of a folder gives the same next set-points as the history in memory."""
-    done, lessons = late
-    found = ac.learn(replace(lessons[1], lifted=None), done[2], arm=arm, servo=SERVO)
-    np.testing.assert_allclose(found.q, lessons[2].q, atol=1e-9)
-    assert found.predicted == pytest.approx(lessons[2].predicted, rel=1e-6)
+    done, lessons = delayed_runs
+    lesson = ac.learn(replace(lessons[1], lifted=None), done[2], arm=arm, servo=SERVO)
+    np.testing.assert_allclose(lesson.q, lessons[2].q, atol=1e-9)
+    assert lesson.predicted == pytest.approx(lessons[2].predicted, rel=1e-6)
 
 
-def test_it_never_goes_on_from_a_worse_run(arm, set_points, late):
+def test_it_never_goes_on_from_a_worse_run(arm, set_points, delayed_runs):
     """Set-points that are worse than their forerunners count as a setback, and are left again."""
-    done, lessons = late
+    done, lessons = delayed_runs
     wave = 0.05 * np.sin(0.2 * np.arange(len(set_points.q)))[:, None]
     spoiled = replace(lessons[0], q=lessons[0].q + wave)
     bad = ac.simulate(spoiled, plant(arm, 1, dead_time=9e-3))
@@ -81,8 +81,8 @@ def test_it_never_goes_on_from_a_worse_run(arm, set_points, late):
     assert (after.best, after.setbacks, good.best, good.setbacks) == (0, 1, 1, 0)
 
 
-def test_it_ends_with_the_best_run_after_setbacks(arm, set_points, late):
-    done, lessons = late
+def test_it_ends_with_the_best_run_after_setbacks(arm, set_points, delayed_runs):
+    done, lessons = delayed_runs
     lesson = replace(lessons[0], setbacks=2, q=lessons[0].q * 1.02)
     bad = ac.simulate(lesson, plant(arm, 1, dead_time=9e-3))
     last = ac.learn(lesson, bad, arm=arm, servo=SERVO)
@@ -97,11 +97,11 @@ def test_a_recording_with_the_noise_of_encoders_is_learned_from(set_points, path
     robot = ac.ServoPlant(arm, robot, ac.Limits.only(joint_acceleration=30.0).for_joints(2))
     errors, rng = [], np.random.default_rng(5)
     for _ in range(2):
-        done = ac.simulate(set_points, robot)
-        q = done.q + rng.normal(scale=noise, size=done.q.shape)
-        run = Recording(t=done.t, q=q, in_plan_time=True)
+        execution = ac.simulate(set_points, robot)
+        q = execution.q + rng.normal(scale=noise, size=execution.q.shape)
+        run = Recording(t=execution.t, q=q, in_plan_time=True)
         set_points = ac.learn(set_points, run, arm=arm, servo=SERVO)
-        errors.append(ac.evaluate(done, path).contour_error.rms)
+        errors.append(ac.evaluate(execution, path).contour_error.rms)
         # The noise of encoders moves the tool by less than it does the joints.
         assert set_points.noise < noise
     assert errors[1] < 0.1 * errors[0]
@@ -121,8 +121,8 @@ def test_it_stops_when_only_noise_is_left(arm, set_points):
     np.testing.assert_array_equal(lesson.q, lesson.runs[lesson.best].q)
 
 
-def test_limits_of_commands_are_kept(arm, set_points, late, refuses):
-    done, _ = late
+def test_limits_of_commands_are_kept(arm, set_points, delayed_runs, refuses):
+    done, _ = delayed_runs
     teach_again = partial(ac.learn, set_points, done[0], arm=arm, servo=SERVO)
     rate = np.abs(np.diff(set_points.q, axis=0)).max(axis=0) / set_points.cycle
     close = ac.Limits.only(joint_velocity=1.0005 * rate)
@@ -166,23 +166,25 @@ def test_one_joint_at_its_limit_does_not_end_learning(ki, bars):
     set_points = ac.compensate(plan, servo, ac.InverseDynamics(), arm=nominal, cycle=4e-3)
     errors = []
     for _ in range(3):
-        done = ac.simulate(set_points, robot)
-        errors.append(ac.evaluate(done, path).contour_error.rms)
-        set_points = ac.learn(set_points, done, arm=nominal, servo=servo)
+        execution = ac.simulate(set_points, robot)
+        errors.append(ac.evaluate(execution, path).contour_error.rms)
+        set_points = ac.learn(set_points, execution, arm=nominal, servo=servo)
     # Measured: 0.40, 0.08 and 0.03 mm; with integrators, 0.40, 0.11 and 0.06 mm.
     assert errors[0] > 3.5e-4 and errors[1] <= bars[0] and errors[2] <= bars[1]
 
 
-def test_a_lesson_that_learned_nothing_says_so():
+def test_a_lesson_without_improvement_has_a_note():
     """Set-points that always move at the limit of velocity: no others have the same ends."""
     arm, servo = rods(), ac.ServoModel(kp=25.0, order="first")
     plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm, arm.limits)
     q = np.linspace(*plan([0.0, plan.duration]), int(plan.duration / 4e-3) + 2)
     set_points = SetPoints(cycle=4e-3, q=q, trajectory=plan, method="none")
-    done = ac.simulate(set_points, ac.ServoPlant(arm, servo.replace(kp=22.0), saturation="none"))
+    execution = ac.simulate(
+        set_points, ac.ServoPlant(arm, servo.replace(kp=22.0), saturation="none")
+    )
     rate = np.abs(q[1] - q[0]) / set_points.cycle
     none = ac.Limits(joint_velocity=(1 + 1e-7) * rate)
-    lesson = ac.learn(set_points, done, arm=arm, servo=servo, limits=none)
+    lesson = ac.learn(set_points, execution, arm=arm, servo=servo, limits=none)
     assert lesson.finished and "joint_velocity" in lesson.reason
     np.testing.assert_array_equal(lesson.q, set_points.q)
 
@@ -197,8 +199,8 @@ def test_the_first_order_servo_learns_without_masses():
     first = ac.simulate(set_points, robot)
     lesson = ac.learn(set_points, first, arm=arm, servo=servo)
     second = ac.simulate(lesson, robot)
-    off = [np.abs(x.q - plan(np.clip(x.t, 0, plan.duration))).max() for x in (first, second)]
-    assert off[1] < 0.1 * off[0]
+    errors = [np.abs(x.q - plan(np.clip(x.t, 0, plan.duration))).max() for x in (first, second)]
+    assert errors[1] < 0.1 * errors[0]
     assert lesson.runs[0].contour_rms is None
     assert lesson.runs[0].rms == lesson.runs[0].tool_rms
 
@@ -214,10 +216,10 @@ def test_the_controller_may_know_another_arm(arm, set_points):
     robot = ac.RigidBodyPlant(
         loaded, SERVO, ac.Limits.only(joint_torque=1e3).for_joints(2), controller=bare
     )
-    done = ac.simulate(right, robot)
-    found = {}
-    for known in (bare, None):
-        lesson = ac.learn(right, done, arm=loaded, servo=SERVO, controller=known)
-        off = lesson.lifted.expected(right.q) - lesson.lifted.planned - lesson.runs[0].error
-        found[known] = np.abs(off).max()
-    assert found[bare] < 0.02 * found[None]
+    execution = ac.simulate(right, robot)
+    errors = {}
+    for controller in (bare, None):
+        lesson = ac.learn(right, execution, arm=loaded, servo=SERVO, controller=controller)
+        residual = lesson.lifted.expected(right.q) - lesson.lifted.planned - lesson.runs[0].error
+        errors[controller] = np.abs(residual).max()
+    assert errors[bare] < 0.02 * errors[None]

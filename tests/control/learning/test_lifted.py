@@ -77,14 +77,14 @@ def test_surprise_is_minus_two_log_of_the_density(lifted, dense):
     steps = np.kron(np.tril(np.ones((lifted.count, lifted.count)), -1)[:, :-1], np.eye(2))
     constant = np.tile(np.eye(2), (lifted.count, 1))
     wide = 1e-2
-    found = []
+    differences = []
     for penalty in (1e-3, 1e-1):
         spread = variance / penalty * steps @ steps.T + wide * constant @ constant.T
         covariance = dense @ spread @ dense.T + variance * np.eye(error.size)
         _sign, size = np.linalg.slogdet(covariance)
         expected = error.ravel() @ np.linalg.solve(covariance, error.ravel()) + size
-        found.append(lifted.surprise(error, penalty, variance) - expected)
-    assert found[0] == pytest.approx(found[1], abs=1e-2 + 1e-6 * abs(found[0]))
+        differences.append(lifted.surprise(error, penalty, variance) - expected)
+    assert differences[0] == pytest.approx(differences[1], abs=1e-2 + 1e-6 * abs(differences[0]))
 
 
 def test_what_is_expected_is_what_the_plant_does(lifted):
@@ -94,9 +94,11 @@ def test_what_is_expected_is_what_the_plant_does(lifted):
     set_points = SetPoints(
         cycle=lifted.cycle, q=q, trajectory=lifted.plan, method="x", start_time=lifted.start
     )
-    done = ac.simulate(set_points, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3)
-    found = lifted.at_times(done.t, done.q, lifted.expected(q))
-    assert np.abs(found - lifted.expected(q)).max() < 3e-3 * np.ptp(q)
+    execution = ac.simulate(
+        set_points, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3
+    )
+    expected = lifted.at_times(execution.t, execution.q, lifted.expected(q))
+    assert np.abs(expected - lifted.expected(q)).max() < 3e-3 * np.ptp(q)
     # Differences of two motions are exact at the times of the drives' cycles.
     near = 1e-9 if servo.drive_cycle else 2e-2
     more = 1e-3 * rng.normal(size=q.shape).cumsum(axis=0)
@@ -105,10 +107,10 @@ def test_what_is_expected_is_what_the_plant_does(lifted):
         ac.ServoPlant(arm, servo, saturation="none"),
         resolution=1e-3,
     )
-    n = min(len(done.t), len(moved.t))
-    rows = np.searchsorted(done.t[:n] + 1e-9, lifted.t)
+    n = min(len(execution.t), len(moved.t))
+    rows = np.searchsorted(execution.t[:n] + 1e-9, lifted.t)
     inside = rows < n
-    change = (moved.q[:n] - done.q[:n])[rows[inside]]
+    change = (moved.q[:n] - execution.q[:n])[rows[inside]]
     assert np.abs(lifted.respond(more)[inside] - change).max() < near * np.ptp(more)
 
 
@@ -126,11 +128,15 @@ def test_expected_motion_is_that_of_a_plant_with_feed_forward(kind):
         **more,
     ).for_joints(2)  # fmt: skip
     set_points = ac.compensate(plan, servo, ac.NoCompensation(), cycle=4e-3)
-    done = ac.simulate(set_points, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3)
+    execution = ac.simulate(
+        set_points, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3
+    )
     lifted = Lifted(set_points, Nominal(arm=arm, servo=servo))
-    inside = (lifted.t >= done.t[0]) & (lifted.t <= done.t[-1])
-    expected = np.stack([np.interp(lifted.t[inside], done.t, x) for x in done.q.T], axis=1)
-    lag = np.abs(done.q - plan.with_rests(done.t)).max()
+    inside = (lifted.t >= execution.t[0]) & (lifted.t <= execution.t[-1])
+    expected = np.stack(
+        [np.interp(lifted.t[inside], execution.t, x) for x in execution.q.T], axis=1
+    )
+    lag = np.abs(execution.q - plan.with_rests(execution.t)).max()
     # Steps are sampled once per millisecond.
     near = 0.015 if kind == "step" else 3e-3
     assert np.abs(lifted.expected(set_points.q)[inside] - expected).max() < near * lag

@@ -18,9 +18,11 @@ def executed(arm, path):
 
 
 def log_of(arm, set_points):
-    done = ac.simulate(set_points, ac.ServoPlant(arm, SERVO.replace(kp=24.0), saturation="none"))
-    t = np.arange(-0.1, done.t[-1], 5e-3)
-    q = np.stack([np.interp(t, done.t, x) for x in done.q.T], axis=1)
+    execution = ac.simulate(
+        set_points, ac.ServoPlant(arm, SERVO.replace(kp=24.0), saturation="none")
+    )
+    t = np.arange(-0.1, execution.t[-1], 5e-3)
+    q = np.stack([np.interp(t, execution.t, x) for x in execution.q.T], axis=1)
     command = np.stack([np.interp(t, set_points.t, x) for x in set_points.q.T], axis=1)
     return ac.Log(t=t + 7.0, command=command, measured=q, source="run1.csv")
 

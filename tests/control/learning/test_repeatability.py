@@ -27,17 +27,19 @@ class Robot:
 
     def run(self, set_points):
         """A log, and the RMS error that repeats [rad]."""
-        done = ac.simulate(set_points, self.plant)
-        phase = np.pi * done.t[:, None] / self.plan.duration * np.arange(TERMS)
-        q = done.q + SIZE / np.sqrt((TERMS + 1) / 2) * np.cos(phase) @ self.random.normal(
+        execution = ac.simulate(set_points, self.plant)
+        phase = np.pi * execution.t[:, None] / self.plan.duration * np.arange(TERMS)
+        q = execution.q + SIZE / np.sqrt((TERMS + 1) / 2) * np.cos(phase) @ self.random.normal(
             size=(TERMS, 2)
         )
-        command = np.stack([np.interp(done.t, set_points.t, x) for x in set_points.q.T], axis=1)
-        t = np.sort(done.t + self.random.normal(scale=2e-4, size=len(q)))
-        kept = np.append(True, np.diff(t) > 0)
-        inside = (done.t >= 0) & (done.t <= self.plan.duration)
-        error = (done.q - self.plan.with_rests(done.t))[inside]
-        log = ac.Log(t=t[kept] + 5.0, command=command[kept], measured=q[kept])
+        command = np.stack(
+            [np.interp(execution.t, set_points.t, x) for x in set_points.q.T], axis=1
+        )
+        t = np.sort(execution.t + self.random.normal(scale=2e-4, size=len(q)))
+        increasing = np.append(True, np.diff(t) > 0)
+        inside = (execution.t >= 0) & (execution.t <= self.plan.duration)
+        error = (execution.q - self.plan.with_rests(execution.t))[inside]
+        log = ac.Log(t=t[increasing] + 5.0, command=command[increasing], measured=q[increasing])
         return log, float(np.sqrt(np.mean(error**2)))
 
     def learn(self, set_points, logs):
@@ -51,7 +53,7 @@ class Robot:
 
 def test_what_differs_is_not_chased():
     """The repeating error ends near that of a mean of the runs; chasing leaves SIZE (1.05)."""
-    left, stated = [], []
+    rms_ratios, stated = [], []
     for seed in range(4):
         robot = Robot(seed)
         set_points = robot.set_points
@@ -59,9 +61,9 @@ def test_what_differs_is_not_chased():
             set_points = robot.learn(set_points, robot.run(set_points)[0])
             if set_points.finished:
                 break
-        left.append(robot.run(set_points)[1] / SIZE)
+        rms_ratios.append(robot.run(set_points)[1] / SIZE)
         stated.append(set_points.noise / robot.tool(SIZE))
-    assert np.sqrt(np.mean(np.square(left))) < 0.8
+    assert np.sqrt(np.mean(np.square(rms_ratios))) < 0.8
     # The contour error is about 0.7 of the tool's.
     assert np.mean(stated) == pytest.approx(0.7, abs=0.25)
 
@@ -90,20 +92,22 @@ class BadLogs(Robot):
     """A robot whose logs of runs after the second one are bad; none of its errors differ."""
 
     def log(self, set_points, k, kind):
-        done = ac.simulate(set_points, self.plant)
-        q = done.q + self.random.normal(scale=1e-5, size=done.q.shape)
-        kept = np.ones(len(q), dtype=bool)
+        execution = ac.simulate(set_points, self.plant)
+        q = execution.q + self.random.normal(scale=1e-5, size=execution.q.shape)
+        mask = np.ones(len(q), dtype=bool)
         if kind == "outliers":
             q += (self.random.random(q.shape) < 2.5e-3) * 0.02
         elif kind == "lost":
-            kept = self.random.random(len(q)) > 0.05
+            mask = self.random.random(len(q)) > 0.05
         elif k >= 1 and kind == "gap":
-            kept = ~((done.t > 0.3) & (done.t < 0.36))
+            mask = ~((execution.t > 0.3) & (execution.t < 0.36))
         elif k >= 2 and kind == "offset":
             q += [1e-3, -1e-3]
-        command = np.stack([np.interp(done.t, set_points.t, x) for x in set_points.q.T], axis=1)
-        error = ac.evaluate(done, self.plan.path).contour_error.rms
-        return ac.Log(t=done.t[kept] + 5.0, command=command[kept], measured=q[kept]), error
+        command = np.stack(
+            [np.interp(execution.t, set_points.t, x) for x in set_points.q.T], axis=1
+        )
+        error = ac.evaluate(execution, self.plan.path).contour_error.rms
+        return ac.Log(t=execution.t[mask] + 5.0, command=command[mask], measured=q[mask]), error
 
     def best(self, kind):
         """Least RMS contour error that learning ends with after four runs, and the last lesson."""
@@ -135,6 +139,6 @@ def test_what_is_wrong_with_a_log_is_known():
 def test_a_log_that_misses_much_is_refused(refuses):
     robot = BadLogs(2)
     log, _ = robot.log(robot.set_points, 0, "none")
-    kept = (log.t < 5.2) | (log.t > 5.8)
-    cut = ac.Log(t=log.t[kept], command=log.command[kept], measured=log.measured[kept])
+    mask = (log.t < 5.2) | (log.t > 5.8)
+    cut = ac.Log(t=log.t[mask], command=log.command[mask], measured=log.measured[mask])
     refuses(lambda: robot.learn(robot.set_points, cut), ac.InvalidInput, "gaps")

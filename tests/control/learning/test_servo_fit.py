@@ -24,9 +24,9 @@ def runs_of(set_points, robot, noise, count, servo=SERVO):
     """Lessons, and true RMS contour errors of the runs [mm], that of the last lesson included."""
     arm, path, lessons, errors = robot.arm, set_points.trajectory.path, [], []
     for k in range(count):
-        done = ac.simulate(set_points, robot)
-        errors.append(1e3 * ac.evaluate(done, path).contour_error.rms)
-        set_points = ac.learn(set_points, log_of(done, noise, k), arm=arm, servo=servo)
+        execution = ac.simulate(set_points, robot)
+        errors.append(1e3 * ac.evaluate(execution, path).contour_error.rms)
+        set_points = ac.learn(set_points, log_of(execution, noise, k), arm=arm, servo=servo)
         lessons.append(set_points)
         if set_points.finished:
             break
@@ -42,19 +42,19 @@ def with_set_points():
 
 def test_feed_forward_that_the_model_lacks_is_found():
     """Corrections of a model without it are wrong by the factor 1 + f s / K_p, and diverge."""
-    own = task("pmk3s")
+    job_task = task("pmk3s")
     true = {"kp": [28.0, 24.0], "kv": [160.0, 130.0], "velocity_feedforward": 0.9}
-    robot = ac.ServoPlant(own.arm, SERVO.replace(**true, dead_time=6e-3), saturation="none")
-    lessons, errors = runs_of(own.set_points, robot, 1e-5, 4)
-    found = lessons[0].servo
+    robot = ac.ServoPlant(job_task.arm, SERVO.replace(**true, dead_time=6e-3), saturation="none")
+    lessons, errors = runs_of(job_task.set_points, robot, 1e-5, 4)
+    servo = lessons[0].servo
     # The fit trades feed-forward for gains where the plan is as gentle as this one.
-    np.testing.assert_allclose(found.velocity_feedforward, 0.9, atol=0.15)
+    np.testing.assert_allclose(servo.velocity_feedforward, 0.9, atol=0.15)
     assert lessons[0].misfits[1] < 0.2 * lessons[0].misfits[0]
     assert errors[0] > 0.04 and min(errors[:4]) < 0.005 and errors[-1] < 0.005
     assert all(after < before + 1e-3 for before, after in zip(errors, errors[1:], strict=False))
-    fastest = [np.abs(np.diff(x.q, 2, axis=0)).max(axis=0) for x in (own.set_points, *lessons)]
+    fastest = [np.abs(np.diff(x.q, 2, axis=0)).max(axis=0) for x in (job_task.set_points, *lessons)]
     assert all((x <= 2 * fastest[0] * (1 + 1e-9)).all() for x in fastest)
-    assert all(x.servo is found for x in lessons)
+    assert all(x.servo is servo for x in lessons)
 
 
 @pytest.mark.parametrize("seed", [0, 3])
@@ -69,10 +69,10 @@ def test_a_right_model_is_kept():
     arm, set_points = with_set_points()
     strong = ac.Limits.only(joint_torque=1e3).for_joints(2)
     for noise in (0.0, 1e-6, 1e-4):
-        done = ac.simulate(
+        execution = ac.simulate(
             set_points, ac.RigidBodyPlant(arm, SERVO, strong, controller=arm, noise=noise)
         )
-        lesson = ac.learn(set_points, done, arm=arm, servo=SERVO)
+        lesson = ac.learn(set_points, execution, arm=arm, servo=SERVO)
         assert lesson.misfits == (0.0, 0.0) and lesson.delay == 0.0
         np.testing.assert_array_equal(lesson.servo.kp, [25.0, 25.0])
 
@@ -88,13 +88,13 @@ def test_dead_time_is_found_beside_load_and_friction():
 
 def test_learning_ends_with_the_best_run_where_no_servo_can_be_fitted():
     """Positions alone do not show dead time, so the servo of the job is used, right or wrong."""
-    own, random = task("pmk3s"), np.random.default_rng(0)
-    robot = ac.ServoPlant(own.arm, SERVO.replace(velocity_feedforward=0.95), saturation="none")
-    set_points = own.set_points
+    job_task, random = task("pmk3s"), np.random.default_rng(0)
+    robot = ac.ServoPlant(job_task.arm, SERVO.replace(velocity_feedforward=0.95), saturation="none")
+    set_points = job_task.set_points
     for _ in range(6):
         log = record(ac.simulate(set_points, robot), 1e-6, 1.0, random)
         set_points = ac.learn(
-            set_points, Recording(t=log.t, q=log.measured), arm=own.arm, servo=SERVO
+            set_points, Recording(t=log.t, q=log.measured), arm=job_task.arm, servo=SERVO
         )
         assert set_points.misfits == (0.0, 0.0)
         if set_points.finished:
@@ -108,15 +108,15 @@ def one_moves(servo, true, noise=1e-5):
     arm = rods()
     plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 0.9)]), arm, arm.limits)
     set_points = ac.compensate(plan, servo, ac.Inverse())
-    done = ac.simulate(set_points, ac.ServoPlant(arm, true, saturation="none"))
-    return ac.learn(set_points, log_of(done, noise), arm=arm, servo=servo)
+    execution = ac.simulate(set_points, ac.ServoPlant(arm, true, saturation="none"))
+    return ac.learn(set_points, log_of(execution, noise), arm=arm, servo=servo)
 
 
 def test_a_joint_that_stands_still_keeps_its_servo():
-    found = one_moves(SERVO, SERVO.replace(kp=18.0, velocity_feedforward=0.5)).servo
-    assert (found.kp[1], found.kv[1]) == pytest.approx((25.0, 150.0), rel=1e-3)
-    assert found.velocity_feedforward[1] == pytest.approx(0.0, abs=1e-3)
-    assert found.velocity_feedforward[0] == pytest.approx(0.5, abs=0.1)
+    servo = one_moves(SERVO, SERVO.replace(kp=18.0, velocity_feedforward=0.5)).servo
+    assert (servo.kp[1], servo.kv[1]) == pytest.approx((25.0, 150.0), rel=1e-3)
+    assert servo.velocity_feedforward[1] == pytest.approx(0.0, abs=1e-3)
+    assert servo.velocity_feedforward[0] == pytest.approx(0.5, abs=0.1)
 
 
 def test_a_servo_with_acceleration_feed_forward_is_learned_from():
@@ -151,7 +151,7 @@ def test_learning_starts_from_any_servo(servo):
     robot = ac.ServoPlant(arm, ac.ServoModel(**LOOPS), saturation="none")
     errors = []
     for k in range(2):
-        done = ac.simulate(set_points, robot)
-        errors.append(ac.evaluate(done, set_points.trajectory.path).contour_error.rms)
-        set_points = ac.learn(set_points, log_of(done, 1e-5, k), arm=arm, servo=servo)
+        execution = ac.simulate(set_points, robot)
+        errors.append(ac.evaluate(execution, set_points.trajectory.path).contour_error.rms)
+        set_points = ac.learn(set_points, log_of(execution, 1e-5, k), arm=arm, servo=servo)
     assert errors[1] < max(errors[0] / 30, 2e-6)

@@ -31,25 +31,25 @@ def give_way(executed):
 def test_the_tool_counts_where_encoders_see_nothing(arm, set_points):
     plant = ac.ServoPlant(arm, SERVO)
     errors = {"encoders": [], "tracker": []}
-    for name, found in errors.items():
+    for name, distances in errors.items():
         lesson = set_points
         for _ in range(4):
-            done = ac.simulate(lesson, plant)
-            t, points = give_way(done)
+            execution = ac.simulate(lesson, plant)
+            t, points = give_way(execution)
             plan = lesson.trajectory
             due = arm.tool_position(plan(np.clip(t, 0, plan.duration)))
-            found.append(float(np.linalg.norm(points - due, axis=1).max()))
+            distances.append(float(np.linalg.norm(points - due, axis=1).max()))
             tool = (t, points) if name == "tracker" else None
-            lesson = ac.learn(lesson, done, arm=arm, servo=SERVO, tool=tool)
+            lesson = ac.learn(lesson, execution, arm=arm, servo=SERVO, tool=tool)
     assert errors["tracker"][-1] < 0.1 * errors["tracker"][0]
     assert errors["encoders"][-1] > 0.7 * errors["encoders"][0]
 
 
 def test_a_tracker_may_have_a_clock_of_its_own(arm, set_points):
     """Its offset and rate are found from the motion; a lag of the tool is part of the offset."""
-    done = ac.simulate(set_points, ac.ServoPlant(arm, SERVO))
-    log = Recording(t=done.t + 2.0, q=done.q)
-    tool = 1.002 * done.t - 5.0, arm.tool_position(done.q)
+    execution = ac.simulate(set_points, ac.ServoPlant(arm, SERVO))
+    log = Recording(t=execution.t + 2.0, q=execution.q)
+    tool = 1.002 * execution.t - 5.0, arm.tool_position(execution.q)
     with_tool, alone = (
         ac.learn(set_points, log, arm=arm, servo=SERVO, tool=x).runs[0].error for x in (tool, None)
     )
@@ -57,8 +57,8 @@ def test_a_tracker_may_have_a_clock_of_its_own(arm, set_points):
 
 
 def test_refusals(arm, set_points, refuses):
-    done = ac.simulate(set_points, ac.ServoPlant(arm, SERVO))
-    t, x = give_way(done)
+    execution = ac.simulate(set_points, ac.ServoPlant(arm, SERVO))
+    t, x = give_way(execution)
     half = len(t) // 2
     for tool, words in (
         ((t, 1e3 * x), "mm from its position by the encoders"),
@@ -66,5 +66,5 @@ def test_refusals(arm, set_points, refuses):
         ((t[::-1], x), "must increase"),
         ((t[:half], x[:half]), "tool positions covers the plan"),
     ):
-        call = partial(ac.learn, set_points, done, arm=arm, servo=SERVO, tool=tool)
+        call = partial(ac.learn, set_points, execution, arm=arm, servo=SERVO, tool=tool)
         refuses(call, ac.InvalidInput, words)

@@ -63,14 +63,14 @@ def near(paths, polylines, tolerance=TOLERANCE):
         if paths[0].dimension == 2:
             assert np.abs(points[:, 2:]).max(initial=0) < 1e-9
         drawn.append(ac.Path.polyline(points[:, : paths[0].dimension]))
-    here, there = ([(x, sampled(x)) for x in some] for some in (paths, drawn))
-    for these, others in ((here, there), (there, here)):
+    path_samples, there = ([(x, sampled(x)) for x in some] for some in (paths, drawn))
+    for these, others in ((path_samples, there), (there, path_samples)):
         for _, points in these:
             low, high = points.min(axis=0) - MM, points.max(axis=0) + MM
             close = [
                 other.project(points).distance
-                for other, own in others
-                if np.all(own.min(axis=0) <= high) and np.all(own.max(axis=0) >= low)
+                for other, samples in others
+                if np.all(samples.min(axis=0) <= high) and np.all(samples.max(axis=0) >= low)
             ]
             assert np.min(close, axis=0).max() <= tolerance + 2e-7
 
@@ -128,9 +128,9 @@ def test_lines_arcs_and_circles():
     for begin, end, sweep in ((350, 10, 20), (90, 90, 360), (0, 360, 360), (-30, 400, 70)):
         path = only(alone("arc", (0, 0), 50, begin, end)[0]).path
         np.testing.assert_allclose(path.lengths, 0.05 * np.radians(sweep))
-        at = np.radians(begin + sweep / 3)
-        wanted = 0.05 * np.array([np.cos(at), np.sin(at)])
-        np.testing.assert_allclose(path(path.length / 3), wanted, atol=1e-12)
+        angle = np.radians(begin + sweep / 3)
+        expected = 0.05 * np.array([np.cos(angle), np.sin(angle)])
+        np.testing.assert_allclose(path(path.length / 3), expected, atol=1e-12)
 
 
 def test_polylines_and_their_bulges():
@@ -189,7 +189,7 @@ def test_splines_of_all_kinds():
     space.add_open_spline(moved[2], degree=2)
     space.add_open_spline(moved[3], degree=5)
     contours = [(x, read(document, chord_tolerance=x).contours) for x in (1e-4, 1e-6)]
-    table = [(x, *y) for x, found in contours for y in zip(space, found, strict=True)]
+    table = [(x, *y) for x, point in contours for y in zip(space, point, strict=True)]
     for tolerance, entity, contour in table:
         tool = entity.construction_tool()
         points = [tuple(p) for p in tool.points(np.linspace(0, tool.max_t, 4001))]
@@ -217,14 +217,14 @@ def test_splines_of_all_kinds():
         path = only(document).path
         near([path], [BSpline(x.knots, np.array(CONTROL), 3)(np.linspace(0, 7, 4001))])
         np.testing.assert_allclose(path(0.0), MM * np.array(CONTROL[extra][:2]), atol=1e-12)
-    wanted = 3 * np.hypot(2 * np.pi * 10, 2) * MM
-    assert only(alone("helix", 10, 2, 3)[0]).path.length == pytest.approx(wanted, rel=1e-3)
+    expected = 3 * np.hypot(2 * np.pi * 10, 2) * MM
+    assert only(alone("helix", 10, 2, 3)[0]).path.length == pytest.approx(expected, rel=1e-3)
 
 
 def fit(points, **ends):
     points = np.array(points, dtype=float)
-    at = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    return CubicSpline(at, points, **ends)(np.linspace(0, at[-1], 20001))
+    parameter = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    return CubicSpline(parameter, points, **ends)(np.linspace(0, parameter[-1], 20001))
 
 
 def test_splines_through_points():
@@ -293,10 +293,10 @@ def test_blocks_in_blocks_turned_scaled_mirrored_and_repeated(seed):
     def placed(layout, name, even):
         scale = rng.uniform(0.5, 2) * rng.choice([-1, 1], 2)
         factors = scale if not even else scale[0] * np.array([1, rng.choice([-1, 1])])
-        at = tuple(rng.uniform(-50, 50, 2))
-        given = {"xscale": factors[0], "yscale": factors[1], "zscale": 1}
-        given |= {"rotation": rng.uniform(-180, 180), "extrusion": (0, 0, rng.choice([-1, 1]))}
-        return layout.add_blockref(name, at, dxfattribs=given)
+        insertion = tuple(rng.uniform(-50, 50, 2))
+        attributes = {"xscale": factors[0], "yscale": factors[1], "zscale": 1}
+        attributes |= {"rotation": rng.uniform(-180, 180), "extrusion": (0, 0, rng.choice([-1, 1]))}
+        return layout.add_blockref(name, insertion, dxfattribs=attributes)
 
     # Uneven scales of the outer block make arcs ellipses, turned ones even skew ones.
     placed(outer, "inner", even=seed % 2)
@@ -424,8 +424,8 @@ def test_entities_without_the_marks_of_their_classes():
     for tags in (polyline, [x for x in polyline if x[0] not in (5, 62)]):
         contour = only(bare(*tags), units=MM)
         assert contour.closed and contour.layer == "CUT"
-        wanted = 0.1 + np.pi * 0.02 + np.hypot(0.1, 0.04)
-        assert contour.path.length == pytest.approx(wanted, rel=1e-6)
+        expected = 0.1 + np.pi * 0.02 + np.hypot(0.1, 0.04)
+        assert contour.path.length == pytest.approx(expected, rel=1e-6)
     text = (0, "MTEXT"), (8, "CUT"), (10, 0), (20, 0), (40, 2), (1, "part")
     leader = (0, "LEADER"), (8, "0"), (76, 2), (10, 0), (20, 0), (10, 1), (20, 0)
     program = read(bare(*text, *leader, *polyline), units=MM)
@@ -514,12 +514,12 @@ def test_clipped_blocks_are_cut(inverted):
     m = x.matrix44()
     m.inverse()
     for c in program.contours:
-        at = c.path(np.linspace(0, c.path.length, 50)) / MM
-        x, y, _ = np.array([tuple(p) for p in m.transform_vertices([(*p, 0) for p in at])]).T
+        vertices = c.path(np.linspace(0, c.path.length, 50)) / MM
+        x, y, _ = np.array([tuple(p) for p in m.transform_vertices([(*p, 0) for p in vertices])]).T
         outside, inside = (x < -5 - 1e-9) | (x > 1e-9), (x > -5 + 1e-9) & (x < -1e-9)
         assert not (inside if inverted else outside).any()
-        off = np.minimum(abs(y - 2), abs(np.hypot(x, y - 2) - 3))
-        np.testing.assert_allclose(off, 0.0, atol=1e-9)
+        deviation = np.minimum(abs(y - 2), abs(np.hypot(x, y - 2) - 3))
+        np.testing.assert_allclose(deviation, 0.0, atol=1e-9)
 
 
 def test_layers_that_are_off_or_frozen_are_left_out_and_counted():
@@ -537,8 +537,8 @@ def test_layers_that_are_off_or_frozen_are_left_out_and_counted():
     space.add_line((0, 7), (1, 7)).dxf.invisible = 1
     program = read(document)
     assert [x.layer for x in program.contours] == ["cut", "cut"]
-    off, invisible = program.notes
-    assert off.endswith(": 2 hidden, Cold.") and invisible.endswith("invisible: LINE.")
+    hidden, invisible = program.notes
+    assert hidden.endswith(": 2 hidden, Cold.") and invisible.endswith("invisible: LINE.")
 
 
 @pytest.mark.parametrize("version", ["R12", "R2000", "R2004", "R2007", "R2010", "R2013", "R2018"])
@@ -615,11 +615,11 @@ def test_a_file_of_entities_alone_is_read_and_wrong_ones_are_refused():
 
 def test_names_that_no_contour_can_have_are_changed_with_a_note():
     document, space = drawing()
-    given = (b"a\x1b]52;c;cA==\x1b", b"l" * 100, b"l" * 101, b"caf\xe9", b"CUT")
-    for k in range(len(given)):
+    layer_names = (b"a\x1b]52;c;cA==\x1b", b"l" * 100, b"l" * 101, b"caf\xe9", b"CUT")
+    for k in range(len(layer_names)):
         space.add_line((0, 10 * k), (5, 10 * k), dxfattribs={"layer": f"LAYER{k}"})
     data = written(document)
-    for k, layer in enumerate(given):
+    for k, layer in enumerate(layer_names):
         data = data.replace(f"LAYER{k}".encode(), layer)
     program = read(data)
     long = "l" * 68 + "..."
@@ -637,11 +637,11 @@ def test_letters_of_a_text_are_contours_if_asked():
     space.add_text("OH", dxfattribs={"height": 10, "insert": (5, 5), "layer": "mark"})
     (note,) = read(document).notes
     assert "TEXT" in note and "--texts" in note and len(read(document).contours) == 1
-    found = read(document, texts="contours")
-    letters = [x for x in found.contours if x.layer == "mark"]
+    program = read(document, texts="contours")
+    letters = [x for x in program.contours if x.layer == "mark"]
     # Two outlines of O, one of H, all closed, as high as the text.
     assert len(letters) == 3 and all(x.closed for x in letters)
     extents = np.array([x.path.segments.extent for x in letters])
     heights = extents[:, 0, 1].min(), extents[:, 1, 1].max()
     assert heights == pytest.approx((0.005, 0.015), abs=3e-4)
-    assert "Drawn through a font" in " ".join(found.notes)
+    assert "Drawn through a font" in " ".join(program.notes)

@@ -77,8 +77,8 @@ def test_contours_are_in_the_order_of_their_first_pieces_and_layers_stay_apart()
     first = pieces(names="abcd")
     other = [line((1, 0), (2, 0), "x", "other"), line((5, 5), (6, 5), "y")]
     contours, _ = chain_pieces([first[2], other[0], other[1], first[0], first[1]], TOLERANCE)
-    found = [(x.name, x.layer, len(x.path)) for x in contours]
-    assert found == [("c", "0", 3), ("x", "other", 1), ("y", "0", 1)]
+    summary = [(x.name, x.layer, len(x.path)) for x in contours]
+    assert summary == [("c", "0", 3), ("x", "other", 1), ("y", "0", 1)]
     # A piece that stays alone keeps its path. The line ends where the closed circle starts.
     circle = ac.Path.from_segments([ac.Arc.circle((1, 0), (0, 0))])
     given_ = [piece(circle, "circle"), line((1, 0), (3, 0), "line")]
@@ -94,12 +94,12 @@ def test_where_several_ends_meet_the_smallest_turn_goes_on():
     stem, side, on = (line(*x) for x in (SQUARE[:2], SQUARE[1:3], ((1, 0), (2, 0.1))))
     for given_ in ([stem, side, on], [side, on, stem], [on, stem, side]):
         contours, _ = chain_pieces(given_, TOLERANCE)
-        found = {frozenset(np.ravel(x.path.vertices[:, 0])) for x in contours}
-        assert found == {frozenset([0.0, 1.0, 2.0]), frozenset([1.0])}
+        chains_found = {frozenset(np.ravel(x.path.vertices[:, 0])) for x in contours}
+        assert chains_found == {frozenset([0.0, 1.0, 2.0]), frozenset([1.0])}
     stem = line((0, 0), (1, 0), "stem")
-    left, right = line((1, 0), (2, 1), "left"), line((1, 0), (2, -1), "right")
+    left_turn, right = line((1, 0), (2, 1), "left"), line((1, 0), (2, -1), "right")
     # Of equal turns, the earlier piece goes on.
-    for a, b in ((left, right), (right, left)):
+    for a, b in ((left_turn, right), (right, left_turn)):
         one, other = chain_pieces([stem, a, b], TOLERANCE)[0]
         assert other.name == b.name and one.path.vertices[-1, 1] == a.path.vertices[-1, 1]
 
@@ -120,14 +120,14 @@ def rough(seed, dimension, size):
     cuts = np.sort(np.concatenate([whole.breaks, rng.uniform(0, whole.length, 6)]))
     cuts = cuts[np.concatenate([[True], np.diff(cuts) > 1e-4])]
     cuts[-1] = whole.length
-    found = []
+    pieces = []
     for a, b in zip(cuts, cuts[1:], strict=False):
         x = cut_path(whole, a, b)
         shift = rng.normal(size=dimension)
         shift *= rng.uniform(0, size) / np.linalg.norm(shift)
         moved = ac.Path(segments=dataclasses.replace(x.segments, starts=x.starts + shift))
-        found.append(piece(moved.reversed() if rng.random() < 0.5 else moved))
-    return [found[i] for i in rng.permutation(len(found))], whole
+        pieces.append(piece(moved.reversed() if rng.random() < 0.5 else moved))
+    return [pieces[i] for i in rng.permutation(len(pieces))], whole
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -139,8 +139,8 @@ def test_gaps_are_closed_and_no_point_moves_by_more_than_the_tolerance(dimension
         assert contour.closed and gaps(path).max() < 1e-9, seed
         assert len(path) == sum(len(x.path) for x in given_)
         for x in given_:
-            at = x.path(np.linspace(0, x.path.length, 50))
-            assert path.project(at).distance.max() <= TOLERANCE, seed
+            points = x.path(np.linspace(0, x.path.length, 50))
+            assert path.project(points).distance.max() <= TOLERANCE, seed
         # Arcs are arcs of the same angle.
         turns = np.concatenate([x.path.curvatures * x.path.lengths for x in given_])
         np.testing.assert_allclose(
@@ -226,13 +226,15 @@ def test_short_contours_are_left_out_and_segments_keep_their_demands():
     chained([piece(ac.Path.from_segments([ac.Arc.circle((1e-6, 0), (0, 0))]), "dot")])
 
     # Demands and tags go with their segments.
-    def asked(start, end, speed, tag):
+    def limited_line(start, end, speed, tag):
         return piece(
             ac.Path.polyline([start, end], segment_limits=ac.SegmentLimits(speed=speed, tag=tag)),
             tag,
         )
 
-    path = chained([asked((0, 0), (1, 0), 0.1, "a"), asked((2, 0), (1, 3e-6), 0.2, "b")]).path
+    path = chained(
+        [limited_line((0, 0), (1, 0), 0.1, "a"), limited_line((2, 0), (1, 3e-6), 0.2, "b")]
+    ).path
     assert path.tags == ("a", "b") and path.speeds.tolist() == [0.1, 0.2]
 
 

@@ -29,8 +29,8 @@ def read(text, **options):
     if isinstance(text, str) and re.fullmatch(r"\w+/\w+", text):
         data = (CORPUS / f"{text}.ngc").read_bytes()
         unknown = "skip" if b"unknown: skip" in data else "refuse"
-        given = ReadOptions(mend_vertices=0.0, unknown=unknown)
-        return read_gcode(data, source=f"{text}.ngc", options=given)
+        read_options = ReadOptions(mend_vertices=0.0, unknown=unknown)
+        return read_gcode(data, source=f"{text}.ngc", options=read_options)
     data = text if isinstance(text, bytes) else f"{text}\n".replace("|", "\n").encode()
     return read_gcode(data, source="part.ngc", options=ReadOptions(**options))
 
@@ -39,18 +39,18 @@ def in_mm(path):
     return (path.vertices * 1e3).round(6).tolist()
 
 
-def told(program):
+def describe_moves(program):
     """The moves in words, contours with their events and the places of these [mm]."""
-    found = []
+    words_of_moves = []
     for x in program.moves:
         if isinstance(x, Contour):
             events = [f" {e.name}={e.value}@{e.s * 1e3:.9g}" for e in x.events]
-            found.append("cut" + "".join(events))
+            words_of_moves.append("cut" + "".join(events))
         elif isinstance(x, Event):
-            found.append(f"{x.name}={x.value}")
+            words_of_moves.append(f"{x.name}={x.value}")
         else:
-            found.append(f"dwell {x.duration:.9g}" if isinstance(x, Dwell) else "rapid")
-    return ", ".join(found)
+            words_of_moves.append(f"dwell {x.duration:.9g}" if isinstance(x, Dwell) else "rapid")
+    return ", ".join(words_of_moves)
 
 
 def check_points(table, **options):
@@ -66,10 +66,10 @@ def check_points(table, **options):
         parts = [x.strip() for x in points.split("/")]
         assert [isinstance(x, Rapid) for x in moves] == [x[0] == ">" for x in parts], text
         for move, part in zip(moves, parts, strict=True):
-            wanted = np.array([x.split(",") for x in part.strip("> ").split()], dtype=float)
-            found, d = move.path.vertices * 1e3, wanted.shape[1]
-            np.testing.assert_allclose(found[:, :d], wanted, rtol=0, atol=1e-9, err_msg=text)
-            assert np.abs(found[:, d:]).max(initial=0.0) <= 1e-9, text
+            expected = np.array([x.split(",") for x in part.strip("> ").split()], dtype=float)
+            vertices, d = move.path.vertices * 1e3, expected.shape[1]
+            np.testing.assert_allclose(vertices[:, :d], expected, rtol=0, atol=1e-9, err_msg=text)
+            assert np.abs(vertices[:, d:]).max(initial=0.0) <= 1e-9, text
         notes = " ".join(program.notes)
         missing = [x for cell in words for x in cell.split(" ... ") if x not in notes]
         assert not missing and (words or "/" in text or not notes), (text, notes)
@@ -87,8 +87,8 @@ def test_corpus_is_large_cites_its_sources_and_is_refused_with_its_line(refuses)
 
 
 def test_corpus_has_the_points_worked_out_by_hand():
-    found = {f"{x.parent.name}/{x.stem}": VERTICES.findall(x.read_bytes()) for x in FILES}
-    table = [f"{name} => {points.decode()}" for name, data in found.items() for points in data]
+    comments = {f"{x.parent.name}/{x.stem}": VERTICES.findall(x.read_bytes()) for x in FILES}
+    table = [f"{name} => {points.decode()}" for name, data in comments.items() for points in data]
     assert len(table) >= 40
     check_points("\n".join(table))
 
@@ -111,8 +111,8 @@ def test_corpus_has_the_values_worked_out_by_hand():
         ("arcs/radius_rounded_short", "curvatures", [1 / 5.001e-3]),
         ("arcs/radius_rounded_short", "lengths", [pi * 5.001e-3]),
     ):
-        found = getattr(read(name).contours[0].path, kind)
-        np.testing.assert_allclose(found, expected, rtol=1e-12, err_msg=f"{name} {kind}")
+        values = getattr(read(name).contours[0].path, kind)
+        np.testing.assert_allclose(values, expected, rtol=1e-12, err_msg=f"{name} {kind}")
     # Points [mm] at arc lengths: clockwise from (0, 0) around (1, 0), and counter-clockwise around
     # the origin; G2 to the left of the chord, and G3's long way round to the right; as seen from
     # the positive end of the third axis, G18 G3 over -z, and G19 G2 over +z.
@@ -123,8 +123,8 @@ def test_corpus_has_the_values_worked_out_by_hand():
         ("arcs/radius", [1 / 0.6, 35 / 3], [[5, high], [15, high - 20]]),
         ("arcs/other_planes", [2.5, 7.5, 12.5], [[5, 0, 5], [10, 5, 5], [5, 5, 0]]),
     ):
-        found = read(name).contours[0].path(np.array(s) * pi * 1e-3) * 1e3
-        np.testing.assert_allclose(found, expected, atol=1e-9, err_msg=name)
+        values = read(name).contours[0].path(np.array(s) * pi * 1e-3) * 1e3
+        np.testing.assert_allclose(values, expected, atol=1e-9, err_msg=name)
 
 
 def test_any_height_puts_all_moves_in_space():
@@ -171,21 +171,21 @@ M83|G91|G90|G1 X1 F60 E2.5|X2|X3 E2.5 => extruder=True, cut extruder=False@1 ext
 
 def test_moves_and_events_are_in_the_order_of_the_program():
     for text, expected in rows(MOVES):
-        assert told(read(text)) == expected, text
+        assert describe_moves(read(text)) == expected, text
 
 
 @given(
     radius=st.floats(1e-3, 10),
     turn=st.floats(0, 6.3),
     sweep=st.floats(1e-3, 6.28),
-    off=st.floats(-2.8e-5, 2.8e-5),
+    offset=st.floats(-2.8e-5, 2.8e-5),
     way=st.sampled_from([2, 3]),
 )
 def test_arcs_with_rounded_centres_stay_near_them_and_meet_their_ends(
-    radius, turn, sweep, off, way
+    radius, turn, sweep, offset, way
 ):
     b = turn + (sweep if way == 3 else -sweep)
-    target = [(radius + off) * math.cos(b), (radius + off) * math.sin(b)]
+    target = [(radius + offset) * math.cos(b), (radius + offset) * math.sin(b)]
     text = (
         f"G0 X{radius * math.cos(turn):.12f} Y{radius * math.sin(turn):.12f} F1|"
         f"G90.1 G{way} X{target[0]:.12f} Y{target[1]:.12f} I0 J0"
@@ -194,15 +194,15 @@ def test_arcs_with_rounded_centres_stay_near_them_and_meet_their_ends(
     np.testing.assert_allclose(path.vertices[-1], target, atol=1.5e-9)
     distance = np.linalg.norm(path(np.linspace(0, path.length, 200)), axis=1)
     # At most twice the error of the centre.
-    assert np.abs(distance - radius).max() <= 2 * abs(off) + 1e-9
+    assert np.abs(distance - radius).max() <= 2 * abs(offset) + 1e-9
 
 
 def test_helices_and_ends_beside_their_circles():
     for tolerance in (1e-4, 1e-6):
         path = read("G0 X10 Y0 F60|G3 I-10 Z4 P2", chord_tolerance=tolerance).contours[0].path
         points = path(np.linspace(0, path.length, 20_001))
-        off = 0.01 - np.hypot(points[:, 0], points[:, 1])
-        assert 0.9 * tolerance < off.max() <= tolerance * (1 + 1e-9)
+        deviation = 0.01 - np.hypot(points[:, 0], points[:, 1])
+        assert 0.9 * tolerance < deviation.max() <= tolerance * (1 + 1e-9)
         # The height is proportional to the angle.
         turn = np.unwrap(np.arctan2(path.vertices[:, 1], path.vertices[:, 0]))
         np.testing.assert_allclose(path.vertices[:, 2], turn / (4 * np.pi) * 4e-3, atol=1e-12)
@@ -272,9 +272,9 @@ def test_types_or_layers_of_a_slicer_are_layers():
 
     for kind, layer in ((";TYPE:", ";LAYER_CHANGE"), ("; FEATURE: ", "; CHANGE_LAYER")):
         text = f"G1 X1 F60|{layer}|{kind}Perimeter|X2|{kind}Perimeter|X3|{layer}|X4|"
-        found = layers(text + f"{kind}Solid infill|X5|;LAYER_COUNT:9|;Z:.2|X6")
+        layers_read = layers(text + f"{kind}Solid infill|X5|;LAYER_COUNT:9|;Z:.2|X6")
         walls = [("line 4", "Perimeter"), ("line 8", "Perimeter")]
-        assert found == [("line 1", ""), *walls, ("line 10", "Solid infill")]
+        assert layers_read == [("line 1", ""), *walls, ("line 10", "Solid infill")]
     text = "G1 X1 F60|;LAYER:-1|X2|;LAYER:0|X3|; layer 2, Z = 0.4|X4"
     assert [x for _, x in layers(text)] == ["", "layer -1", "layer 0", "layer 2"]
     text = "F60|;LAYER_CHANGE|G1 X1|;LAYER_CHANGE|X2"
@@ -379,14 +379,14 @@ def test_what_cannot_be_followed_is_refused_with_its_line():
     assert len(read("F60|G81 X1 Y1 Z-1 R1 Q0").contours) == 1
 
 
-def test_the_guide_s_example_is_what_the_guide_says():
+def test_the_example_of_the_guide_has_the_output_in_the_guide():
     guide = Path(__file__).parents[3] / "docs" / "guides" / "gcode.md"
     (text,) = re.findall(r"```text\n(.*?)```", guide.read_text(), re.DOTALL)
     program = read(text)
     quarter = 60 * math.pi / 2
     end = math.hypot(110, 50) + quarter
     moves = f"spindle speed=1000.0, spindle=True, cut spindle=False@{end:.9g}, rapid"
-    assert told(program) == moves and program.contours[0].name == "line 5"
+    assert describe_moves(program) == moves and program.contours[0].name == "line 5"
     path = program.contours[0].path
     assert path.lengths[1] == pytest.approx(quarter * 1e-3)
     np.testing.assert_allclose([path.speeds, path.tolerances], [[0.1, 0.1], [5e-4, 5e-4]])
@@ -402,8 +402,8 @@ def test_plain_lines_are_read_to_the_same_effect_as_all_others(lines):
     # A comment in every line keeps it from the short way.
     a, b = (read(f"G1 F10 X9|{x}" + f"|{x}".join([*ordered, "X50"])) for x in ("", "(x)"))
     for name in ("starts", "tangents", "lengths", "speeds", "tolerances"):
-        found, expected = (getattr(p.contours[0].path, name) for p in (a, b))
-        np.testing.assert_array_equal(found, expected)
+        values, expected = (getattr(p.contours[0].path, name) for p in (a, b))
+        np.testing.assert_array_equal(values, expected)
     assert a.contours[0].name == b.contours[0].name
 
 
@@ -426,16 +426,16 @@ def broken(data, rng):
     """One or two places changed, put in, left out or doubled."""
     data = bytearray(data)
     for _ in range(rng.randint(1, 2)):
-        at = rng.randrange(len(data) + 1)
+        position = rng.randrange(len(data) + 1)
         kind, other = rng.randrange(5), rng.choice(b"0123456789.-+eMZACGXYIJ ,;\n()<>[]#&%/=\"'")
         if kind == 0:
-            data[at : at + 1] = bytes([rng.randrange(256)])
+            data[position : position + 1] = bytes([rng.randrange(256)])
         elif kind < 3:
-            data[at : at + kind % 2] = bytes([other])
+            data[position : position + kind % 2] = bytes([other])
         elif kind == 3:
-            del data[at : at + rng.randint(1, 5)]
+            del data[position : position + rng.randint(1, 5)]
         else:
-            data[at:at] = data[at : at + 40]
+            data[position:position] = data[position : position + 40]
     return bytes(data)
 
 

@@ -175,7 +175,7 @@ class Loop:
 
     def distances(self, points):
         """Distances of points to the contour, by formulas of lines and circles [mm]."""
-        found = np.full(len(points), np.inf)
+        nearest = np.full(len(points), np.inf)
         for a, b, bulge, center in self.edges:
             ends = np.minimum(abs(points - a), abs(points - b))
             if center is None:
@@ -186,8 +186,8 @@ class Loop:
                 sign = 1 if bulge > 0 else -1
                 angle = (sign * np.angle((points - center) / (a - center))) % (2 * math.pi)
                 over = angle < (sign * np.angle((b - center) / (a - center))) % (2 * math.pi)
-            found = np.minimum(found, np.where(over, foot, ends))
-        return found
+            nearest = np.minimum(nearest, np.where(over, foot, ends))
+        return nearest
 
 
 def words(point, letters, decimals):
@@ -228,20 +228,20 @@ def test_random_contours_are_at_the_tool_s_radius_everywhere():
 def chain_of_arcs(seed, decimals):
     """A line, two arcs of any size and a line, tangent but for their decimals."""
     random = np.random.default_rng(seed)
-    at, way = complex(*random.uniform(-100, 100, 2)), np.exp(1j * random.uniform(0, 7))
+    position, way = complex(*random.uniform(-100, 100, 2)), np.exp(1j * random.uniform(0, 7))
     bends = 10 ** random.uniform(0.1, 6, 2) * random.choice([-1, 1], 2)
-    lines = [f"G0 {words(at + 30 * way, 'XY', decimals)}"]
-    head = f"F600\nG0 {words(at, 'XY', decimals)}"
-    at += 50 * way
-    lines.append(f"G1 {words(at, 'XY', decimals)}")
+    lines = [f"G0 {words(position + 30 * way, 'XY', decimals)}"]
+    head = f"F600\nG0 {words(position, 'XY', decimals)}"
+    position += 50 * way
+    lines.append(f"G1 {words(position, 'XY', decimals)}")
     for bend in bends:
-        start = complex(round(at.real, decimals), round(at.imag, decimals))
-        center = at + 1j * bend * way
+        start = complex(round(position.real, decimals), round(position.imag, decimals))
+        center = position + 1j * bend * way
         turn = np.exp(1j * math.copysign(min(1.0, 50 / abs(bend)), bend))
-        at, way = center + (at - center) * turn, way * turn
+        position, way = center + (position - center) * turn, way * turn
         code, around = f"G{3 if bend > 0 else 2}", words(center - start, "IJ", decimals)
-        lines.append(f"{code} {words(at, 'XY', decimals)} {around}")
-    lines.append(f"G1 {words(at + 20 * way, 'XY', decimals)}")
+        lines.append(f"{code} {words(position, 'XY', decimals)} {around}")
+    lines.append(f"G1 {words(position + 20 * way, 'XY', decimals)}")
     code, radius = random.choice(["G41.1", "G42.1"]), random.uniform(0.1, 0.9)
     entered = [head, f"{code} D{2 * radius:.9f}", *lines, "G40\nG0 X0 Y0"]
     return "\n".join([head, *lines]), "\n".join(entered), radius * 1e-3
@@ -251,8 +251,8 @@ def test_printed_arcs_of_any_size_are_followed():
     for seed, decimals in itertools.product(range(40), (3, 4, 6)):
         plain, entered, radius = chain_of_arcs(seed, decimals)
         contour, path = read(plain).contours[0].path, read(entered).contours[0].path
-        off = contour.project(sampled(path, 9)).distance - radius
-        assert abs(off).max() <= NANOMETRE, (seed, decimals)
+        deviation = contour.project(sampled(path, 9)).distance - radius
+        assert abs(deviation).max() <= NANOMETRE, (seed, decimals)
 
 
 def test_a_printed_rounded_rectangle_has_no_full_stops():

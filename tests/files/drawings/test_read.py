@@ -31,8 +31,8 @@ def read(tmp_path):
     def reader(name="w.csv", text=None, *, frame=None, progress=None, **options):
         if text is not None:
             (tmp_path / name).write_text(text)
-        given = ac.ReadOptions(**options)
-        return ac.read_path(tmp_path / name, given, frame=frame, progress=progress)
+        read_options = ac.ReadOptions(**options)
+        return ac.read_path(tmp_path / name, read_options, frame=frame, progress=progress)
 
     return reader
 
@@ -57,8 +57,8 @@ def test_a_drawing_is_scaled_and_then_placed(read):
     program = read(units="mm", scale=2.0, frame=frame)
     assert program.dimension == 2
     path = program.contours[1].path
-    wanted = [[0.3 - 0.02, 0.1], [0.3 - 0.02, 0.14]]
-    np.testing.assert_allclose(path([0.0, path.length]), wanted, atol=1e-12)
+    expected = [[0.3 - 0.02, 0.1], [0.3 - 0.02, 0.14]]
+    np.testing.assert_allclose(path([0.0, path.length]), expected, atol=1e-12)
     lifted = read(units="mm", frame=ac.Frame(position=(0, 0, 0.5)))
     assert lifted.dimension == 3
     assert lifted.contours[0].path(0.0)[2] == 0.5
@@ -89,11 +89,11 @@ def test_layers_and_names_choose_contours(read):
 def test_progress_increases_to_one_at_most(read):
     examples = [f"{os.getcwd()}/examples/drawings/{x}" for x in ("gasket.dxf", "lettering.svg")]
     for file in ("long.ngc", *examples):
-        told = []
+        progress_log = []
         text = "G21 F600\n" + "G1 X1\nG1 X2\n" * 10_000 if file == "long.ngc" else None
-        read(file, text, progress=told.append)
-        assert {x.names for x in told} == {(os.path.basename(file),)}
-        shares = [x.done or 0.0 for x in told]
+        read(file, text, progress=progress_log.append)
+        assert {x.names for x in progress_log} == {(os.path.basename(file),)}
+        shares = [x.done or 0.0 for x in progress_log]
         assert shares == sorted(shares) and 0 <= shares[0] < shares[-1] <= 1
 
 
@@ -194,6 +194,6 @@ def test_many_curves_at_once_are_what_each_is_alone(monkeypatch):
         assert len(alone) == len(together[i])
         np.testing.assert_allclose(alone.starts, together[i].starts, atol=1e-12)
         np.testing.assert_allclose(alone.lengths, together[i].lengths, atol=1e-12)
-    told = []
-    assert None not in paths_of([Outline([x]) for x in splines], TOLERANCE, tell=told.append)
-    assert len(told) > 1 and told == sorted(told) and told[-1] == 1.0
+    shares = []
+    assert None not in paths_of([Outline([x]) for x in splines], TOLERANCE, tell=shares.append)
+    assert len(shares) > 1 and shares == sorted(shares) and shares[-1] == 1.0

@@ -17,7 +17,7 @@ def gcode(parts, start, heading, decimals, by_radius):
     def words(letters, *values):
         return " ".join(f"{a}{x:.{decimals}f}" for a, x in zip(letters, values, strict=True))
 
-    here, text = start, f"{HEAD}G0 {words('XY', start.real, start.imag)}\n"
+    position, text = start, f"{HEAD}G0 {words('XY', start.real, start.imag)}\n"
     for radius, size in parts:
         code, how, along = "G1", "", np.exp(1j * heading)
         to_center = 1j * radius * along
@@ -26,10 +26,10 @@ def gcode(parts, start, heading, decimals, by_radius):
             how = words("IJ", to_center.real, to_center.imag)
             how = words("R", abs(radius)) if by_radius else how
             heading += np.sign(radius) * size
-            here += to_center - 1j * radius * np.exp(1j * heading)
+            position += to_center - 1j * radius * np.exp(1j * heading)
         else:
-            here += size * along
-        text += f"{code} {words('XY', here.real, here.imag)} {how}\n"
+            position += size * along
+        text += f"{code} {words('XY', position.real, position.imag)} {how}\n"
     return text + "M2\n"
 
 
@@ -52,13 +52,15 @@ def ellipse(decimals, scale=1.0):
     k, a, b = 0.5522847498, 40, 25
     c, s = np.cos(0.3), np.sin(0.3)
 
-    def at(x, y):
+    def coordinates(x, y):
         p = np.array([c * x - s * y + 101.23, s * x + c * y + 99.77]) * scale
         return " ".join(f"{v:.{decimals}f}" for v in p)
 
     quarters = [[(a, k * b), (k * a, b), (0, b)], [(-k * a, b), (-a, k * b), (-a, 0)]]
     quarters += [[(-x, -y) for x, y in q] for q in quarters]
-    data = f"M {at(a, 0)} " + " ".join("C " + " ".join(at(*p) for p in q) for q in quarters)
+    data = f"M {coordinates(a, 0)} " + " ".join(
+        "C " + " ".join(coordinates(*p) for p in q) for q in quarters
+    )
     size = f'width="200mm" height="200mm" viewBox="0 0 {200 * scale} {200 * scale}"'
     return f'<svg xmlns="http://www.w3.org/2000/svg" {size}><path d="{data} Z"/></svg>'
 
@@ -104,9 +106,9 @@ def test_printed_curves_have_no_corners(read, shape):
     draw, ending = SHAPES[shape]
     for decimals in (2, 3, 4, 5, 6):
         printed = read(draw(decimals), ending, mend_vertices=0.0)
-        most = 0.5 * 10.0**-decimals * 1e-3 * np.sqrt(2) * (10 if "small" in shape else 1)
+        rounding = 0.5 * 10.0**-decimals * 1e-3 * np.sqrt(2) * (10 if "small" in shape else 1)
         # The default suits three decimals of a millimetre.
-        coarse = {} if most <= 2e-6 else {"mend_vertices": 1e-5}
+        coarse = {} if rounding <= 2e-6 else {"mend_vertices": 1e-5}
         mended = read(draw(decimals), ending, **coarse)
         bent = kinks(printed)
         assert bent > 0 and not printed.notes
@@ -117,7 +119,7 @@ def test_printed_curves_have_no_corners(read, shape):
         (note,) = mended.notes
         assert note.startswith((f"Repaired {bent}", f"Repaired {bent + 1}"))
         s = np.linspace(0, mended.path.length, 999)
-        assert printed.path.project(mended.path(s)).distance.max() <= min(most, 1e-5), decimals
+        assert printed.path.project(mended.path(s)).distance.max() <= min(rounding, 1e-5), decimals
 
 
 @pytest.mark.parametrize(("shape", "decimals"), [("rectangle", 3), ("arcs", 3), ("ellipse", 2)])

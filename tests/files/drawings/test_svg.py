@@ -41,9 +41,9 @@ def upright(points, height=80.0):
     return np.stack([array[..., 0], height - array[..., 1]], axis=-1) * 1e-3
 
 
-def check(found, wanted, atol=1e-15):
+def check(points, expected, atol=1e-15):
     """Compare points with points of the drawing `MM`."""
-    np.testing.assert_allclose(found, upright(wanted), atol=atol)
+    np.testing.assert_allclose(points, upright(expected), atol=atol)
 
 
 def is_arc(path, start, center, angle):
@@ -110,8 +110,8 @@ def test_user_units_and_y_up_from_the_lower_edge():
         ('height="40mm" viewBox="0 0 5 20"', 2e-3, 40e-3),
     ):
         vertices = only('<line x1="1" y1="2" x2="3" y2="5"/>', page).vertices
-        wanted = [[unit, height - 2 * unit], [3 * unit, height - 5 * unit]]
-        np.testing.assert_allclose(vertices, wanted, rtol=1e-12, err_msg=page)
+        expected = [[unit, height - 2 * unit], [3 * unit, height - 5 * unit]]
+        np.testing.assert_allclose(vertices, expected, rtol=1e-12, err_msg=page)
     page = 'width="100mm" height="80mm" viewBox="-50 -40 100 80"'
     np.testing.assert_allclose(only('<line x2="1"/>', page).starts[0], [50e-3, 40e-3])
     # The unit of the reading goes before that of the file.
@@ -130,8 +130,8 @@ def test_user_units_and_y_up_from_the_lower_edge():
         page = 'width="100mm" height="50mm" viewBox="0 0 10 10"'
         page += f' preserveAspectRatio="{align}"' if align else ""
         vertices = only('<line x1="0" y1="10" x2="10" y2="0"/>', page).vertices * 1e3
-        wanted = [corner, np.add(corner, size)]
-        np.testing.assert_allclose(vertices, wanted, atol=1e-9, err_msg=align)
+        expected = [corner, np.add(corner, size)]
+        np.testing.assert_allclose(vertices, expected, atol=1e-9, err_msg=align)
 
 
 def test_lines_polylines_polygons_and_rectangles():
@@ -147,8 +147,8 @@ def test_lines_polylines_polygons_and_rectangles():
     for radii, rx in (('rx="2"', 2), ('ry="2"', 2), ('rx="2" ry="2"', 2), ('rx="9" ry="2"', 5)):
         path = only(f'<rect x="1" y="2" width="10" height="8" {radii}/>')
         straight = path.lengths[path.curvatures == 0].sum()
-        wanted = 2 * (10 - 2 * rx) + 2 * (8 - 2 * 2)
-        assert straight == pytest.approx(wanted * 1e-3, abs=1e-12)
+        expected = 2 * (10 - 2 * rx) + 2 * (8 - 2 * 2)
+        assert straight == pytest.approx(expected * 1e-3, abs=1e-12)
         assert (path.turns < TANGENT_TOLERANCE).all()
         if rx == 2:
             assert len(path) == 8
@@ -285,18 +285,18 @@ def test_what_is_wrong_is_refused_with_its_element():
     refusals(read, [(third, "circle 'c' in line 3: "), (font, "a.svg is a font")])
     data = (b"", b"hello", b"<html/>", b"<svg", b"\x1f\x8b\x08", b"<svg>\xff</svg>")
     refusals(read, [(x, "a.svg") for x in data])
-    kept = '<line id="kept" x1="50" y2="1"/>'
+    line = '<line id="kept" x1="50" y2="1"/>'
     refusals(read, UNKNOWN, "in line 1: ")
     for body, words in rows(UNKNOWN):
-        program = read(body + kept, unknown="skip")
+        program = read(body + line, unknown="skip")
         assert words in program.notes[0] and "kept" in {x.name for x in program.contours}, body
     for body in NO_SIZE:
-        (note,) = read(body + kept).notes
+        (note,) = read(body + line).notes
         assert note.startswith("Skipped because of no size: ") and note.endswith(" in line 1.")
     left_out = ("text", "image", "foreignObject")
     marked = ('<path d="M0 5h9" marker-end="url(#m)"/>', "markers of: path")
     for body, name in (*((f"<{x}/>", x) for x in left_out), marked):
-        program = read(kept + body)
+        program = read(line + body)
         (note,) = program.notes
         assert f"{name} in line 1." in note and program.contours[0].name == "kept"
 
@@ -305,9 +305,9 @@ def test_names_layers_and_what_is_passed_over():
     body = """<line x2="1"/><g id="g"><path d="M0 1h1"/><path id="leaf" d="M0 2h1"/></g>
     <g inkscape:groupmode="layer" inkscape:label="Cut" id="l1"><g id="inner">
     <path d="M0 3h1"/></g></g><g inkscape:groupmode="layer" id="l2"><line y1="5" x2="1"/></g>"""
-    found = [(x.name, x.layer) for x in read(body).contours]
+    contours = [(x.name, x.layer) for x in read(body).contours]
     paths = [("path 1", "g"), ("leaf", "g"), ("path 3", "Cut")]
-    assert found == [("line 1", ""), *paths, ("line 2", "l2")]
+    assert contours == [("line 1", ""), *paths, ("line 2", "l2")]
     body = """<title>t</title><desc/><metadata><x xmlns="http://a"/></metadata>
     <defs><clipPath id="c"/><marker/><pattern/><filter/></defs><linearGradient/><x:y xmlns:x="http://a"/>
     <style>.a{stroke:red;text-transform:none;display:inline;marker-end:none}</style>
@@ -454,7 +454,7 @@ def random_transform(rng, similar):
 
 
 @given(seed=st.integers(0, 2**32 - 1), similar=st.booleans())
-def test_paths_are_what_svgpathtools_says(seed, similar):
+def test_paths_are_those_of_svgpathtools(seed, similar):
     rng = np.random.default_rng(seed)
     d = random_path_data(rng)
     text, matrix = random_transform(rng, similar)
@@ -471,14 +471,14 @@ def test_paths_are_what_svgpathtools_says(seed, similar):
         return upright((plain @ matrix.T)[:, :2])
 
     t = np.linspace(0, 1, 41)
-    wanted = np.concatenate([on_page([x.point(u) for u in t]) for x in segments])
-    assert path.project(wanted).distance.max() <= tolerance
+    expected = np.concatenate([on_page([x.point(u) for u in t]) for x in segments])
+    assert path.project(expected).distance.max() <= tolerance
     # And nothing else: every point of the path is near one that is wanted.
     back = path(np.linspace(0, path.length, 400))
-    step = np.linalg.norm(np.diff(wanted, axis=0), axis=1).max()
-    nearest = np.linalg.norm(back[:, None] - wanted[None], axis=2).min(axis=1)
+    step = np.linalg.norm(np.diff(expected, axis=0), axis=1).max()
+    nearest = np.linalg.norm(back[:, None] - expected[None], axis=2).min(axis=1)
     assert nearest.max() <= tolerance + step
-    np.testing.assert_allclose(path.vertices[[0, -1]], wanted[[0, -1]], atol=1e-8)
+    np.testing.assert_allclose(path.vertices[[0, -1]], expected[[0, -1]], atol=1e-8)
     if d.endswith("Z"):
         np.testing.assert_allclose(path.vertices[-1], path.vertices[0], atol=1e-12)
     lines = sum(isinstance(x, svgpathtools.Line) for x in segments)
@@ -489,8 +489,8 @@ def test_paths_are_what_svgpathtools_says(seed, similar):
         assert len(path) <= lines + 2 * len(circles)
         scale = math.sqrt(abs(np.linalg.det(matrix[:2, :2]))) * 1e-3
         radii = np.array([x.radius.real * scale for x in arcs])
-        for found in 1 / path.curvatures[path.curvatures > 0]:
-            assert np.abs(radii / found - 1).min() < 1e-6
+        for radius in 1 / path.curvatures[path.curvatures > 0]:
+            assert np.abs(radii / radius - 1).min() < 1e-6
 
 
 PIECES = ["M", "m", "L", "Z", "A", "c", "1", "-2.5", " ", ",", "e3", ".", "0", "#", "1e-9", "99"]

@@ -33,18 +33,18 @@ def test_dialects_units_speeds_and_tolerances():
         text = f"# made by hand\r\n{names}\r\n\r\n0, 0\r\n1.5, 2e1\r\n2,0".replace(",", separator)
         path = read(b"\xef\xbb\xbf" + text.encode()).path
         factor = 0.01 if "cm" in names else 0.001
-        wanted = np.array([[0, 0], [1.5, 20], [2, 0]]) * factor
-        np.testing.assert_allclose(path.vertices, wanted, rtol=1e-15)
+        expected = np.array([[0, 0], [1.5, 20], [2, 0]]) * factor
+        np.testing.assert_allclose(path.vertices, expected, rtol=1e-15)
         assert path.dimension == 2 and not path.curvatures.any()
     # Without units, lengths are in that of the reading and speeds in it per second.
     text = "x,y,speed,tolerance\n0,0,,\n10,0,5,0.1\n"
     for unit, reading in ((1, {}), (0.0254, {"units": 0.0254})):
         path = read(text, **reading).path
-        found = (path.length, path.speeds[0], path.tolerances[0])
-        np.testing.assert_allclose(found, np.array([10, 5, 0.1]) * unit, rtol=1e-12)
-    found = read("x;y;event\n0;0;gas=2.5\n1,5;-0,25;a,b=on\n").contours[0]
-    np.testing.assert_array_equal(found.path.vertices, [[0, 0], [1.5, -0.25]])
-    assert [x.name for x in found.events] == ["gas", "a,b"]
+        values = (path.length, path.speeds[0], path.tolerances[0])
+        np.testing.assert_allclose(values, np.array([10, 5, 0.1]) * unit, rtol=1e-12)
+    values = read("x;y;event\n0;0;gas=2.5\n1,5;-0,25;a,b=on\n").contours[0]
+    np.testing.assert_array_equal(values.path.vertices, [[0, 0], [1.5, -0.25]])
+    assert [x.name for x in values.events] == ["gas", "a,b"]
     # They are of the line that ends at the row.
     text = "x,y,speed [mm/s],tolerance_mm\n0,0,,\n1,0,100,1\n1,1,,0.5\n2,1,50,\n"
     path = read(text).path
@@ -132,7 +132,7 @@ HOSTILE = [
 ]
 
 
-def test_what_is_wrong_is_said_with_its_line_and_column():
+def test_errors_are_reported_with_line_and_column():
     refusals(lambda text: read(text.replace("|", "\n") + "\n" * (len(text) > 1)), WRONG)
     refusals(read, [(b"x,y\n0,\xff\n", "not UTF-8")], "points.csv")
     for text, words in HOSTILE:
@@ -173,10 +173,12 @@ def test_tool_axes_are_smoothed_within_the_angle(tmp_path):
     # A repeated point has the axis of the one before it.
     text = "x [mm],y [mm],z [mm],ax,ay,az\n" + "\n".join([*rows[:20], rows[19], *rows[20:]])
     plain, program = read(text), read(text, smooth_axes=0.02)
-    given, found = (x.path.orientation(x.path.breaks)[:, :, 2] for x in (plain, program))
-    angle = np.linalg.norm(given - found, axis=1)
+    specified_axes, smoothed_axes = (
+        x.path.orientation(x.path.breaks)[:, :, 2] for x in (plain, program)
+    )
+    angle = np.linalg.norm(specified_axes - smoothed_axes, axis=1)
     assert 0.009 < angle.max() <= 0.02
-    assert np.linalg.norm(np.diff(found, 2, axis=0), axis=1).max() < 1e-5
+    assert np.linalg.norm(np.diff(smoothed_axes, 2, axis=0), axis=1).max() < 1e-5
     (remark,) = program.remarks
     assert "40 waypoints from line 2" in remark and "1.15°" in remark and plain.remarks == ()
     # Without axes there is nothing to smooth.

@@ -41,7 +41,7 @@ def table():
 def set_points(conventional):
     def make(q, *, start_time=0.0, events=EVENTS):
         plan = dataclasses.replace(conventional, events=events)
-        given = {"cycle": CYCLE, "method": "none", "start_time": start_time}
-        return SetPoints(q=q, trajectory=plan, **given)
+        metadata = {"cycle": CYCLE, "method": "none", "start_time": start_time}
+        return SetPoints(q=q, trajectory=plan, **metadata)
 
     return make

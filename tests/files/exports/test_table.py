@@ -55,22 +55,22 @@ def rest_to_rest(t):
 
 def test_time_counts_from_the_first_set_point_and_that_of_events_too(set_points):
     data = set_points(np.zeros((30, 2)), start_time=-3 * CYCLE)
-    found = make_table(data, name="x")
-    assert found.t[0] == 0 and found.start_time == -3 * CYCLE
-    np.testing.assert_allclose(found.t + found.start_time, data.t, rtol=0, atol=1e-15)
-    for before, after in zip(data.trajectory.events, found.events, strict=True):
+    exported = make_table(data, name="x")
+    assert exported.t[0] == 0 and exported.start_time == -3 * CYCLE
+    np.testing.assert_allclose(exported.t + exported.start_time, data.t, rtol=0, atol=1e-15)
+    for before, after in zip(data.trajectory.events, exported.events, strict=True):
         assert after.t == pytest.approx(before.t + 3 * CYCLE, abs=1e-15)
         assert after.due == pytest.approx(before.due + 3 * CYCLE, abs=1e-15)
         assert (after.name, after.value, after.s) == (before.name, before.value, before.s)
 
 
 def test_a_trajectory_is_sampled_with_its_own_derivatives(conventional, arm):
-    found = make_table(conventional, name="x", arm=arm, cycle=0.05)
-    np.testing.assert_array_equal(found.q, conventional(found.t))
-    np.testing.assert_array_equal(found.dq, conventional(found.t, 1))
-    np.testing.assert_array_equal(found.ddq, conventional(found.t, 2))
-    np.testing.assert_allclose(found.tool, arm.tool_position(found.q), atol=1e-15)
-    assert found.t[-1] == conventional.duration and found.joint_names == arm.joint_names
+    sampled = make_table(conventional, name="x", arm=arm, cycle=0.05)
+    np.testing.assert_array_equal(sampled.q, conventional(sampled.t))
+    np.testing.assert_array_equal(sampled.dq, conventional(sampled.t, 1))
+    np.testing.assert_array_equal(sampled.ddq, conventional(sampled.t, 2))
+    np.testing.assert_allclose(sampled.tool, arm.tool_position(sampled.q), atol=1e-15)
+    assert sampled.t[-1] == conventional.duration and sampled.joint_names == arm.joint_names
 
 
 @given(seed=st.integers(0, 10_000), count=st.integers(2, 40))
@@ -79,11 +79,11 @@ def test_cubic_and_quintic_controllers_run_the_same_curve_through_all_set_points
 ):
     q = np.random.default_rng(seed).normal(size=(count, 2))
     data = ac.SetPoints(cycle=CYCLE, q=q, trajectory=conventional, method="none")
-    found = make_table(data, name="x")
-    t = np.linspace(0, found.t[-1], 501)
-    np.testing.assert_allclose(joined(found, 2)(t), joined(found, 3)(t), atol=1e-11)
-    np.testing.assert_allclose(joined(found, 3)(found.t), q, atol=1e-12)
-    assert not found.dq[[0, -1]].any()
+    exported = make_table(data, name="x")
+    t = np.linspace(0, exported.t[-1], 501)
+    np.testing.assert_allclose(joined(exported, 2)(t), joined(exported, 3)(t), atol=1e-11)
+    np.testing.assert_allclose(joined(exported, 3)(exported.t), q, atol=1e-12)
+    assert not exported.dq[[0, -1]].any()
 
 
 def test_the_curve_through_set_points_is_of_fourth_order(set_points):
@@ -108,29 +108,29 @@ def test_a_plan_with_a_limit_of_jerk_keeps_it_from_point_to_point(smooth, tmp_pa
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     set_points = ac.compensate(smooth, servo, ac.NoCompensation(), cycle=CYCLE)
     for data, cycle in ((smooth, CYCLE), (set_points, None)):
-        found = make_table(data, name="x", cycle=cycle)
-        at = np.minimum(found.t, smooth.duration)
-        np.testing.assert_allclose(found.dq, smooth(at, 1), atol=1e-12)
-        np.testing.assert_allclose(found.ddq, smooth(at, 2), atol=1e-12)
-        steps = np.abs(np.diff(found.ddq, axis=0)) / np.diff(found.t)[:, None]
+        exported = make_table(data, name="x", cycle=cycle)
+        times = np.minimum(exported.t, smooth.duration)
+        np.testing.assert_allclose(exported.dq, smooth(times, 1), atol=1e-12)
+        np.testing.assert_allclose(exported.ddq, smooth(times, 2), atol=1e-12)
+        steps = np.abs(np.diff(exported.ddq, axis=0)) / np.diff(exported.t)[:, None]
         assert 0.99 * JERK < steps.max() <= JERK * (1 + 1e-9)
-        assert np.abs(found.ddq[[0, -1]]).max() < 1e-12
+        assert np.abs(exported.ddq[[0, -1]]).max() < 1e-12
         # Between points, a controller of quintics is within a nanoradian of the plan.
         dense = np.linspace(0, smooth.duration, 3001)
-        np.testing.assert_allclose(joined(found, 3)(dense), smooth(dense), atol=1e-9)
-        RosYamlFormat().write(found, tmp_path / "a.yaml")
-        again = read_trajectory(tmp_path / "a.yaml", found.joint_names)
-        np.testing.assert_allclose(again.ddq, found.ddq, atol=1e-11)
+        np.testing.assert_allclose(joined(exported, 3)(dense), smooth(dense), atol=1e-9)
+        RosYamlFormat().write(exported, tmp_path / "a.yaml")
+        again = read_trajectory(tmp_path / "a.yaml", exported.joint_names)
+        np.testing.assert_allclose(again.ddq, exported.ddq, atol=1e-11)
     # Where it is to join points by cubics, velocities are those of the spline, as before.
-    found = make_table(set_points, name="x", derivatives=1)
+    exported = make_table(set_points, name="x", derivatives=1)
     spline = CubicSpline(set_points.t, set_points.q, bc_type="clamped")
-    np.testing.assert_allclose(found.dq, spline(set_points.t, 1), atol=1e-12)
+    np.testing.assert_allclose(exported.dq, spline(set_points.t, 1), atol=1e-12)
 
 
 def test_an_event_belongs_to_the_last_point_at_or_before_it(table, set_points):
-    found = table(count=9)
-    assert found.point_of_events == [0, 1, 1, 3, 8]
-    assert found.events[3].t < found.t[3]  # by rounding only, so that it is on the point
+    exported = table(count=9)
+    assert exported.point_of_events == [0, 1, 1, 3, 8]
+    assert exported.events[3].t < exported.t[3]  # by rounding only, so that it is on the point
     # An event before the plan is kept where the command leads.
     data = set_points(np.zeros((9, 2)), start_time=-0.008, events=early(-0.005))
     assert make_table(data, name="x").events[0].t == pytest.approx(0.003, abs=1e-15)
@@ -142,13 +142,13 @@ def early(t):
 
 def test_refuses_what_cannot_be_a_table(set_points, conventional, arm):
     data, three = set_points(np.zeros((3, 2))), set_points(np.zeros((3, 3)))
-    late = set_points(np.zeros((3, 2)), events=early(-0.05))
+    too_early = set_points(np.zeros((3, 2)), events=early(-0.05))
     table = [
         ((data, {"cycle": 0.008}), "their own cycle of 0.004 s"),
         ((three, {"arm": arm}), "has 2 joints, but 'x' has 3"),
         ((data, {"joint_names": ["a", "b" * 81]}), "81 characters, more than 80"),
         (([1, 2], {}), "not list"),
-        ((late, {}), "0.05 s before the first set-point"),
+        ((too_early, {}), "0.05 s before the first set-point"),
     ]
     refusals(lambda x: make_table(x[0], name="x", **x[1]), table)
 
@@ -168,11 +168,11 @@ EVENT = re.compile(r'(?P<name>\w+)=(?P<value>on|off|[-\d.e]+|"(?:[^"\\]|\\.)*")@
 QUANTITIES = (("q", "rad"), ("dq", "rad/s"), ("ddq", "rad/s^2"))
 
 
-def assert_columns(found, table, atol):
-    np.testing.assert_allclose(found["t [s]"], table.t, rtol=0, atol=atol)
+def assert_columns(columns, table, atol):
+    np.testing.assert_allclose(columns["t [s]"], table.t, rtol=0, atol=atol)
     for quantity, unit in QUANTITIES:
         for i, name in enumerate(table.joint_names):
-            values = found[f"{quantity} {name} [{unit}]"]
+            values = columns[f"{quantity} {name} [{unit}]"]
             expected = getattr(table, quantity)[:, i]
             np.testing.assert_allclose(values, expected, rtol=0, atol=atol, err_msg=name)
 
@@ -187,40 +187,42 @@ def events_in(cell):
 
 @pytest.mark.parametrize("dof", [2, 7])
 def test_csv_comes_back_in_pandas(table, tmp_path, dof):
-    given = table(dof)
-    CsvFormat().write(given, tmp_path / "a.csv")
-    found = pd.read_csv(tmp_path / "a.csv")
-    assert len(found.columns) == 1 + 3 * dof + 1
-    assert_columns(found, given, 0.5000001e-12)
-    cells = found["events"].fillna("")
-    expected = [(x.name, x.value, f"{x.t:.12f}") for x in given.events]
+    exported = table(dof)
+    CsvFormat().write(exported, tmp_path / "a.csv")
+    columns = pd.read_csv(tmp_path / "a.csv")
+    assert len(columns.columns) == 1 + 3 * dof + 1
+    assert_columns(columns, exported, 0.5000001e-12)
+    cells = columns["events"].fillna("")
+    expected = [(x.name, x.value, f"{x.t:.12f}") for x in exported.events]
     assert [x for cell in cells for x in events_in(cell)] == expected
-    assert [i for i, cell in enumerate(cells) for _ in events_in(cell)] == given.point_of_events
+    assert [i for i, cell in enumerate(cells) for _ in events_in(cell)] == exported.point_of_events
 
 
 def test_csv_without_events_is_what_check_reads(table, tmp_path):
-    given = table(6, events=())
-    CsvFormat().write(given, tmp_path / "a.csv")
-    found = read_trajectory(tmp_path / "a.csv", given.joint_names)
+    original = table(6, events=())
+    CsvFormat().write(original, tmp_path / "a.csv")
+    trajectory = read_trajectory(tmp_path / "a.csv", original.joint_names)
     for name in ("t", "q", "dq", "ddq"):
-        np.testing.assert_allclose(getattr(found, name), getattr(given, name), 0, 0.5000001e-12)
+        np.testing.assert_allclose(
+            getattr(trajectory, name), getattr(original, name), 0, 0.5000001e-12
+        )
 
 
 def test_npz_comes_back_to_the_last_bit_and_without_pickles(table, tmp_path):
-    given = dataclasses.replace(table(6), tool=np.ones((9, 3)), ddq=None)
-    NpzFormat().write(given, tmp_path / "a.npz")
-    with np.load(tmp_path / "a.npz", allow_pickle=False) as found:
+    original = dataclasses.replace(table(6), tool=np.ones((9, 3)), ddq=None)
+    NpzFormat().write(original, tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as arrays:
         for name in ("t", "q", "dq", "tool"):
-            np.testing.assert_array_equal(found[name], getattr(given, name))
-        assert "ddq" not in found
-        assert found["joint_names"].tolist() == list(given.joint_names)
-        assert found["event_name"].tolist() == [x.name for x in given.events]
-        assert found["event_t"].tolist() == [x.t for x in given.events]
-        assert found["event_due"].tolist() == [x.due for x in given.events]
-        values = [json.loads(x) for x in found["event_value"].tolist()]
-        assert values == [x.value for x in given.events]
-        assert [type(x) for x in values] == [type(x.value) for x in given.events]
-        assert float(found["cycle"]) == given.cycle and str(found["name"]) == "part 7"
+            np.testing.assert_array_equal(arrays[name], getattr(original, name))
+        assert "ddq" not in arrays
+        assert arrays["joint_names"].tolist() == list(original.joint_names)
+        assert arrays["event_name"].tolist() == [x.name for x in original.events]
+        assert arrays["event_t"].tolist() == [x.t for x in original.events]
+        assert arrays["event_due"].tolist() == [x.due for x in original.events]
+        values = [json.loads(x) for x in arrays["event_value"].tolist()]
+        assert values == [x.value for x in original.events]
+        assert [type(x) for x in values] == [type(x.value) for x in original.events]
+        assert float(arrays["cycle"]) == original.cycle and str(arrays["name"]) == "part 7"
 
 
 def csv_text(header, columns):
@@ -265,11 +267,11 @@ def test_nothing_is_lost_between_pieces(monkeypatch):
     monkeypatch.setattr(table_module, "CHUNK", 30)
     for count in (9, 10, 11, 30):
         rows = np.random.default_rng(0).normal(size=(count, 3))
-        found = csv_text(["a", "b", "c"], [rows[:, 0], rows[:, 1:]])
-        assert found == by_numpy(["a", "b", "c"], rows)
+        text = csv_text(["a", "b", "c"], [rows[:, 0], rows[:, 1:]])
+        assert text == by_numpy(["a", "b", "c"], rows)
     # A comma in a name does not make a column.
-    found = csv_text(["t [s]", 'wrist, "left" [rad]'], [np.zeros(1), np.zeros(1)])
-    assert found.splitlines()[0] == 't [s],"wrist, ""left"" [rad]"'
+    text = csv_text(["t [s]", 'wrist, "left" [rad]'], [np.zeros(1), np.zeros(1)])
+    assert text.splitlines()[0] == 't [s],"wrist, ""left"" [rad]"'
 
 
 ARRAYS = {"positions": "q", "velocities": "dq", "accelerations": "ddq"}
@@ -288,20 +290,20 @@ def test_yaml_is_a_joint_trajectory(table, tmp_path):
     point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
     fields = {x.name for x in dataclasses.fields(point)} - {"__msgtype__"}
     for dof in (2, 6):
-        given = table(dof)
-        found, text = ros_yaml(given, tmp_path / "a.yaml")
-        assert list(found) == ["header", "joint_names", "points"]
-        assert found["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
-        assert found["joint_names"] == list(given.joint_names)
+        original = table(dof)
+        message, text = ros_yaml(original, tmp_path / "a.yaml")
+        assert list(message) == ["header", "joint_names", "points"]
+        assert message["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
+        assert message["joint_names"] == list(original.joint_names)
         for key, name in ARRAYS.items():
-            values = [x[key] for x in found["points"]]
-            np.testing.assert_allclose(values, getattr(given, name), rtol=0, atol=0.5000001e-12)
-        starts = [x["time_from_start"] for x in found["points"]]
+            values = [x[key] for x in message["points"]]
+            np.testing.assert_allclose(values, getattr(original, name), rtol=0, atol=0.5000001e-12)
+        starts = [x["time_from_start"] for x in message["points"]]
         assert [x["sec"] * 10**9 + x["nanosec"] for x in starts] == [4000_000 * i for i in range(9)]
-        assert all(x["effort"] == [] and set(x) == fields for x in found["points"])
+        assert all(x["effort"] == [] and set(x) == fields for x in message["points"])
         mark = "# event: "
         lines = [x.removeprefix(mark) for x in text.splitlines() if x.startswith(mark)]
-        assert [json.loads(x) for x in lines] == [event_data(x) for x in given.events]
+        assert [json.loads(x) for x in lines] == [event_data(x) for x in original.events]
 
 
 def test_refuses_times_that_ros_cannot_hold(table, tmp_path):
@@ -309,36 +311,38 @@ def test_refuses_times_that_ros_cannot_hold(table, tmp_path):
     for form in ("ros-yaml", "mcap"):
 
         def write(t, form=form):
-            given = dataclasses.replace(table(count=3, events=()), t=np.sort([0, 1, t]))
-            FORMATS[form]().write(given, tmp_path / "a")
+            original = dataclasses.replace(table(count=3, events=()), t=np.sort([0, 1, t]))
+            FORMATS[form]().write(original, tmp_path / "a")
 
         refusals(write, words.items())
     assert not list(tmp_path.iterdir())
 
 
 def test_a_bag_comes_back_from_its_folder(table, tmp_path):
-    given = table(6)
+    original = table(6)
     # Those of an earlier result lie column by column.
-    arrays = {name: np.asfortranarray(getattr(given, name)) for name in ARRAYS.values()}
-    given = dataclasses.replace(given, **arrays)
+    arrays = {name: np.asfortranarray(getattr(original, name)) for name in ARRAYS.values()}
+    original = dataclasses.replace(original, **arrays)
     bag = tmp_path / "motion.mcap"
-    McapFormat().write(given, bag)
+    McapFormat().write(original, bag)
     assert sorted(x.name for x in bag.iterdir()) == ["metadata.yaml", "motion.mcap"]
     assert [x.name for x in tmp_path.iterdir()] == ["motion.mcap"]
     with AnyReader([bag]) as reader:
-        read = [(x.topic, at, reader.deserialize(y, x.msgtype)) for x, at, y in reader.messages()]
-    topic, at, message = read[0]
-    assert (topic, at) == ("/joint_trajectory_controller/joint_trajectory", 0)
-    assert message.joint_names == list(given.joint_names)
+        read = [
+            (x.topic, stamp, reader.deserialize(y, x.msgtype)) for x, stamp, y in reader.messages()
+        ]
+    topic, stamp, message = read[0]
+    assert (topic, stamp) == ("/joint_trajectory_controller/joint_trajectory", 0)
+    assert message.joint_names == list(original.joint_names)
     for key, name in ARRAYS.items():
         values = np.array([getattr(x, key) for x in message.points])
-        np.testing.assert_array_equal(values, getattr(given, name))
+        np.testing.assert_array_equal(values, getattr(original, name))
     starts = [x.time_from_start for x in message.points]
     assert [x.sec * 10**9 + x.nanosec for x in starts] == [4_000_000 * i for i in range(9)]
     events = read[1:]
     assert {x[0] for x in events} == {"/armcontour/events"}
-    assert [json.loads(x[2].data) for x in events] == [event_data(x) for x in given.events]
-    assert [x[1] for x in events] == [round(x.t * 1e9) for x in given.events]
+    assert [json.loads(x[2].data) for x in events] == [event_data(x) for x in original.events]
+    assert [x[1] for x in events] == [round(x.t * 1e9) for x in original.events]
     # Without events, a bag has one message.
     McapFormat().write(table(2, events=()), tmp_path / "bag")
     with Reader(tmp_path / "bag") as reader:
@@ -364,7 +368,7 @@ def bytes_of(place):
 
 
 @pytest.mark.filterwarnings("ignore:.*switched for ")
-def test_the_ending_or_the_class_says_the_format_and_bytes_are_the_same_twice(six, tmp_path):
+def test_the_format_follows_from_ending_or_class_and_bytes_are_reproducible(six, tmp_path):
     for form in PLAIN:
         first, second = (tmp_path / f"{x}{form.kind}" / f"part{form.ending}" for x in "ab")
         for place in (first, second):
@@ -386,30 +390,30 @@ def test_events_without_an_output_are_warned_of_once(set_points, six, tmp_path):
     assert "DEF part( )" in (tmp_path / "part.src").read_text()
     q = np.zeros((20, 6))
     switches = tuple(x for x in set_points(q).trajectory.events if x.name == "tool")
-    given, place = set_points(q, events=switches), tmp_path / "part.txt"
+    points, place = set_points(q, events=switches), tmp_path / "part.txt"
     bare = (TemplateFormat(template=x) for x in ("kuka", "abb"))
     for form in (*bare, URScriptFormat()):
-        with pytest.warns(UserWarning, match="nothing is switched for tool,") as told:
-            export(given, place, form)
-        assert len(told) == 1 and told[0].filename == __file__
+        with pytest.warns(UserWarning, match="nothing is switched for tool,") as caught:
+            export(points, place, form)
+        assert len(caught) == 1 and caught[0].filename == __file__
     # Values that these programs cannot switch.
     with pytest.warns(UserWarning, match="gas, label, whose values are not on or off"):
         export(set_points(q), place, abb)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        export(given, place, abb)
-        export(given, tmp_path / "part.csv")
+        export(points, place, abb)
+        export(points, tmp_path / "part.csv")
 
 
 @pytest.mark.parametrize("ending", [".src", ".script"])
 def test_programs_that_do_not_set_an_analog_output_warn(set_points, tmp_path, ending):
-    given = set_points(np.zeros((20, 6)), events=())
+    points = set_points(np.zeros((20, 6)), events=())
     form = URScriptFormat() if ending == ".script" else TemplateFormat(template="kuka")
     form = dataclasses.replace(form, analog={"power": lambda t: 0 * t})
     with pytest.warns(UserWarning, match="does not set power"):
-        export(given, tmp_path / f"part{ending}", form)
+        export(points, tmp_path / f"part{ending}", form)
     form = dataclasses.replace(form, outputs={"power": 1})
-    export(given, tmp_path / f"part{ending}", form)
+    export(points, tmp_path / f"part{ending}", form)
     assert re.search(r"ANOUT\[1\]|analog_out\(1,", (tmp_path / f"part{ending}").read_text())
 
 

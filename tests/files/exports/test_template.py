@@ -40,29 +40,29 @@ def house(tmp_path, text):
 
 def check_events(text, table):
     """All events are in comments, in order."""
-    found = [(x, float(t)) for x, t in re.findall(rf"[;!] (.*) at ({NUMBER}) s", text)]
-    assert found == [(x, round(y.t, 6)) for x, y in zip(SAID, table.events, strict=True)]
+    printed_events = [(x, float(t)) for x, t in re.findall(rf"[;!] (.*) at ({NUMBER}) s", text)]
+    assert printed_events == [(x, round(y.t, 6)) for x, y in zip(SAID, table.events, strict=True)]
 
 
-def counted(lines, start, found):
-    """How many lines begin so before each line that is found, and those lines."""
-    at = [i for i, x in enumerate(lines) if found(x)]
-    return [(sum(x.startswith(start) for x in lines[:i]), lines[i]) for i in at]
+def counted(lines, start, condition):
+    """Lines that satisfy the condition, each with the number of lines before it that begin so."""
+    indices = [i for i, x in enumerate(lines) if condition(x)]
+    return [(sum(x.startswith(start) for x in lines[:i]), lines[i]) for i in indices]
 
 
 def test_kuka_has_every_point_its_time_and_the_events_in_order(table, tmp_path):
-    given = table(6, count=9)
-    text = made(given, tmp_path, "kuka", outputs={"tool": 17})
+    exported = table(6, count=9)
+    text = made(exported, tmp_path, "kuka", outputs={"tool": 17})
     lines = [x.strip() for x in text.splitlines()]
     assert lines[2] == "DEF made( )" and lines[-1] == "END" and "{{" not in text
     points = [(m[1], [float(x) for x in m.groups()[1:]]) for x in lines if (m := SPTP.match(x))]
     assert [kind for kind, _ in points] == ["PTP"] + ["SPTP"] * 8
-    np.testing.assert_allclose([q for _, q in points], np.degrees(given.q), rtol=0, atol=6e-7)
+    np.testing.assert_allclose([q for _, q in points], np.degrees(exported.q), rtol=0, atol=6e-7)
     parts = [float(x) for x in re.findall(rf"TIME_BLOCK PART = ({NUMBER})", text)]
     whole = float(re.findall(rf"TIME_BLOCK END = ({NUMBER})", text)[0])
     times = np.cumsum([0, *parts]) / 100 * whole
-    np.testing.assert_allclose([*times, whole], given.t, rtol=0, atol=1e-6)
-    check_events(text, given)
+    np.testing.assert_allclose([*times, whole], exported.t, rtol=0, atol=1e-6)
+    check_events(text, exported)
     # Triggers stand before the segment in which they count, with the time since its start.
     assert re.findall(TRIGGER, text) == [("0.000", "17", "TRUE"), ("0.000", "17", "FALSE")]
     before = counted(lines, "SPTP", lambda x: re.match(TRIGGER, x))
@@ -71,34 +71,38 @@ def test_kuka_has_every_point_its_time_and_the_events_in_order(table, tmp_path):
 
 
 def test_abb_has_every_point_its_time_and_the_events_in_order(table, tmp_path):
-    given = table(6, count=9)
-    text = made(given, tmp_path, "abb", outputs={"tool": "doTool"})
+    exported = table(6, count=9)
+    text = made(exported, tmp_path, "abb", outputs={"tool": "doTool"})
     lines = [x.strip() for x in text.splitlines()]
     assert lines[0] == "MODULE part_7" and lines[-1] == "ENDMODULE"
     moves = [m for x in lines if (m := MOVE.fullmatch(x))]
     q = [[float(x) for x in m[1].split(",")] for m in moves]
-    np.testing.assert_allclose(q, np.degrees(given.q), rtol=0, atol=6e-7)
+    np.testing.assert_allclose(q, np.degrees(exported.q), rtol=0, atol=6e-7)
     times = np.cumsum([0, *(float(m[3]) for m in moves[1:])])
-    np.testing.assert_allclose(times, given.t, rtol=0, atol=5e-6)
+    np.testing.assert_allclose(times, exported.t, rtol=0, atol=5e-6)
     assert [m[4] for m in moves] == ["fine", *["z1"] * 7, "fine"]
-    check_events(text, given)
+    check_events(text, exported)
     assert re.findall(r"SetDO (\w+), (\d);", text) == [("doTool", x) for x in "101"]
     assert lines[-5:-3] == ["WaitTime 0.013500;", "! tool=on at 0.045500 s"]
 
 
 def test_analog_outputs_are_set_where_they_change(table, tmp_path):
     power = np.array([0.0, 0.2, 0.2, 0.6, 1.0, 1.0, 0.3, 0.3, 0.1])
-    given = dataclasses.replace(table(6, count=9, events=()), analog={"power": power, "gas": power})
+    exported = dataclasses.replace(
+        table(6, count=9, events=()), analog={"power": power, "gas": power}
+    )
     changes = [0, 1, 3, 4, 6, 8]
-    text = made(given, tmp_path, "kuka", outputs={"power": 2})
-    found = counted(text.splitlines(), "SPTP ", lambda x: "$ANOUT[2] =" in x)
-    assert [(n, float(x.split("= ")[-1])) for n, x in found] == [(k, power[k]) for k in changes]
+    text = made(exported, tmp_path, "kuka", outputs={"power": 2})
+    positions = counted(text.splitlines(), "SPTP ", lambda x: "$ANOUT[2] =" in x)
+    assert [(n, float(x.split("= ")[-1])) for n, x in positions] == [(k, power[k]) for k in changes]
     assert "TRIGGER WHEN PATH = 0 ONSTART DELAY = 0.000 DO $ANOUT[2] = 0.600000\n" in text
-    lines = [x.strip() for x in made(given, tmp_path, "abb", outputs={"power": "aoP"}).splitlines()]
-    found = counted(lines, "MoveAbsJ", lambda x: x.startswith("SetAO aoP, "))
-    values = [(n - 1, float(x[len("SetAO aoP, ") : -1])) for n, x in found]
+    lines = [
+        x.strip() for x in made(exported, tmp_path, "abb", outputs={"power": "aoP"}).splitlines()
+    ]
+    positions = counted(lines, "MoveAbsJ", lambda x: x.startswith("SetAO aoP, "))
+    values = [(n - 1, float(x[len("SetAO aoP, ") : -1])) for n, x in positions]
     assert values == [(k, power[k]) for k in changes]
-    high = dataclasses.replace(given, analog={"power": 10 * power})
+    high = dataclasses.replace(exported, analog={"power": 10 * power})
     outputs = [({"power": 2}, "power ... from -1 to 1")]
     refusals(lambda x: made(high, tmp_path, "kuka", outputs=x), outputs)
     assert "SetAO aoP, 10.000000;" in made(high, tmp_path, "abb", outputs={"power": "aoP"})
@@ -107,8 +111,8 @@ def test_analog_outputs_are_set_where_they_change(table, tmp_path):
 def test_programs_of_many_points_are_named(table):
     for name, way in (("urscript", "RTDE"), ("kuka", "--cycle"), ("abb", "--cycle")):
         assert describe_program(table(6, count=10_000, events=()), name, None, str) == []
-        (said,) = describe_program(table(6, count=12_345, events=()), name, None, str)
-        assert "12345 points" in said and way in said
+        (note,) = describe_program(table(6, count=12_345, events=()), name, None, str)
+        assert "12345 points" in note and way in note
     for name in ("csv", "mcap", "own.j2"):
         assert describe_program(table(6, count=12_345, events=()), name, None, str) == []
 
@@ -153,15 +157,15 @@ def test_an_abb_module_has_a_name_that_rapid_takes(table, tmp_path):
         assert text.splitlines()[:2] == [f"MODULE {module}", about]
 
 
-def test_the_template_of_the_guide_does_what_it_says(table, tmp_path):
+def test_the_template_of_the_guide_writes_the_stated_program(table, tmp_path):
     guide = FilePath(__file__).parents[3] / "docs" / "guides" / "export.md"
     template = guide.read_text(encoding="utf-8").split("```jinja\n")[1].split("```")[0]
-    given = table(6, count=9)
-    text = made(given, tmp_path, house(tmp_path, template), outputs={"tool": 4})
+    exported = table(6, count=9)
+    text = made(exported, tmp_path, house(tmp_path, template), outputs={"tool": 4})
     moves = [x.split()[1:] for x in text.splitlines() if x.startswith("MOVE")]
     degrees = [[float(x) for x in " ".join(x[1:]).split(",")] for x in moves]
-    np.testing.assert_allclose(np.radians(degrees), given.q, rtol=0, atol=1e-8)
-    np.testing.assert_allclose([float(x[0]) for x in moves], given.t * 1e3, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(np.radians(degrees), exported.q, rtol=0, atol=1e-8)
+    np.testing.assert_allclose([float(x[0]) for x in moves], exported.t * 1e3, rtol=0, atol=1e-9)
     assert re.findall("^OUT.*", text, re.M) == [f"OUT 4 {x}" for x in ("ON", "OFF", "ON")]
 
 
@@ -179,12 +183,12 @@ ALL = """\
 
 def test_a_house_template_sees_all_of_the_table(table, tmp_path):
     tool = np.array([[0.1, 0.2], [0.3, 0.4], [0.5, 0.6]])
-    given = dataclasses.replace(table(2, count=3), tool=tool, start_time=-0.008)
-    text = made(given, tmp_path, house(tmp_path, ALL), outputs={"tool": 4})
+    exported = dataclasses.replace(table(2, count=3), tool=tool, start_time=-0.008)
+    text = made(exported, tmp_path, house(tmp_path, ALL), outputs={"tool": 4})
     first, *rows = (x for x in text.splitlines() if x)
     assert first == "part 7|made|part_7|axis_1/axis_2|2|0.004|0.008|-0.008|5|4"
     assert [x.split()[0] for x in rows] == ["1", "2", "3"]
-    degrees = ", ".join(f"{x:.9f}" for x in np.degrees(given.q[1]))
+    degrees = ", ".join(f"{x:.9f}" for x in np.degrees(exported.q[1]))
     assert rows[1].startswith(f"2 0.004 {degrees} {degrees} ")
     assert "300.0, 400.0" in rows[1] and "gas:2.5:0.005123" in rows[1]
 
@@ -226,7 +230,7 @@ def test_a_template_takes_others_only_from_its_folder(table, tmp_path, how):
     (folder / "inside.j2").symlink_to(folder / "parts" / "head.j2")
     end = " as x" if how == "import" else ""
 
-    def of(name):
+    def made_from(name):
         file = folder / "main.j2"
         file.write_text(f"{{% {how} '{name}'{end} %}}")
         return file
@@ -239,9 +243,9 @@ def test_a_template_takes_others_only_from_its_folder(table, tmp_path, how):
         ("../secret.txt", "no template '../secret.txt'"),
         (str(outside), "no template"),
     ]
-    refusals(lambda x: made(table(), tmp_path, of(x)), bad, "main.j2")
+    refusals(lambda x: made(table(), tmp_path, made_from(x)), bad, "main.j2")
     for name in ("inside.j2", "parts/head.j2"):
-        text = made(table(), tmp_path, of(name))
+        text = made(table(), tmp_path, made_from(name))
         assert text == ("" if how == "import" else "HEAD")
 
 
@@ -285,18 +289,20 @@ def program(table, tmp_path, **options):
 
 
 def test_events_come_within_half_an_interval_and_the_set_points_stay_in_order(table, tmp_path):
-    given = table(count=9)
-    label = dataclasses.replace(given.events[2], value="plain words")
-    given = dataclasses.replace(given, events=(*given.events[:2], label, *given.events[3:]))
-    text = program(given, tmp_path, outputs={"tool": 3})
+    exported = table(count=9)
+    label = dataclasses.replace(exported.events[2], value="plain words")
+    exported = dataclasses.replace(
+        exported, events=(*exported.events[:2], label, *exported.events[3:])
+    )
+    text = program(exported, tmp_path, outputs={"tool": 3})
     points, events, _ = run(text)
     names = [(3, True), "gas=2.5", "label=plain words", (3, False), (3, True)]
-    assert [what for _, what in events] == names
-    for (at, _), event in zip(events, given.events, strict=True):
-        assert abs(at - event.t) <= given.cycle / 2 + 1e-12
-    np.testing.assert_allclose([q for _, q in points[:9]], given.q, rtol=0, atol=0.5000001e-6)
+    assert [name for _, name in events] == names
+    for (time, _), event in zip(events, exported.events, strict=True):
+        assert abs(time - event.t) <= exported.cycle / 2 + 1e-12
+    np.testing.assert_allclose([q for _, q in points[:9]], exported.q, rtol=0, atol=0.5000001e-6)
     exact = [float(x) for x in re.findall(r"# .* at ([\d.]+) s", text)]
-    np.testing.assert_allclose(exact, [x.t for x in given.events], rtol=0, atol=0.5000001e-6)
+    np.testing.assert_allclose(exact, [x.t for x in exported.events], rtol=0, atol=0.5000001e-6)
 
 
 @given(
@@ -306,14 +312,14 @@ def test_events_come_within_half_an_interval_and_the_set_points_stay_in_order(ta
 )
 def test_any_events_come_in_order_within_half_an_interval(tmp_path_factory, count, times, cycle):
     q, t = np.arange(6.0 * count).reshape(count, 6), np.arange(count) * cycle
-    events = tuple(x for at in times for x in said("tool", True, at))
+    events = tuple(x for time in times for x in timed_events("tool", True, time))
     table = SetPointTable(
         name="any", joint_names=tuple("abcdef"), cycle=cycle, t=t, q=q, events=events
     )
-    points, found, _ = run(program(table, tmp_path_factory.mktemp("any"), outputs={"tool": 0}))
-    at = [x for x, _ in found]
-    assert len(at) == len(times)
-    np.testing.assert_allclose(at, sorted(times), rtol=0, atol=cycle / 2 + 1e-9)
+    points, outputs, _ = run(program(table, tmp_path_factory.mktemp("any"), outputs={"tool": 0}))
+    event_times = [x for x, _ in outputs]
+    assert len(event_times) == len(times)
+    np.testing.assert_allclose(event_times, sorted(times), rtol=0, atol=cycle / 2 + 1e-9)
     np.testing.assert_array_equal([x for _, x in points[:count]], q)
     np.testing.assert_allclose([x for x, _ in points[:count]], t, atol=1e-12)
     assert all(x == q[-1].tolist() for _, x in points[count:])
@@ -321,23 +327,23 @@ def test_any_events_come_in_order_within_half_an_interval(tmp_path_factory, coun
 
 def test_analog_outputs_are_set_at_the_set_points_where_they_change(table, tmp_path):
     power = np.array([0.0, 0.2, 0.2, 0.60004, 1.0, 1.0, 0.3, 0.0, 0.0])
-    given = dataclasses.replace(table(count=9, events=()), analog={"power": power})
+    exported = dataclasses.replace(table(count=9, events=()), analog={"power": power})
     for output in ("AO1", 1):
-        points, events, _ = run(program(given, tmp_path, outputs={"power": output}))
+        points, events, _ = run(program(exported, tmp_path, outputs={"power": output}))
         assert events == [
-            (pytest.approx(given.t[k]), ("AO1", round(power[k], 4))) for k in (0, 1, 3, 4, 6, 7)
+            (pytest.approx(exported.t[k]), ("AO1", round(power[k], 4))) for k in (0, 1, 3, 4, 6, 7)
         ]
         assert len(points) == 10
-    assert "analog" not in program(given, tmp_path)
+    assert "analog" not in program(exported, tmp_path)
     wrong = [(x, "AO0 or AO1") for x in ("AO2", 2, "ao", -1)]
-    refusals(lambda x: program(given, tmp_path, outputs={"power": x}), wrong)
-    high = dataclasses.replace(given, analog={"power": 1000 * power})
+    refusals(lambda x: program(exported, tmp_path, outputs={"power": x}), wrong)
+    high = dataclasses.replace(exported, analog={"power": 1000 * power})
     refusals(
         lambda x: program(x, tmp_path, outputs={"power": 0}), [(high, "power ... 1000 ... to 1")]
     )
 
 
-def said(name, value, t=0.0):
+def timed_events(name, value, t=0.0):
     return (TimedEvent(name=name, value=value, t=t, due=t, s=0.0, point=(0.0, 0.0)),)
 
 
@@ -348,8 +354,8 @@ def test_refuses_what_it_cannot_say(table, tmp_path):
         ((table(), {"outputs": {"tool": 8}}), "from 0 to 7"),
         ((table(), {"outputs": {"tool": "doTool"}}), "must be a number"),
         ((table(), {"outputs": {"gas": 1}}), "only on or off"),
-        ((table(events=said("a\\b", 1.0)), {}), "backslashes"),
-        ((table(events=said("a", 'the "b"')), {}), "without quotes"),
+        ((table(events=timed_events("a\\b", 1.0)), {}), "backslashes"),
+        ((table(events=timed_events("a", 'the "b"')), {}), "without quotes"),
     ]
     refusals(lambda x: program(x[0], tmp_path, **x[1]), cases)
     assert not list(tmp_path.iterdir())

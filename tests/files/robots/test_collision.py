@@ -57,9 +57,9 @@ def loaded(file, **options):
 
 def test_every_link_has_its_shapes_where_it_is(tmp_path):
     arm = loaded(described(tmp_path))
-    found = [(x.link, x.name, x.tool, type(x.shape)) for x in arm.shapes.shapes]
+    shapes = [(x.link, x.name, x.tool, type(x.shape)) for x in arm.shapes.shapes]
     capsules = [(1, "post", False, Cylinder), (1, "post", False, Capsule)]
-    assert sorted(found, key=lambda x: x[:2]) == [
+    assert sorted(shapes, key=lambda x: x[:2]) == [
         (0, "base", False, Box), (1, "camera", False, Sphere), *capsules, (2, "beam", False, Box),
         (2, "finger", True, Box),
     ]  # fmt: skip
@@ -70,8 +70,8 @@ def test_every_link_has_its_shapes_where_it_is(tmp_path):
     places = {"camera": (-0.1, 0, 0.4), "beam": (0, 0.3, 0.5), "finger": (-0.01, 0.55, 0.5)}
     for name, place in places.items():
         x = by_name[name]
-        at = pose[x.link][:, :3] @ x.place.position + pose[x.link][:, 3]
-        np.testing.assert_allclose(at, place, atol=1e-12)
+        center = pose[x.link][:, :3] @ x.place.position + pose[x.link][:, 3]
+        np.testing.assert_allclose(center, place, atol=1e-12)
     # The round end of the capsule lies along x.
     assert isinstance(by_name["post"].shape, Capsule)
     np.testing.assert_allclose(by_name["post"].place.rotation[:, 2], [1, 0, 0], atol=1e-12)
@@ -80,9 +80,9 @@ def test_every_link_has_its_shapes_where_it_is(tmp_path):
     file = described(tmp_path)
     fixed = file.read_text().replace('name="pan" type="revolute"', 'name="pan" type="fixed"')
     file.write_text(fixed)
-    found = {x.name: x for x in loaded(file, base="post").shapes.shapes}
-    assert found["base"].link == 0 and set(found) >= {"post", "camera", "beam", "finger"}
-    np.testing.assert_allclose(found["base"].place.position, [0, 0, -0.1], atol=1e-15)
+    shapes = {x.name: x for x in loaded(file, base="post").shapes.shapes}
+    assert shapes["base"].link == 0 and set(shapes) >= {"post", "camera", "beam", "finger"}
+    np.testing.assert_allclose(shapes["base"].place.position, [0, 0, -0.1], atol=1e-15)
 
 
 def test_meshes_are_found_by_path_and_by_package(tmp_path):
@@ -148,16 +148,16 @@ def test_pairs_of_an_srdf_file_are_left_out_with_its_reasons(tmp_path):
     (tmp_path / "small.srdf").write_text(SRDF)
     file = described(tmp_path)
     bare, arm = loaded(file), loaded(file, srdf=tmp_path / "small.srdf")
-    seen = [names((x.first, x.second) for x in pairs_of(one, Scene())[0]) for one in (bare, arm)]
-    assert seen[0] - seen[1] == names([("base", "beam"), ("camera", "finger")])
+    pairs = [names((x.first, x.second) for x in pairs_of(one, Scene())[0]) for one in (bare, arm)]
+    assert pairs[0] - pairs[1] == names([("base", "beam"), ("camera", "finger")])
     reasons = {frozenset((x.first, x.second)): x.reason for x in pairs_of(arm, Scene())[1]}
     assert reasons[frozenset(("base", "beam"))] == "small.srdf: Never"
     assert reasons[frozenset(("camera", "finger"))] == "small.srdf: no reason given"
     # Defaults are kept.
     (tmp_path / "small.srdf").write_text(DEFAULTS)
-    left = loaded(file, srdf=tmp_path / "small.srdf").shapes.left_out
-    found = names((x.first, x.second) for x in left)
-    assert found == names(("camera", x) for x in ("base", "post", "beam"))
+    ignored = loaded(file, srdf=tmp_path / "small.srdf").shapes.left_out
+    names_ignored = names((x.first, x.second) for x in ignored)
+    assert names_ignored == names(("camera", x) for x in ("base", "post", "beam"))
 
 
 NO_SRDF = """
@@ -183,10 +183,10 @@ def test_pairs_that_always_touch_are_left_out_and_others_that_touch_at_0_are_not
     file = described(tmp_path, hand=hand + "</collision>")
     file.write_text(file.read_text().replace('xyz="0 0.1 0.3"', 'xyz="0.55 0.01 0.4"'))
     arm = loaded(file)
-    left = {frozenset((x.first, x.second)): x.reason for x in arm.shapes.left_out}
-    assert left == {frozenset(("post", "hand")): REASON}
+    reasons = {frozenset((x.first, x.second)): x.reason for x in arm.shapes.left_out}
+    assert reasons == {frozenset(("post", "hand")): REASON}
     pairs, _ = pairs_of(arm, Scene())
     every = np.arange(len(pairs))
-    at = Distances(arm.chain, pairs).measure(np.zeros((1, 2)), 0 * every, every)
-    touching = names((x.first, x.second) for x, d in zip(pairs, at, strict=True) if d <= 0)
+    distances = Distances(arm.chain, pairs).measure(np.zeros((1, 2)), 0 * every, every)
+    touching = names((x.first, x.second) for x, d in zip(pairs, distances, strict=True) if d <= 0)
     assert touching == names([("camera", "finger")])

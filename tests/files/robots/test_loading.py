@@ -289,8 +289,8 @@ def test_arms_by_their_dh_parameters(name):
 
 def test_the_ur5e_stretched_out():
     # All joints at zero: the arm lies along -x, as the controller shows it.
-    found = ac.load_arm("ur5e").tool_position(np.zeros(6))
-    np.testing.assert_allclose(found, [-0.8172, -0.2329, 0.0628], atol=1e-12)
+    position = ac.load_arm("ur5e").tool_position(np.zeros(6))
+    np.testing.assert_allclose(position, [-0.8172, -0.2329, 0.0628], atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ac.arm_names())
@@ -312,15 +312,15 @@ def test_every_arm_can_be_planned_with(name):
 @pytest.mark.parametrize("name", ac.arm_names())
 def test_every_number_has_a_unit_and_a_source(name):
     file = resources.files("armcontour.files.robots") / "library" / f"{name}.yaml"
-    left, numbers = [yaml.safe_load(file.read_text("utf-8"))], 0
-    while left:
-        data = left.pop()
+    queue, numbers = [yaml.safe_load(file.read_text("utf-8"))], 0
+    while queue:
+        data = queue.pop()
         assert not isinstance(data, int | float)
         if isinstance(data, dict) and "value" in data:
             assert data["unit"] and data["source"], data
             numbers += 1
         elif isinstance(data, dict):
-            left += data.values()
+            queue += data.values()
     assert numbers >= 6
 
 
@@ -360,7 +360,7 @@ def test_every_link_of_a_built_in_arm_has_a_hull(name):
     assert f"{name}.json" in text and license in ("BSD-3-Clause", "Apache-2.0")
 
 
-def test_the_planar_arm_has_capsules_that_are_said_to_be_assumed():
+def test_capsules_of_the_planar_arm_are_marked_as_assumed():
     arm = ac.load_arm("pmk3s")
     assert arm.shapes is not None and "assumed" in arm.shapes.source
     first, second = arm.shapes.shapes
@@ -387,10 +387,10 @@ def test_shapes_are_read_once_and_when_asked_for():
     # An arm goes to other processes before and after its shapes are read.
     for arm in (ac.load_arm("ur5e"), copy.copy(ac.load_arm("panda"))):
         before = pickle.loads(pickle.dumps(arm))
-        own = arm.shapes.shapes
+        shapes = arm.shapes.shapes
         for x in (before, pickle.loads(pickle.dumps(arm))):
-            assert [s.name for s in x.shapes.shapes] == [s.name for s in own]
-            np.testing.assert_array_equal(x.shapes.shapes[2].shape.points, own[2].shape.points)
+            assert [s.name for s in x.shapes.shapes] == [s.name for s in shapes]
+            np.testing.assert_array_equal(x.shapes.shapes[2].shape.points, shapes[2].shape.points)
 
 
 DATA = FilePath(__file__).parent / "data"
@@ -426,9 +426,9 @@ def test_a_file_of_the_field():
 
 
 def test_limits_of_all_or_some_joints(tmp_path):
-    off = "has_velocity_limits: false, max_velocity: 1, has_position_limits: false, "
-    off += "has_effort_limits: false, has_jerk_limits: true, max_jerk: 100"
-    limits = with_text(tmp_path, for_all(off)).limits
+    no_limits = "has_velocity_limits: false, max_velocity: 1, has_position_limits: false, "
+    no_limits += "has_effort_limits: false, has_jerk_limits: true, max_jerk: 100"
+    limits = with_text(tmp_path, for_all(no_limits)).limits
     assert limits.joint_velocity is None and limits.joint_torque is None
     assert limits.joint_lower is None and limits.joint_upper is None
     np.testing.assert_array_equal(limits.joint_jerk, [100] * 4)
@@ -473,7 +473,7 @@ limits:
     np.testing.assert_array_equal(one.joint_acceleration, [[-5, 5], [-2, 4]])
 
 
-def test_it_says_what_the_description_leaves_out(tmp_path):
+def test_a_file_of_joint_limits_completes_the_description(tmp_path):
     robot, file = tmp_path / "robot.urdf", tmp_path / "limits.yaml"
     robot.write_text(ROBOT.read_text().replace('<limit effort="80" velocity="2"/>', ""))
     file.write_text("joint_limits: {pan: {max_velocity: 1.0, max_effort: 10.0}}")

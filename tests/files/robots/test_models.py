@@ -60,12 +60,14 @@ def test_joints_that_are_locked_carry_what_hangs_on_them():
     assert arm.dof == 5 and name not in arm.joint_names
     rng = np.random.default_rng(1)
     q, dq, ddq = (np.insert(rng.uniform(-1, 1, 5), 2, x) for x in (value, 0.0, 0.0))
-    data, own = model.createData(), np.delete(np.arange(6), 2)
+    data, free_joints = model.createData(), np.delete(np.arange(6), 2)
     pin.framesForwardKinematics(model, data, q)
     tip = data.oMf[model.getFrameId("effector_body")].homogeneous
-    np.testing.assert_allclose(arm.forward(q[own]), tip, atol=1e-12)
-    torque = pin.rnea(model, data, q, dq, ddq)[own]
-    np.testing.assert_allclose(arm.torque(q[own], dq[own], ddq[own]), torque, atol=1e-9)
+    np.testing.assert_allclose(arm.forward(q[free_joints]), tip, atol=1e-12)
+    torque = pin.rnea(model, data, q, dq, ddq)[free_joints]
+    np.testing.assert_allclose(
+        arm.torque(q[free_joints], dq[free_joints], ddq[free_joints]), torque, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("name", ac.arm_names())
@@ -76,10 +78,10 @@ def test_an_arm_comes_back_from_its_own_model(name):
     q = np.linspace(0.1, 0.6, arm.dof)
     np.testing.assert_allclose(again.forward(q), arm.forward(q), atol=1e-12)
     for limit in ("joint_velocity", "joint_torque", "joint_lower", "joint_upper"):
-        known, found = getattr(arm.limits, limit), getattr(again.limits, limit)
-        assert (known is None) == (found is None)
-        if known is not None:
-            np.testing.assert_allclose(found, known)
+        expected, limits = getattr(arm.limits, limit), getattr(again.limits, limit)
+        assert (expected is None) == (limits is None)
+        if expected is not None:
+            np.testing.assert_allclose(limits, expected)
 
 
 def test_an_mjcf_file_moves_as_in_mujoco(mjcf):
@@ -113,9 +115,11 @@ def test_locked_joints_of_an_mjcf_file_carry_what_hangs_on_them(mjcf, locked):
     q[:] = [locked.get(x, 0.0) for x in whole.joint_names]
     for x in (q, dq, ddq):
         x[:, free] = np.random.default_rng(2).normal(size=(50, len(free)))
-    own = [x[:, free] for x in (q, dq, ddq)]
-    np.testing.assert_allclose(arm.forward(own[0]), whole.forward(q), atol=1e-12)
-    np.testing.assert_allclose(arm.torque(*own), whole.torque(q, dq, ddq)[:, free], atol=1e-9)
+    free_state = [x[:, free] for x in (q, dq, ddq)]
+    np.testing.assert_allclose(arm.forward(free_state[0]), whole.forward(q), atol=1e-12)
+    np.testing.assert_allclose(
+        arm.torque(*free_state), whole.torque(q, dq, ddq)[:, free], atol=1e-9
+    )
 
 
 def test_a_model_that_is_no_arm_is_refused(refuses):

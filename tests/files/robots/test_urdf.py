@@ -32,7 +32,7 @@ def load(tmp_path, *changes, file="robot.urdf", **options):
     return ac.load_arm(tmp_path / file, ac.ArmOptions(**WHOLE | options))
 
 
-def given(*, tool=None, work=None, **options):
+def original_arm(*, tool=None, work=None, **options):
     """The arm of the file as it is."""
     return ac.load_arm(ROBOT, ac.ArmOptions(**WHOLE | options), tool=tool, work=work)
 
@@ -46,29 +46,29 @@ def seen_by_mujoco(q, dq, ddq, held):
     text = text.replace("<visual>", "<!--").replace("</visual>", "-->")
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
-    at = [model.joint(name).dofadr[0] for name in TURNING]
+    dofs = [model.joint(name).dofadr[0] for name in TURNING]
     model.dof_damping[:] = model.dof_frictionloss[:] = 0
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
-    found = []
+    torques_and_poses = []
     for state in zip(q, dq, ddq, strict=True):
         data.qpos[:] = data.qvel[:] = data.qacc[:] = 0
         for name, value in held.items():
             data.qpos[model.joint(name).qposadr[0]] = value
-        data.qpos[at], data.qvel[at], data.qacc[at] = state
+        data.qpos[dofs], data.qvel[dofs], data.qacc[dofs] = state
         mujoco.mj_inverse(model, data)
         base, tip = data.body("base_link"), data.body("tcp")
         turn = base.xmat.reshape(3, 3).T
-        found.append((data.qfrc_inverse[at].copy(), turn @ (tip.xpos - base.xpos)))
-    return tuple(np.array(x) for x in zip(*found, strict=True))
+        torques_and_poses.append((data.qfrc_inverse[dofs].copy(), turn @ (tip.xpos - base.xpos)))
+    return tuple(np.array(x) for x in zip(*torques_and_poses, strict=True))
 
 
 @pytest.mark.parametrize("locked", [{}, {"left": 0.03, "hinge": 0.6}, {"right": 0.04}])
 def test_the_arm_with_its_gripper_as_mujoco_sees_it(locked):
-    arm = given(locked=locked)
+    arm = original_arm(locked=locked)
     assert (arm.name, arm.joint_names) == ("lifter", TURNING)
     q, dq, ddq = np.random.default_rng(0).normal(size=(3, 200, 4))
-    left = locked.get("left", 0.0)
-    held = {"left": left, "right": 0.5 * left + 0.01, "hinge": 0.0} | locked
+    finger = locked.get("left", 0.0)
+    held = {"left": finger, "right": 0.5 * finger + 0.01, "hinge": 0.0} | locked
     torque, place = seen_by_mujoco(q, dq, ddq, held)
     np.testing.assert_allclose(arm.tool_position(q), place, atol=1e-9)
     largest = np.abs(torque).max(axis=1, keepdims=True)
@@ -91,9 +91,9 @@ def refuse_differences(arm, text, held):
     chain = arm.chain
     assert tuple(model.names)[1:] == chain.joints
 
-    def same(found, expected):
+    def same(actual, expected):
         expected = np.array(expected)
-        np.testing.assert_allclose(found, expected, atol=1e-14 * (1 + np.abs(expected).max()))
+        np.testing.assert_allclose(actual, expected, atol=1e-14 * (1 + np.abs(expected).max()))
 
     bodies, places = list(model.inertias)[1:], list(model.jointPlacements)[1:]
     same(chain.masses, [x.mass for x in bodies])
@@ -115,9 +115,9 @@ def refuse_differences(arm, text, held):
 @pytest.mark.parametrize("locked", [{}, {"left": 0.03, "hinge": 0.6}, {"elbow": 0.4}])
 def test_frames_bodies_and_torques_are_those_of_pinocchio(locked):
     held = {"lift": 0.2, **locked}
-    left = locked.get("left", 0.0)
-    arm = given(base=None, locked=held)
-    refuse_differences(arm, TEXT, {"left": left, "right": 0.5 * left + 0.01, **held})
+    finger = locked.get("left", 0.0)
+    arm = original_arm(base=None, locked=held)
+    refuse_differences(arm, TEXT, {"left": finger, "right": 0.5 * finger + 0.01, **held})
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -155,8 +155,8 @@ def test_random_descriptions_are_read_as_by_pinocchio(tmp_path, seed):
     refuse_differences(arm, text, held)
 
 
-def test_what_the_description_says_is_what_the_arm_has():
-    arm = given()
+def test_the_arm_has_the_values_of_its_description():
+    arm = original_arm()
     limits = arm.limits
     np.testing.assert_array_equal(limits.joint_velocity, [2, 1.5, 2.5, 4])
     np.testing.assert_array_equal(limits.joint_torque, [80, 70, 40, 15])
@@ -175,20 +175,20 @@ def test_what_the_description_says_is_what_the_arm_has():
 
 
 def test_the_chain_may_end_early_and_begin_late():
-    flange, whole = given(tip="flange"), given()
+    flange, whole = original_arm(tip="flange"), original_arm()
     q, dq, ddq = np.random.default_rng(1).normal(size=(3, 20, 4))
     # Where the tip is makes no difference to the drives.
     np.testing.assert_allclose(flange.torque(q, dq, ddq), whole.torque(q, dq, ddq), atol=1e-12)
     assert np.abs(flange.tool_position(q) - whole.tool_position(q)).max() > 0.05
-    assert given(base="upper").joint_names == ("elbow", "roll")
-    held = given(tip="upper", locked={"elbow": 0.5, "roll": 0.3})
+    assert original_arm(base="upper").joint_names == ("elbow", "roll")
+    held = original_arm(tip="upper", locked={"elbow": 0.5, "roll": 0.3})
     assert held.joint_names == ("pan", "tilt")
     q[:, 2:] = 0.5, 0.3
     expected = whole.dynamics.torque(q, 0 * q, 0 * q)[:, :2]
-    found = held.dynamics.torque(q[:, :2], 0 * q[:, :2], 0 * q[:, :2])
-    np.testing.assert_allclose(found, expected, atol=1e-9)
+    torque = held.dynamics.torque(q[:, :2], 0 * q[:, :2], 0 * q[:, :2])
+    np.testing.assert_allclose(torque, expected, atol=1e-9)
     # A joint that slides may be locked.
-    low, high = (given(base=None, locked={"lift": x}) for x in (0.1, 0.4))
+    low, high = (original_arm(base=None, locked={"lift": x}) for x in (0.1, 0.4))
     np.testing.assert_allclose(
         high.tool_position(q) - low.tool_position(q), np.tile([0, 0, 0.3], (20, 1))
     )
@@ -196,7 +196,7 @@ def test_the_chain_may_end_early_and_begin_late():
 
 def test_without_any_inertial_only_kinematics_are_known(tmp_path):
     text = re.sub("<inertial>.*?</inertial>", "", TEXT, flags=re.DOTALL)
-    arm, whole = load(tmp_path, (TEXT, text)), given()
+    arm, whole = load(tmp_path, (TEXT, text)), original_arm()
     assert arm.chain.masses is None
     np.testing.assert_array_equal(arm.tool_position(np.ones(4)), whole.tool_position(np.ones(4)))
     refusals(lambda x: x.dynamics, [(arm, "masses of the arm lifter")])
@@ -206,7 +206,7 @@ def test_without_any_inertial_only_kinematics_are_known(tmp_path):
     # Frames of tool and work go with it.
     tool = Frame.rpy([0, 0.1, 0.2], [0.1, 0, 0])
     points, rotations = whole.pose(np.ones(4))
-    moved = given(tool=tool, work=Frame()).tool_position(np.ones(4))
+    moved = original_arm(tool=tool, work=Frame()).tool_position(np.ones(4))
     np.testing.assert_allclose(moved, points + rotations @ tool.position)
 
 
@@ -274,7 +274,7 @@ def test_soft_limits_narrow_the_range(tmp_path):
     ):
         limits = f"{{{switch}soft_lower_limit: -1, soft_upper_limit: 1, min_position: -2}}"
         file.write_text(f"joint_limits: {{elbow: {limits}}}")
-        arm = given(joint_limits=file)
+        arm = original_arm(joint_limits=file)
         assert arm.limits.joint_lower[2] == lower
         assert arm.limits.joint_upper[2] == (1 if lower == -1 else 2.5)
 
@@ -345,7 +345,7 @@ NO_BODIES = """
 def test_links_that_are_no_bodies_leave_out_dynamics_only(tmp_path):
     upper = re.search('<link name="upper">.*?(<inertial>.*?</inertial>)', TEXT, re.DOTALL)[1]
     table = [*rows(NO_BODIES), (upper, "", "the link upper has no mass")]
-    whole = given()
+    whole = original_arm()
     for old, new, words in table:
         arm = load(tmp_path, (old, new))
         assert not arm.has_bodies and arm.limits.joint_torque is None
@@ -370,9 +370,9 @@ def test_what_weighs_nothing_may_move_along_with_the_arm(tmp_path):
 
 def test_joints_beside_the_arm_stand_at_the_nearest_end_of_their_range(tmp_path):
     ranges = 'lower="-1" upper="1" effort="1"'
-    for given, end in (('lower="0.5" upper="1"', 0.5), ('lower="-1" upper="-0.25"', -0.25)):
-        arm = load(tmp_path, (ranges, given + ' effort="1"'))
-        same = load(tmp_path, (ranges, given + ' effort="1"'), locked={"hinge": end})
+    for range_text, end in (('lower="0.5" upper="1"', 0.5), ('lower="-1" upper="-0.25"', -0.25)):
+        arm = load(tmp_path, (ranges, range_text + ' effort="1"'))
+        same = load(tmp_path, (ranges, range_text + ' effort="1"'), locked={"hinge": end})
         assert any(f"hinge at {end:g} rad" in note for note in arm.notes)
         assert not any("hinge" in note for note in same.notes)
         q, dq, ddq = np.random.default_rng(5).normal(size=(3, 20, 4))
@@ -449,8 +449,8 @@ def test_descriptions_of_absurd_size_are_refused_at_once(tmp_path):
     deep = "<extra>" * 90 + "</extra>" * 90
     mass = '<mass value="2"/>'
     assert mass in TEXT
-    found = load(tmp_path, (mass, mass + deep))
-    np.testing.assert_array_equal(found.chain.masses, given().chain.masses)
+    light = load(tmp_path, (mass, mass + deep))
+    np.testing.assert_array_equal(light.chain.masses, original_arm().chain.masses)
 
 
 NAMES = [

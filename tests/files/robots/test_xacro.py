@@ -106,15 +106,15 @@ def package(folder, name, body=ARM):
 
 
 def test_packages_are_found_by_their_package_file(tmp_path):
-    for i, (own, other) in enumerate((
+    for i, (own_folder, other) in enumerate((
         ("ws/arms", "ws/arms"),
         ("ws/arms", "ws/shared"),
         ("ws/arms", "ws/arms/inner"),
     )):  # fmt: skip
-        folder = package(tmp_path / str(i) / own, "arms")
-        if other != own:
+        folder = package(tmp_path / str(i) / own_folder, "arms")
+        if other != own_folder:
             package(tmp_path / str(i) / other, "shared_parts")
-        name = "arms" if other == own else "shared_parts"
+        name = "arms" if other == own_folder else "shared_parts"
         (folder / "urdf").mkdir()
         assert load(write(folder / "urdf", INCLUDE.format(name))).dof == 1
     # Of packages of one name the named one is read, then the nearest.

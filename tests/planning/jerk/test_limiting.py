@@ -29,15 +29,15 @@ def ur5e():
 
 def pieces(breaks):
     """The spline as a joint path of given pieces, each within one of its own."""
-    at = np.array(breaks)
-    coefficients = np.zeros((len(at) - 1, 6, 3))
-    for i, (begin, end) in enumerate(zip(at[:-1], at[1:], strict=True)):
+    breaks_array = np.array(breaks)
+    coefficients = np.zeros((len(breaks_array) - 1, 6, 3))
+    for i, (begin, end) in enumerate(zip(breaks_array[:-1], breaks_array[1:], strict=True)):
         k = min(int((begin + end) / 2 * 4), 3)
         for j in range(3):
-            own = Polynomial(SPLINE.c[::-1, k, j])
-            moved = own(Polynomial([begin - SPLINE.x[k], end - begin]))
+            polynomial = Polynomial(SPLINE.c[::-1, k, j])
+            moved = polynomial(Polynomial([begin - SPLINE.x[k], end - begin]))
             coefficients[i, : len(moved.coef), j] = moved.coef
-    return ac.JointPath(breaks=at, coefficients=coefficients)
+    return ac.JointPath(breaks=breaks_array, coefficients=coefficients)
 
 
 WHOLE = pieces(SPLINE.x)
@@ -45,29 +45,29 @@ WHOLE = pieces(SPLINE.x)
 
 def largest(planned, limits):
     """The largest use of any limit of a joint, by power series of the law and the path."""
-    found = ratios(Sampled(planned.laws[0]), limits)
-    return max(float(np.max(used / limit)) for used, limit in found.values())
+    peaks = ratios(Sampled(planned.laws[0]), limits)
+    return max(float(np.max(used / limit)) for used, limit in peaks.values())
 
 
 def test_breaks_close_together_change_nothing():
     whole = ac.plan(WHOLE, limits=OF_SPLINE, options=ac.Optimal(intervals=300)).duration
     for gap in (1e-5, 1e-9, 1e-12):
         near = sorted([*SPLINE.x, gap, 0.3, 0.3 + gap, 0.75 - gap, 1 - gap])
-        found = ac.plan(pieces(near), limits=OF_SPLINE, options=ac.Optimal(intervals=300))
-        assert found.duration == pytest.approx(whole, rel=1e-5), gap
-        assert largest(found, OF_SPLINE) <= 1 + 1e-9, gap
+        trajectory = ac.plan(pieces(near), limits=OF_SPLINE, options=ac.Optimal(intervals=300))
+        assert trajectory.duration == pytest.approx(whole, rel=1e-5), gap
+        assert largest(trajectory, OF_SPLINE) <= 1 + 1e-9, gap
 
 
 def test_a_plan_may_be_stopped_after_any_iteration():
     durations = []
-    for most in (1, 2, 5, 12, 150):
-        found = ac.plan(
+    for iterations in (1, 2, 5, 12, 150):
+        trajectory = ac.plan(
             WHOLE,
             limits=OF_SPLINE,
-            options=ac.Optimal(intervals=200, iterations=most),
+            options=ac.Optimal(intervals=200, iterations=iterations),
         )
-        assert largest(found, OF_SPLINE) <= 1 + 1e-9
-        durations.append(found.duration)
+        assert largest(trajectory, OF_SPLINE) <= 1 + 1e-9
+        durations.append(trajectory.duration)
     assert durations == sorted(durations, reverse=True)
     assert durations[0] > 1.2 * durations[-1]
 
@@ -97,17 +97,17 @@ def test_motion_rests_where_the_second_derivative_jumps():
 def test_speeds_at_the_ends(refuses):
     for ends in ((0.05, 0.0), (0.5, 0.3), (1.0, 0.0), (0.0, 1.0)):
         options = dict(zip(("start_speed", "end_speed"), ends, strict=True))
-        found = ac.plan(LINE, None, LIMITS, ac.Optimal(intervals=200, **options))
-        np.testing.assert_allclose(found.laws[0].speeds[[0, -1]], ends, rtol=1e-6, atol=1e-12)
-        assert largest(found, LIMITS) <= 1 + 1e-9 and found.duration < 1.35
+        trajectory = ac.plan(LINE, None, LIMITS, ac.Optimal(intervals=200, **options))
+        np.testing.assert_allclose(trajectory.laws[0].speeds[[0, -1]], ends, rtol=1e-6, atol=1e-12)
+        assert largest(trajectory, LIMITS) <= 1 + 1e-9 and trajectory.duration < 1.35
     # From rest over 1 mm with a jerk of 40 rad/s³: s = j t³ / 6, so that ds is at most this.
     short = ac.JointPath.spline([(0.0,), (1e-3,)], [0.0, 1e-3])
-    most = 40 / 2 * (6 * 1e-3 / 40) ** (2 / 3)
+    speed_bound = 40 / 2 * (6 * 1e-3 / 40) ** (2 / 3)
     with pytest.raises(
         ac.NotRealizable, match=r"The end speed of 0\.06 m/s .* at 0\.001 m"
     ) as caught:
         ac.plan(short, limits=LIMITS, options=ac.Optimal(end_speed=0.06))
-    assert most * 0.99 <= caught.value.allowed <= most
+    assert speed_bound * 0.99 <= caught.value.allowed <= speed_bound
     ac.plan(short, limits=LIMITS, options=ac.Optimal(end_speed=caught.value.allowed))
 
 
@@ -119,9 +119,9 @@ def test_even_motion_leaves_room_for_margins(ur5e):
     ]
     path = ac.Path.from_segments(lines).pointing((0, 0, -1))
     limits = ur5e.limits.replace(joint_torque=np.inf, joint_acceleration=8.0, joint_jerk=100.0)
-    found = ac.plan(path, ur5e, limits)
-    assert ac.check(found, ur5e, limits).verdict == "kept"
-    assert found.speed_at(np.array([np.median(found.s(found.breaks))])).max() <= 1.0
+    trajectory = ac.plan(path, ur5e, limits)
+    assert ac.check(trajectory, ur5e, limits).verdict == "kept"
+    assert trajectory.speed_at(np.array([np.median(trajectory.s(trajectory.breaks))])).max() <= 1.0
 
 
 def test_torque_that_margins_bracket_leaves_room(ur5e):
@@ -129,9 +129,9 @@ def test_torque_that_margins_bracket_leaves_room(ur5e):
     torque = ur5e.limits.joint_torque
     limits = ac.Limits.only(joint_velocity=2.0, joint_torque=torque, joint_jerk=500.0).for_joints(6)
     free = ac.plan(path, ur5e, limits.replace(joint_jerk=np.inf)).duration
-    found = ac.plan(path, ur5e, limits)
-    assert free < found.duration < 1.05 * free
-    used = ur5e.torque(*(found(found.breaks, k) for k in range(3)))
+    trajectory = ac.plan(path, ur5e, limits)
+    assert free < trajectory.duration < 1.05 * free
+    used = ur5e.torque(*(trajectory(trajectory.breaks, k) for k in range(3)))
     assert np.max(np.abs(used) / torque) <= 1 + 1e-9
 
 
@@ -218,9 +218,9 @@ def test_a_plan_warns_of_stops_that_limits_of_jerk_add(arm):
     path = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15), (0.28, 0.3)])
     arcs = ac.round_corners(path, tolerance=5e-3)
     limits = arm.limits.replace(speed=0.15, joint_jerk=36.0)
-    for given in (arcs, ac.Program.from_path(arcs), ac.trace(arcs, arm)):
+    for motion in (arcs, ac.Program.from_path(arcs), ac.trace(arcs, arm)):
         with pytest.warns(UserWarning, match="2 full stops, the first at s = "):
-            ac.plan(given, arm, limits)
+            ac.plan(motion, arm, limits)
     # Without a limit of jerk, or with continuous curvature, there are none.
     with warnings.catch_warnings(action="error"):
         ac.plan(arcs, arm, limits.replace(joint_jerk=np.inf))

@@ -27,15 +27,17 @@ def mesh(ends, cells=200, places=(0.0, 2.0)):
 
 @pytest.mark.parametrize("cells", [60, 1000])
 def test_parts_end_at_all_breaks_and_cells_are_not_tiny(cells):
-    found = mesh([(end(True), end(True))], cells)
-    assert np.isin(BREAKS, found.grid.s).all() and np.isin(found.nodes, found.grid.s).all()
-    assert (np.diff(found.nodes) > 1e-6).all() and (np.diff(found.cell) >= 0).all()
+    graded = mesh([(end(True), end(True))], cells)
+    assert np.isin(BREAKS, graded.grid.s).all() and np.isin(graded.nodes, graded.grid.s).all()
+    assert (np.diff(graded.nodes) > 1e-6).all() and (np.diff(graded.cell) >= 0).all()
     # Every part lies in its cell, and in one piece of the joint path.
-    middle = (found.grid.s[:-1] + found.grid.s[1:]) / 2
-    assert (found.nodes[found.cell] < middle).all() and (middle < found.nodes[found.cell + 1]).all()
-    np.testing.assert_array_equal(found.grid.piece, LAW.joint_path.locate(middle))
-    assert cells * 0.9 < len(found.nodes) < cells + 400
-    np.testing.assert_array_equal(np.flatnonzero(found.ramps), [0, len(found.nodes) - 2])
+    middle = (graded.grid.s[:-1] + graded.grid.s[1:]) / 2
+    assert (graded.nodes[graded.cell] < middle).all() and (
+        middle < graded.nodes[graded.cell + 1]
+    ).all()
+    np.testing.assert_array_equal(graded.grid.piece, LAW.joint_path.locate(middle))
+    assert cells * 0.9 < len(graded.nodes) < cells + 400
+    np.testing.assert_array_equal(np.flatnonzero(graded.ramps), [0, len(graded.nodes) - 2])
 
 
 def test_the_first_cell_is_a_share_of_the_build_up_of_acceleration():
@@ -50,24 +52,24 @@ def test_the_first_cell_is_a_share_of_the_build_up_of_acceleration():
 
 
 def test_the_slope_of_the_square_is_continuous():
-    found = mesh([(end(True), end(True)), (end(True), end(False, 0.3))], places=(0.0, 0.5, 2.0))
-    begin, last = control_points(found)
-    d = np.random.default_rng(1).uniform(0.5, 1.0, len(found.width) + 2)
+    graded = mesh([(end(True), end(True)), (end(True), end(False, 0.3))], places=(0.0, 0.5, 2.0))
+    begin, last = control_points(graded)
+    d = np.random.default_rng(1).uniform(0.5, 1.0, len(graded.width) + 2)
     for first, end_, (start, stop) in zip(
-        found.sections[:-1], found.sections[1:], found.at_rest, strict=True
+        graded.sections[:-1], graded.sections[1:], graded.at_rest, strict=True
     ):
         cells = np.arange(first + start, end_ - stop)
         around = np.stack([d[cells - 1], d[cells], d[cells + 1]])
         if start:
             around[0, 0] = 0.0
         low, high = (np.sum(x[cells].T * around, axis=0) for x in (begin, last))
-        h = found.width[cells]
+        h = graded.width[cells]
         np.testing.assert_allclose(high[:-1], low[1:])
         slope = 2 * (d[cells] - low) / h, 2 * (high - d[cells]) / h
         np.testing.assert_allclose(slope[1][:-1], slope[0][1:], rtol=1e-6)
         if start:
             # Uniform jerk: ds² ~ s^(4/3).
-            assert slope[0][0] == pytest.approx(4 / 3 * low[0] / found.width[first])
+            assert slope[0][0] == pytest.approx(4 / 3 * low[0] / graded.width[first])
 
 
 def test_new_cells_that_nearly_end_at_a_break_end_there():
@@ -75,10 +77,10 @@ def test_new_cells_that_nearly_end_at_a_break_end_there():
     path = ac.JointPath.spline(POINTS[[0, 1, 4]], [0.0, brk, 2.0])
     nodes = np.array([0.0, 0.25, 0.75, 1.5, 2.0])
     whole = JerkMesh.through(path, nodes, np.array([0, 4]), np.array([[True, True]]))
-    found = whole.split(np.full(len(whole.grid), 2.0))
+    refined = whole.split(np.full(len(whole.grid), 2.0))
     # A part of 1e-16 m would have no second differences but rounding errors.
-    assert found.grid.width.min() > 0.2 and brk in found.nodes and 0.5 not in found.nodes
-    assert np.isin(nodes, found.nodes).all()
+    assert refined.grid.width.min() > 0.2 and brk in refined.nodes and 0.5 not in refined.nodes
+    assert np.isin(nodes, refined.nodes).all()
 
 
 RNG = np.random.default_rng(5)
@@ -101,10 +103,10 @@ def test_rows_are_acceleration_and_jerk(part, degree):
     s = 0.7 + width * np.array([part[0], part[0] + part[1]])
     on = basis(np.array([part[0]]), np.array([part[1]]), np.array([width]))
     both = np.arange(2)
-    found = np.empty((1, 2 * (degree + 1), 3)), np.empty((1, 2 * degree, 3))
+    motion = np.empty((1, 2 * (degree + 1), 3)), np.empty((1, 2 * degree, 3))
     of_powers = to_bernstein(degree), to_bernstein(degree - 1)
     piece = np.zeros(1, dtype=np.intp)
-    motion_rows(coefficients, breaks, piece, s, on, degree, of_powers, (both, both), found)
+    motion_rows(coefficients, breaks, piece, s, on, degree, of_powers, (both, both), motion)
     points = RNG.uniform(0.5, 1.5, 3)
     square = Polynomial([1, -2, 1]) * points[0] + Polynomial([0, 2, -2]) * points[1]
     square = (square + Polynomial([0, 0, 1]) * points[2])(Polynomial([-0.7, 1]) / width)
@@ -114,12 +116,12 @@ def test_rows_are_acceleration_and_jerk(part, degree):
         first, second, third = (q.deriv(k) for k in (1, 2, 3))
         acceleration = second * square + first * rate
         jerk = third * square + 3 * second * rate + first * rate.deriv()
-        for k, (expected, rows) in enumerate(zip((acceleration, jerk), found, strict=True)):
+        for k, (expected, rows) in enumerate(zip((acceleration, jerk), motion, strict=True)):
             control = rows[0].reshape(2, -1, 3)[j] @ points
             assert len(control) == degree + 1 - k
             for x in (0.0, 0.4, 1.0):
-                at = s[0] + x * (s[1] - s[0])
-                assert bernstein(control, x) == pytest.approx(expected(at), rel=1e-9, abs=1e-9)
+                u = s[0] + x * (s[1] - s[0])
+                assert bernstein(control, x) == pytest.approx(expected(u), rel=1e-9, abs=1e-9)
 
 
 def test_the_basis_of_a_part_continues_that_of_its_cell():

@@ -45,9 +45,9 @@ def planned(problem):
 def test_the_judge_sees_what_is_exceeded_and_no_more(problem, planned):
     assert judge(planned, problem) == []
     for limit in ("joint_acceleration", "speed", "centripetal_acceleration"):
-        own = getattr(problem.limits, limit)
+        limit_value = getattr(problem.limits, limit)
         hair, tight = (
-            replace(problem, limits=problem.limits.replace(**{limit: share * own}))
+            replace(problem, limits=problem.limits.replace(**{limit: share * limit_value}))
             for share in (1 - 1e-6, 0.99)
         )
         assert judge(planned, hair)[0].startswith(limit.replace("_", " ") + " 1 +")
@@ -56,12 +56,12 @@ def test_the_judge_sees_what_is_exceeded_and_no_more(problem, planned):
 
 
 def test_the_judge_sees_points_vertices_and_lines_outside(problem, planned):
-    found = judge(planned, replace(problem, options={"tolerance": TOLERANCE - 1e-8}))
+    judgement = judge(planned, replace(problem, options={"tolerance": TOLERANCE - 1e-8}))
     # The arc is nearer to the lines than to the vertex, but its middle belongs to the vertex.
-    assert len(found) == 2 and "too far from its place" in found[0]
-    assert found[1] == "vertex 1 is 1e-08 m outside"
-    found = judge(planned, replace(problem, options={"tolerance": 0.6 * TOLERANCE}))
-    assert any(x.startswith("no way along the objective") for x in found)
+    assert len(judgement) == 2 and "too far from its place" in judgement[0]
+    assert judgement[1] == "vertex 1 is 1e-08 m outside"
+    judgement = judge(planned, replace(problem, options={"tolerance": 0.6 * TOLERANCE}))
+    assert any(x.startswith("no way along the objective") for x in judgement)
     tangent = float(ac.round_corners(problem.objective, tolerance=TOLERANCE).corners.tangent[0])
     options = {"tolerance": TOLERANCE, "line_tolerance": 0.0}
     wide, less, far = (

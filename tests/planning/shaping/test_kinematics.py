@@ -30,30 +30,36 @@ def case(request):
 
 
 def test_the_tool_reaches_points_and_redundant_joints_stay_near_those_of_the_path(case):
-    found, path, s = case
-    np.testing.assert_allclose(found.solve(path(s), found.q + 1e-3), found.q, atol=1e-7)
+    kinematics, path, s = case
+    np.testing.assert_allclose(
+        kinematics.solve(path(s), kinematics.q + 1e-3), kinematics.q, atol=1e-7
+    )
     points = path(s) + 1e-3
-    q = found.solve(points, found.q)
-    np.testing.assert_allclose(found.arm.tool_position(q), points, atol=1e-9)
+    q = kinematics.solve(points, kinematics.q)
+    np.testing.assert_allclose(kinematics.arm.tool_position(q), points, atol=1e-9)
     if path.orientation is not None:
-        wanted, given = path.orientation(s), found.arm.pose(q)[1]
+        expected, actual = path.orientation(s), kinematics.arm.pose(q)[1]
         columns = slice(2, 3) if path.orientation.axis_only else slice(0, 3)
-        np.testing.assert_allclose(given[..., columns], wanted[..., columns], atol=1e-8)
+        np.testing.assert_allclose(actual[..., columns], expected[..., columns], atol=1e-8)
     with pytest.raises(ac.Unreachable):
-        found.solve(path(s) + 10.0, found.q)
-    assert (found.free is None) == (found.arm.dimension == 2)
-    if found.free is None:
+        kinematics.solve(path(s) + 10.0, kinematics.q)
+    assert (kinematics.free is None) == (kinematics.arm.dimension == 2)
+    if kinematics.free is None:
         return
-    assert found.free.shape[1] == found.arm.dof - (5 if path.orientation.axis_only else 6)
-    q = found.solve(path(s) + 1e-3, found.q)
-    np.testing.assert_allclose(np.einsum("nij,nj->ni", found.free, q - found.q), 0, atol=1e-9)
+    assert kinematics.free.shape[1] == kinematics.arm.dof - (5 if path.orientation.axis_only else 6)
+    q = kinematics.solve(path(s) + 1e-3, kinematics.q)
+    np.testing.assert_allclose(
+        np.einsum("nij,nj->ni", kinematics.free, q - kinematics.q), 0, atol=1e-9
+    )
 
 
 def test_steps_are_the_derivatives_of_the_solution(case):
-    found, path, s = case
-    n = found.arm.dimension
+    kinematics, path, s = case
+    n = kinematics.arm.dimension
     way = np.broadcast_to(np.eye(n)[:, 1:], (3, n, n - 1))
-    steps = found.steps(found.q, way)
+    steps = kinematics.steps(kinematics.q, way)
     for j in range(way.shape[2]):
-        up, down = (found.solve(path(s) + x * way[:, :, j], found.q) for x in (STEP, -STEP))
+        up, down = (
+            kinematics.solve(path(s) + x * way[:, :, j], kinematics.q) for x in (STEP, -STEP)
+        )
         np.testing.assert_allclose(steps[:, :, j], (up - down) / (2 * STEP), rtol=1e-4, atol=1e-4)

@@ -23,10 +23,10 @@ def test_nearly_linear_programs():
         bounds[:, 2] = -1.0  # left out, as its row is empty
         x, iterations = solve_program(cost, rows, bounds, np.full((n, k), 1e-9))
         matrix = dense(np.delete(rows, 2, axis=1))
-        most = np.delete(bounds, 2, axis=1).ravel()
-        exact = linprog(cost.ravel(), matrix, most, bounds=(None, None))
+        upper = np.delete(bounds, 2, axis=1).ravel()
+        exact = linprog(cost.ravel(), matrix, upper, bounds=(None, None))
         assert iterations > 0, (n, k)
-        assert float((matrix @ x.ravel() - most).max()) < 1e-7, (n, k)
+        assert float((matrix @ x.ravel() - upper).max()) < 1e-7, (n, k)
         assert float(cost.ravel() @ x.ravel()) == pytest.approx(exact.fun, abs=1e-6), (n, k)
     # An unknown that would be at most -1 and at least 1.
     rows, bounds = np.array([[[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]]), np.array([[-1.0, -1.0]])
@@ -86,10 +86,10 @@ def solve_by_clarabel(cost, rows, bounds, weight):
 def test_the_solution_is_that_of_another_solver(n):
     for k, m, seed in itertools.product((2, 3), (4, 10), range(2)):
         cost, rows, bounds, weight = random_program(seed, n, k, m)
-        found, iterations = solve_program(cost, rows, bounds, weight)
+        solution, iterations = solve_program(cost, rows, bounds, weight)
         assert 0 < iterations < 40
         expected = solve_by_clarabel(cost, rows, bounds, weight)
 
-        values = [np.sum(cost * x) + np.sum(weight * x**2) / 2 for x in (found, expected)]
+        values = [np.sum(cost * x) + np.sum(weight * x**2) / 2 for x in (solution, expected)]
         assert values[0] == pytest.approx(values[1], rel=1e-6, abs=1e-6), (k, m, seed)
-        np.testing.assert_allclose(found, expected, atol=1e-4)
+        np.testing.assert_allclose(solution, expected, atol=1e-4)

@@ -33,15 +33,15 @@ def test_every_iteration_is_within_the_tube_and_no_slower(arm, centripetal):
     timer = Timer(arm, limits, "positive", None, 800)
     search = next(make_searches(LINES, tube, timer, options))
     durations = []
-    for _, found in zip(range(8), search.run(), strict=False):
-        durations.append(found.duration)
-        proof = prove(tube, found.path, found.places)
-        spreads = found.path.curve.spreads
+    for _, candidate in zip(range(8), search.run(), strict=False):
+        durations.append(candidate.duration)
+        proof = prove(tube, candidate.path, candidate.places)
+        spreads = candidate.path.curve.spreads
         assert (proof.segments + np.repeat(spreads, 2) <= proof.slack).all()
         assert (proof.vertices + spreads.max() <= proof.slack).all()
         # What the tool draws is the spline of the best state.
         assert len(search.state.h) == len(search.nodes)
-        np.testing.assert_allclose(search.state.h.sum(), found.duration, rtol=1e-9)
+        np.testing.assert_allclose(search.state.h.sum(), candidate.duration, rtol=1e-9)
     # The first spline may be slower than the start that it is drawn from.
     assert all(b <= a for a, b in zip(durations[:-1], durations[1:], strict=True))
     assert durations[-1] < 0.97 * search.start.duration
@@ -71,13 +71,16 @@ def test_starts_use_all_of_the_tolerance():
     assert set(starts) == {STOPS, ARCS, PARABOLAS}
     for name in (ARCS, PARABOLAS):
         path, _ = starts[name]
-        for off in (path.project(LINES.vertices[1:3]).distance, path.corners.error):
-            np.testing.assert_allclose(off, 5e-3, rtol=1e-9)
+        for errors in (path.project(LINES.vertices[1:3]).distance, path.corners.error):
+            np.testing.assert_allclose(errors, 5e-3, rtol=1e-9)
     # A share of the tolerance is one of each vertex' own.
-    points, own = [(0, 0), (0.1, 0), (0.1, 0.1), (0.2, 0.1)], ac.SegmentLimits(tolerance=1e-3)
-    path = ac.Path.polyline(points, segment_limits=own)
-    found, _ = make_starts(path, tube_of(path, options), options, 0.7)[ARCS]
-    np.testing.assert_allclose(found.corners.error, 0.7e-3, rtol=1e-9)
+    points, segment_limits = (
+        [(0, 0), (0.1, 0), (0.1, 0.1), (0.2, 0.1)],
+        ac.SegmentLimits(tolerance=1e-3),
+    )
+    path = ac.Path.polyline(points, segment_limits=segment_limits)
+    start_path, _ = make_starts(path, tube_of(path, options), options, 0.7)[ARCS]
+    np.testing.assert_allclose(start_path.corners.error, 0.7e-3, rtol=1e-9)
 
 
 def test_corners_are_as_large_as_their_zones_allow():
@@ -109,8 +112,8 @@ def test_the_nearest_point_of_a_corner_passes_it():
         before = places[places[:, 1] < middle - 1e-9]
         after = places[places[:, 1] > middle + 1e-9]
         assert (before[:, 0] <= 0.1 + 1e-12).all() and (after[:, 0] >= 0.1 - 1e-12).all(), turn
-        off = np.linalg.norm(arcs(before[:, 1]) - path(before[:, 0]), axis=1)
-        np.testing.assert_allclose(off, np.abs(arcs(before[:, 1])[:, 1]), atol=1e-9)
+        distances = np.linalg.norm(arcs(before[:, 1]) - path(before[:, 0]), axis=1)
+        np.testing.assert_allclose(distances, np.abs(arcs(before[:, 1])[:, 1]), atol=1e-9)
     # A corner that turns back is a stop.
     path = ac.Path.polyline([(0, 0), (0.1, 0), (0.02, 0), (0.02, 0.1)])
     arcs, _ = make_starts(path, tube_of(path, options), options)[ARCS]
@@ -151,50 +154,50 @@ def drawn(case):
 
 
 def test_arcs_are_tangent_and_near_the_curve_between_samples(drawn):
-    found, _ = drawn
-    path = ac.Path(segments=found.segments)
+    shape_drawn, _ = drawn
+    path = ac.Path(segments=shape_drawn.segments)
     assert path.turns.max() < 1e-9
-    curve, s = found.curve, found.curve.breaks
+    curve, s = shape_drawn.curve, shape_drawn.curve.breaks
     assert s[-1] == pytest.approx(path.length, abs=1e-12)
     for share in np.linspace(0, 1, 97):
-        at = s[:-1] + share * np.diff(s)
-        on = curve.on_piece(np.arange(len(at)), at)
-        off = np.linalg.norm(on - path(np.minimum(at, path.length)), axis=1)
-        assert (off <= curve.spreads + 1e-13).all()
+        samples = s[:-1] + share * np.diff(s)
+        on = curve.on_piece(np.arange(len(samples)), samples)
+        distances = np.linalg.norm(on - path(np.minimum(samples, path.length)), axis=1)
+        assert (distances <= curve.spreads + 1e-13).all()
     assert curve.spreads.max() < 1e-3 * TOLERANCE
 
 
 def test_the_curve_is_that_of_the_spline(case, drawn):
     arm = case[0]
-    found, spline = drawn
+    shaped, spline = drawn
     knots = arm.tool_position(spline.knots)
-    np.testing.assert_allclose(ac.Path(segments=found.segments)(found.knots), knots, atol=1e-9)
+    np.testing.assert_allclose(ac.Path(segments=shaped.segments)(shaped.knots), knots, atol=1e-9)
     # The middle of a span is on the curve, too.
     a = np.diff(spline.velocities, axis=0) / spline.h[:, None]
     h = spline.h[:, None]
     middle = arm.tool_position(spline.knots[:-1] + spline.velocities[:-1] * h / 2 + a * h**2 / 8)
-    s = np.linspace(0, found.curve.breaks[-1], 200_001)
-    piece = np.clip(np.searchsorted(found.curve.breaks, s) - 1, 0, len(found.curve.breaks) - 2)
-    points = found.curve.on_piece(piece, s)
+    s = np.linspace(0, shaped.curve.breaks[-1], 200_001)
+    piece = np.clip(np.searchsorted(shaped.curve.breaks, s) - 1, 0, len(shaped.curve.breaks) - 2)
+    points = shaped.curve.on_piece(piece, s)
     pitch = s[1]
-    for point, low, high in zip(middle, found.knots[:-1], found.knots[1:], strict=True):
+    for point, low, high in zip(middle, shaped.knots[:-1], shaped.knots[1:], strict=True):
         part = points[(s >= low - pitch) & (s <= high + pitch)]
         assert np.linalg.norm(part - point, axis=1).min() < pitch
 
 
 def test_places_lead_to_the_end_and_parts_take_the_least_speed_of_their_segments(case, drawn):
-    objective, found = case[1], drawn[0]
-    assert (np.diff(found.places, axis=0) >= 0).all()
-    end = [objective.length, found.segments.breaks[-1]]
-    np.testing.assert_allclose(found.places[[0, -1]], [[0.0, 0.0], end])
-    middle = (found.segments.breaks[:-1] + found.segments.breaks[1:]) / 2
-    own = objective.speeds[
-        objective.locate(np.interp(middle, found.places[:, 1], found.places[:, 0]))
+    objective, shaped = case[1], drawn[0]
+    assert (np.diff(shaped.places, axis=0) >= 0).all()
+    end = [objective.length, shaped.segments.breaks[-1]]
+    np.testing.assert_allclose(shaped.places[[0, -1]], [[0.0, 0.0], end])
+    middle = (shaped.segments.breaks[:-1] + shaped.segments.breaks[1:]) / 2
+    speeds = objective.speeds[
+        objective.locate(np.interp(middle, shaped.places[:, 1], shaped.places[:, 0]))
     ]
-    given = np.isfinite(own)
-    assert (found.segments.speeds[given] <= own[given]).all()
+    assigned = np.isfinite(speeds)
+    assert (shaped.segments.speeds[assigned] <= speeds[assigned]).all()
     # Parts that lie along two segments are short.
-    other = ~np.isclose(found.segments.speeds, own, equal_nan=True)
+    other = ~np.isclose(shaped.segments.speeds, speeds, equal_nan=True)
     assert 0 < other.sum() <= 20
 
 
@@ -204,10 +207,10 @@ def test_nodes_are_dense_at_corners_and_fixed_where_the_arm_rests(case):
     assert nodes.rest.sum() == 2
     gaps = np.linalg.norm(np.diff(nodes.points, axis=0), axis=1)
     for k, corner in enumerate(objective.vertices[tube.vertex]):
-        at = int(np.argmin(np.linalg.norm(nodes.points - corner, axis=1)))
-        assert abs(nodes.s_objective[at] - objective.breaks[tube.vertex[k]]) < TOLERANCE
-        assert (nodes.vertex[at - 1 : at + 2] == k).all()
-        assert gaps[at] < 0.2 * TOLERANCE < gaps.max()
+        node = int(np.argmin(np.linalg.norm(nodes.points - corner, axis=1)))
+        assert abs(nodes.s_objective[node] - objective.breaks[tube.vertex[k]]) < TOLERANCE
+        assert (nodes.vertex[node - 1 : node + 2] == k).all()
+        assert gaps[node] < 0.2 * TOLERANCE < gaps.max()
 
 
 def test_bounds_of_offsets_keep_control_points_in_the_tube(case):
@@ -217,10 +220,10 @@ def test_bounds_of_offsets_keep_control_points_in_the_tube(case):
     windows = tube.windows(nodes.s_objective, nodes.reach)
     near = nodes.vertex >= 0
     corners = tube.objective.vertices[np.append(tube.vertex, 0)[nodes.vertex]]
-    for side, most in zip(nodes.sides, limits.T, strict=True):
+    for side, bound in zip(nodes.sides, limits.T, strict=True):
         for share in (0.3, 1.0):
-            off = nodes.frames @ side * (share * most)[:, None]
-            points = nodes.points + off
+            offset = nodes.frames @ side * (share * bound)[:, None]
+            points = nodes.points + offset
             assert (tube.margin(points, windows) >= 0).all()
             assert (np.linalg.norm(points - corners, axis=1)[near] <= TOLERANCE).all()
     # No limit is much less than it has to be: next to the lines it is a circle's.
@@ -252,19 +255,23 @@ def slope(arm, spline, limits, speeds=NO_SPEEDS, **change):
 
     Every span becomes a spline of its own, so that its two velocities are independent.
     """
-    found = []
+    values = []
     for sign in (1, -1):
-        own = {"before": 0.0, "after": 0.0, "time": 0.0} | {k: sign * x for k, x in change.items()}
+        change_of_spans = {"before": 0.0, "after": 0.0, "time": 0.0} | {
+            k: sign * x for k, x in change.items()
+        }
         for i in range(N):
             e = spline.velocities
             part = SimpleNamespace(
                 q=spline.q[i : i + 1],
-                h=spline.h[i : i + 1] + own["time"],
-                velocities=np.stack([e[i] + own["before"], e[i + 1] + own["after"]]),
+                h=spline.h[i : i + 1] + change_of_spans["time"],
+                velocities=np.stack(
+                    [e[i] + change_of_spans["before"], e[i + 1] + change_of_spans["after"]]
+                ),
                 knots=spline.knots[i : i + 2],
             )
-            found.append(span_rows(part, arm, limits, speeds[i : i + 1]).value)
-    up, down = np.concatenate(found[:N]), np.concatenate(found[N:])
+            values.append(span_rows(part, arm, limits, speeds[i : i + 1]).value)
+    up, down = np.concatenate(values[:N]), np.concatenate(values[N:])
     return ((up - down) / (2 * STEP))[MOVING]
 
 
@@ -275,9 +282,9 @@ def check_derivatives(arm, spline, limits, columns, speeds=NO_SPEEDS):
     scale = sum(np.abs(x[MOVING][:, columns]).max() for x in both.values())
     near = 1e-6 * max(scale, 1.0)
     for j, unit in enumerate(STEP * np.eye(arm.dof)):
-        for name, own in both.items():
+        for name, derivative in both.items():
             expected = slope(arm, spline, limits, speeds, **{name: unit})[:, columns]
-            np.testing.assert_allclose(own[MOVING][:, columns, j], expected, atol=near)
+            np.testing.assert_allclose(derivative[MOVING][:, columns, j], expected, atol=near)
     time = rows.time[MOVING][:, columns]
     expected = slope(arm, spline, limits, speeds, time=STEP)[:, columns]
     np.testing.assert_allclose(time, expected, rtol=1e-6, atol=1e-6 * np.abs(time).max())
@@ -300,11 +307,11 @@ def test_rows_of_joint_acceleration_take_each_direction_by_its_own_limit(moving)
 def test_rows_of_joint_velocity(moving):
     arm, spline = moving
     # Far below the limit a row is left out: this one is near for all.
-    most = float(np.abs(spline.velocities).max())
-    limits = ac.Limits.only(joint_velocity=most).for_joints(arm.dof)
+    velocity = float(np.abs(spline.velocities).max())
+    limits = ac.Limits.only(joint_velocity=velocity).for_joints(arm.dof)
     rows, e = span_rows(spline, arm, limits, NO_SPEEDS), spline.velocities[1:]
-    np.testing.assert_allclose(rows.value, np.concatenate([e, -e], axis=1) - most)
-    near = rows.value > -0.5 * most
+    np.testing.assert_allclose(rows.value, np.concatenate([e, -e], axis=1) - velocity)
+    near = rows.value > -0.5 * velocity
     both = np.concatenate([np.eye(arm.dof), -np.eye(arm.dof)])
     np.testing.assert_array_equal(rows.after[near], np.broadcast_to(both, rows.after.shape)[near])
     assert not rows.before.any() and not rows.time.any()
@@ -315,9 +322,9 @@ def test_rows_of_the_tool_speed_know_segments_with_speeds_of_their_own(moving):
     speeds = np.where(np.arange(N) % 2, np.inf, 0.3)
     rows = span_rows(spline, arm, ac.Limits.only(), speeds)
     speed = np.linalg.norm(arm.tool_velocity(spline.knots[1:], spline.velocities[1:]), axis=1)
-    given = np.isfinite(speeds)
-    np.testing.assert_allclose(rows.value[given, 0], speed[given] - 0.3)
-    assert (rows.value[~given] < -0.9 * rows.scale[~given]).all()
+    assigned = np.isfinite(speeds)
+    np.testing.assert_allclose(rows.value[assigned, 0], speed[assigned] - 0.3)
+    assert (rows.value[~assigned] < -0.9 * rows.scale[~assigned]).all()
     # Far below the speed a row is left out: these are at it.
     check_derivatives(arm, spline, ac.Limits.only(), slice(None), speed)
 
@@ -325,17 +332,19 @@ def test_rows_of_the_tool_speed_know_segments_with_speeds_of_their_own(moving):
 @pytest.mark.parametrize("name", ["tool_acceleration", "centripetal_acceleration"])
 def test_rows_of_the_tool_acceleration_hold_its_own_direction(moving, name):
     arm, spline = moving
-    limits, most = ac.Limits.only(**{name: 0.7}), 0.7
+    limits, bound = ac.Limits.only(**{name: 0.7}), 0.7
     rows = span_rows(spline, arm, limits, NO_SPEEDS)
     per_end, e = rows.value.shape[1] // 2, spline.velocities
     for last, end in enumerate(ENDS):
-        velocity, found = arm.tool_motion(spline.knots[end], e[end], accelerations(spline))
+        velocity, acceleration = arm.tool_motion(spline.knots[end], e[end], accelerations(spline))
         if name.startswith("c"):
             # The part across the motion.
             size = np.linalg.norm(velocity, axis=1, keepdims=True)
             tangent = velocity / np.maximum(size, 1e-300)
-            found = found - np.sum(found * tangent, axis=1, keepdims=True) * tangent
-        expected = (np.linalg.norm(found, axis=1) - most) * spline.h
+            acceleration = (
+                acceleration - np.sum(acceleration * tangent, axis=1, keepdims=True) * tangent
+            )
+        expected = (np.linalg.norm(acceleration, axis=1) - bound) * spline.h
         largest = rows.value[:, last * per_end : (last + 1) * per_end].max(axis=1)
         np.testing.assert_allclose(largest[MOVING], expected[MOVING], rtol=1e-6, atol=1e-9)
     # Other directions turn with the first one: their derivatives are those of fixed directions.
@@ -358,8 +367,8 @@ def test_rows_of_joint_torques(moving):
         torque = arm.torque(spline.knots[end], e[end], a)
         expected = (np.concatenate([torque, -torque], axis=1) - 20.0) * spline.h[:, None]
         first = 2 * arm.dof * last
-        found = rows.value[:, first : first + 2 * arm.dof]
-        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+        torques = rows.value[:, first : first + 2 * arm.dof]
+        np.testing.assert_allclose(torques, expected, rtol=1e-9, atol=1e-9)
         along = np.einsum("nij,nj->ni", way[:, first : first + arm.dof], e[end])
         inertia = (1.0 if last else -1.0) * np.einsum("nij,nj->ni", mass[end], e[end])
         expected = inertia + 2 * spline.h[:, None] * (bias - still)[end]
@@ -368,9 +377,9 @@ def test_rows_of_joint_torques(moving):
     start, end, near = slice(0, 2 * arm.dof), slice(2 * arm.dof, None), 1e-6
     near *= np.abs(rows.after).max()
     for j, unit in enumerate(STEP * np.eye(arm.dof)):
-        for name, own, part in (("after", rows.after, start), ("before", rows.before, end)):
+        for name, derivative, part in (("after", rows.after, start), ("before", rows.before, end)):
             expected = slope(arm, spline, limits, **{name: unit})[:, part]
-            np.testing.assert_allclose(own[MOVING][:, part, j], expected, atol=near)
+            np.testing.assert_allclose(derivative[MOVING][:, part, j], expected, atol=near)
     time = slope(arm, spline, limits, time=STEP)
     np.testing.assert_allclose(rows.time[MOVING], time, rtol=1e-5, atol=1e-5)
 
@@ -382,7 +391,7 @@ def test_the_program_has_the_derivatives_by_offsets_and_span_times(moving):
     unit = np.where(MOVING, 1e-3, 0.0)
     limits = ac.Limits.only(joint_acceleration=2.0).for_joints(arm.dof)
     rows = span_rows(spline, arm, limits, NO_SPEEDS)
-    found, bounds = assemble(spline, rows, steps, unit)
+    matrix, bounds = assemble(spline, rows, steps, unit)
     np.testing.assert_allclose(bounds, -rows.value / rows.scale)
 
     def value(x):
@@ -390,13 +399,13 @@ def test_the_program_has_the_derivatives_by_offsets_and_span_times(moving):
         changed = JointSpline(q=q, h=spline.h * (1 + x[:, k]), rest=spline.rest)
         return span_rows(changed, arm, limits, NO_SPEEDS).value / rows.scale
 
-    near = 1e-6 * max(np.abs(found).max(), 1.0)
+    near = 1e-6 * max(np.abs(matrix).max(), 1.0)
     for node in range(N):
         for j in range(k + 1):
             x = np.zeros((N, k + 1))
             x[node, j] = STEP
             expected = (value(x) - value(-x)) / (2 * STEP)
-            for off in (-1, 0, 1):
-                if 0 <= node - off < N:
-                    column = found[node - off, :, (off + 1) * (k + 1) + j]
-                    np.testing.assert_allclose(column, expected[node - off], atol=near)
+            for offset in (-1, 0, 1):
+                if 0 <= node - offset < N:
+                    column = matrix[node - offset, :, (offset + 1) * (k + 1) + j]
+                    np.testing.assert_allclose(column, expected[node - offset], atol=near)

@@ -23,11 +23,11 @@ def pickled(monkeypatch):
     """Contours are shaped as in other processes, from two on."""
 
     def send(work, items, done):
-        found = []
+        replies = []
         for i, item in enumerate(items):
             done(i)
-            found.append(pickle.loads(pickle.dumps(work(pickle.loads(pickle.dumps(item))))))
-        return found
+            replies.append(pickle.loads(pickle.dumps(work(pickle.loads(pickle.dumps(item))))))
+        return replies
 
     monkeypatch.setattr("armcontour.core.pool.map_in_processes", send)
     monkeypatch.setattr(shaper, "MANY", 2)
@@ -40,10 +40,10 @@ def test_other_processes_shape_the_same(arm, limits, pickled, monkeypatch):
         program, arm, limits, ac.Shaped(tolerance=1e-3, iterations=2), progress=steps.append
     )
     monkeypatch.setattr(shaper, "MANY", 3)
-    here = shape(
+    local = shape(
         program, arm, limits, ac.Shaped(tolerance=1e-3, iterations=2), progress=steps.append
     )
-    for a, b in zip(there.contours, here.contours, strict=True):
+    for a, b in zip(there.contours, local.contours, strict=True):
         assert np.array_equal(a.path.breaks, b.path.breaks)
         assert a.path.outcome.durations == b.path.outcome.durations
     done = [x.done for x in steps if x.names == ("shaping",)]
@@ -82,8 +82,8 @@ def test_chunks_keep_rows_and_the_number_of_threads_changes_nothing(program):
     beyond = np.pad(x, ((1, 1), (0, 0)))
     around = np.concatenate([beyond[:-2], beyond[1:-1], beyond[2:]], axis=1)
     assert float((np.einsum("nrj,nj->nr", program[1], around) - program[2]).max()) < 1e-6
-    found = [search.solve_in_chunks(*program, CUTS, threads=x) for x in (1, 2, 5)]
-    assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])
+    solutions = [search.solve_in_chunks(*program, CUTS, threads=x) for x in (1, 2, 5)]
+    assert np.array_equal(solutions[0], solutions[1]) and np.array_equal(solutions[0], solutions[2])
 
 
 def test_a_long_path_is_about_as_fast_as_in_one_piece(arm, limits, monkeypatch):
@@ -125,46 +125,48 @@ def test_wrong_options_are_refused(arm, limits, refuses):
     refuses(ac.Shaped, ac.InvalidInput, "tolerance")
     refuses(lambda: ac.Shaped(tolerance=1e-3, duration=9.0), ac.InvalidInput, "duration")
     path = ac.Path.polyline(LINES)
-    for given in (ac.trace(path, arm), trace_program(ac.Program.from_path(path), arm, limits)):
-        own = functools.partial(ac.plan, given, arm, limits, ac.Shaped(tolerance=1e-3))
-        refuses(own, ac.InvalidInput)
+    for traced in (ac.trace(path, arm), trace_program(ac.Program.from_path(path), arm, limits)):
+        plan_traced = functools.partial(ac.plan, traced, arm, limits, ac.Shaped(tolerance=1e-3))
+        refuses(plan_traced, ac.InvalidInput)
     refuses(lambda: ac.shape(path, arm, limits, ac.Optimal()), ac.InvalidInput, "Shaped")
 
 
-def test_a_stretch_that_is_too_short_bears_half_of_its_length(arm, limits):
+def test_corners_of_a_short_segment_use_half_of_its_length(arm, limits):
     # A vertex that was drawn twice does not keep the rest from being shaped.
     for gap in (2e-6, 2e-4):
         twice = ac.Path.polyline([*LINES[:2], (LINES[1][0] + gap, LINES[1][1]), *LINES[2:]])
-        found = ac.shape(twice, arm, limits, ac.Shaped(tolerance=1e-3, iterations=8))
-        durations = dict(found.outcome.durations)
+        shaped = ac.shape(twice, arm, limits, ac.Shaped(tolerance=1e-3, iterations=8))
+        durations = dict(shaped.outcome.durations)
         assert durations.pop("shaped") < min(durations.values()), gap
-        off = found.objective.project(found(np.linspace(0, found.length, 20_001))).distance
-        assert off.max() < 1e-3 + 1e-9
-        near = found.project(twice(twice.breaks[1:3])).distance
+        distances = shaped.objective.project(shaped(np.linspace(0, shaped.length, 20_001))).distance
+        assert distances.max() < 1e-3 + 1e-9
+        near = shaped.project(twice(twice.breaks[1:3])).distance
         assert (near <= gap / 2 + 1e-9).all(), gap
 
 
-def test_each_contour_has_the_tolerance_that_its_lines_bear_whatever_chords_of_curves(arm, limits):
+def test_the_tolerance_of_a_contour_depends_on_its_lines_and_not_on_chords_of_curves(arm, limits):
     short = ac.Path.polyline([(0.2, 0.2), (0.201, 0.2), (0.201, 0.21)])
     program = ac.Program(
         moves=(ac.Contour(path=ac.Path.polyline(LINES)), ac.Contour(path=short, name="notch"))
     )
-    found = ac.shape(program, arm, limits, ac.Shaped(tolerance=2e-3, iterations=3))
-    off = found.contours[1].path.project(short(short.breaks)).distance
-    assert off[1] <= 0.5e-3 + 1e-9
+    shaped = ac.shape(program, arm, limits, ac.Shaped(tolerance=2e-3, iterations=3))
+    distances = shaped.contours[1].path.project(short(short.breaks)).distance
+    assert distances[1] <= 0.5e-3 + 1e-9
     angle = np.linspace(0, np.pi, 200)
     chords = np.stack([0.3 + 0.02 * np.cos(angle), 0.2 + 0.02 * np.sin(angle)], axis=1)
-    found = ac.shape(ac.Path.polyline(chords), arm, limits, ac.Shaped(tolerance=1e-3, iterations=0))
-    assert found.outcome.durations["shaped"] <= min(found.outcome.durations.values())
+    shaped = ac.shape(
+        ac.Path.polyline(chords), arm, limits, ac.Shaped(tolerance=1e-3, iterations=0)
+    )
+    assert shaped.outcome.durations["shaped"] <= min(shaped.outcome.durations.values())
 
 
 @pytest.mark.parametrize("tolerance", [1e-7, 1e-9])
 def test_a_tiny_tolerance_ends_the_search_early_with_a_warning(arm, limits, tolerance):
     objective = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.28, 0.30), (0.35, 0.35)])
-    with pytest.warns(UserWarning) as told:
+    with pytest.warns(UserWarning) as caught:
         path = ac.shape(objective, arm, limits, ac.Shaped(tolerance=tolerance))
         ac.plan(objective, arm, limits, ac.Shaped(tolerance=tolerance))
-    assert [x.filename for x in told] == [__file__, __file__]
+    assert [x.filename for x in caught] == [__file__, __file__]
     assert path.outcome.unfinished
     assert path.outcome.durations["shaped"] <= min(path.outcome.durations.values())
     s = np.linspace(0, path.length, 2001)

@@ -39,11 +39,11 @@ def test_a_corner_is_faster_and_the_tool_keeps_its_orientation(name):
     # Torques take most of the time; one arm is enough for them.
     limits = arm.limits if name == "ur5e" else arm.limits.replace(joint_torque=np.inf)
     seed = ac.trace(objective, arm)(0.0)
-    found = shaped(objective, arm, limits, seed=seed)
-    check_outcome(found)
-    assert found.outcome.gain > 0.005 and found.outcome.note is None
-    planned = ac.plan(found, arm, limits, ac.Optimal(seed=seed))
-    assert planned.duration == pytest.approx(found.outcome.durations["shaped"], rel=1e-9)
+    outcome = shaped(objective, arm, limits, seed=seed)
+    check_outcome(outcome)
+    assert outcome.outcome.gain > 0.005 and outcome.outcome.note is None
+    planned = ac.plan(outcome, arm, limits, ac.Optimal(seed=seed))
+    assert planned.duration == pytest.approx(outcome.outcome.durations["shaped"], rel=1e-9)
     points, rotations = arm.pose(planned(np.linspace(0, planned.duration, 200)))
     np.testing.assert_allclose(rotations, np.broadcast_to(DOWN, rotations.shape), atol=1e-6)
     assert objective.project(points).distance.max() <= TOLERANCE
@@ -53,14 +53,14 @@ def test_a_turning_tool_has_the_orientation_of_the_place(ur5e):
     objective = ac.Path.polyline(POINTS).oriented([DOWN, TILTED, DOWN])
     limits = ur5e.limits.replace(angular_speed=1.0, angular_acceleration=8.0, joint_torque=np.inf)
     seed = ac.trace(objective, ur5e)(0.0)
-    found = shaped(objective, ur5e, limits, angular_tolerance=0.02, seed=seed)
-    check_outcome(found)
-    assert found.outcome.note is None
-    s = np.linspace(0, found.length, 301)
-    place = np.interp(s, found.places[:, 1], found.places[:, 0])
-    axes = found.orientation(s)[:, :, 2], objective.orientation(place)[:, :, 2]
+    outcome = shaped(objective, ur5e, limits, angular_tolerance=0.02, seed=seed)
+    check_outcome(outcome)
+    assert outcome.outcome.note is None
+    s = np.linspace(0, outcome.length, 301)
+    place = np.interp(s, outcome.places[:, 1], outcome.places[:, 0])
+    axes = outcome.orientation(s)[:, :, 2], objective.orientation(place)[:, :, 2]
     assert angle_between(*axes).max() <= 0.02
-    report = ac.check(ac.plan(found, ur5e, limits, ac.Optimal(seed=seed)), ur5e, limits, found)
+    report = ac.check(ac.plan(outcome, ur5e, limits, ac.Optimal(seed=seed)), ur5e, limits, outcome)
     assert report.verdict == "kept"
 
 
@@ -71,9 +71,9 @@ def test_what_is_not_shaped_keeps_the_best_start(ur5e):
         (following, {"angular_tolerance": 0.05}, None),
         (ac.Path.polyline(POINTS).oriented(DOWN), exact, "stops"),
     ):
-        found = shaped(objective, ur5e, **options)
-        check_outcome(found)
-        assert found.outcome.note.endswith(": not shaped")
+        outcome = shaped(objective, ur5e, **options)
+        check_outcome(outcome)
+        assert outcome.outcome.note.endswith(": not shaped")
         # All starts take the same time here, but for rounding.
-        times = found.outcome.durations
+        times = outcome.outcome.durations
         assert start is None or times[start] == pytest.approx(min(times.values()), rel=1e-12)

@@ -45,13 +45,13 @@ def inside(path, order):
 
 def test_derivatives_are_those_of_the_joint_path_and_bounded():
     path = on_grid()
-    ends, most = path.derivatives
+    ends, bounds = path.derivatives
     for order in (1, 2):
-        found = inside(path, order)
-        np.testing.assert_allclose(ends[order - 1, :, 0], found[0], rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(ends[order - 1, :, 1], found[-1], rtol=1e-9, atol=1e-9)
+        derivatives = inside(path, order)
+        np.testing.assert_allclose(ends[order - 1, :, 0], derivatives[0], rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(ends[order - 1, :, 1], derivatives[-1], rtol=1e-9, atol=1e-9)
     third = np.abs(inside(path, 3)).max(axis=0)
-    assert (third <= most[0] * (1 + 1e-9) + 1e-12).all() and most[0].sum() < 3 * third.sum()
+    assert (third <= bounds[0] * (1 + 1e-9) + 1e-12).all() and bounds[0].sum() < 3 * third.sum()
 
 
 def rise_of(value):
@@ -73,7 +73,7 @@ def motions(path, count=20):
         yield x[..., None], u[..., None], np.stack(bounds, axis=1)
 
 
-def test_joint_motion_rises_no_more_than_its_form_says():
+def test_joint_motion_rises_within_the_bound_of_its_form():
     path = on_grid(200)
     (motion,) = optimal.constraints_of(PATH, UR5E, LIMITS)
     rows = motion.rows(path)
@@ -86,7 +86,7 @@ def test_joint_motion_rises_no_more_than_its_form_says():
         assert (rise_of(first * u + second * x) <= bound * (1 + 1e-9) + 1e-12).all()
 
 
-def test_sampled_coefficients_and_friction_rise_no_more_than_their_forms_say():
+def test_sampled_coefficients_and_friction_rise_within_the_bounds_of_their_forms():
     viscous = np.array([15.0, 15.0, 10.0, 3.0, 3.0, 2.0])
     chain = UR5E.chain.replace(viscous=viscous)
     arm = ac.SerialArm(name="rubbing", chain=chain, limits=UR5E.limits)
@@ -110,10 +110,10 @@ def test_sampled_coefficients_and_friction_rise_no_more_than_their_forms_say():
         )
         rows = rows_with_friction(path.grid.width, limits, near, True)
         total = value + drag * np.sqrt(x)
-        for side, (which, sign) in enumerate(((HIGH, 1), (LOW, -1))):
-            own = slice(6 * side, 6 * side + 6)
-            a, b, limit = (rows.ends[:, :, own, k] for k in (A, B, which))
-            margin = np.einsum("nrk,nk->nr", rows.rise[:, own], bounds)
+        for side, (column, sign) in enumerate(((HIGH, 1), (LOW, -1))):
+            rows_of_side = slice(6 * side, 6 * side + 6)
+            a, b, limit = (rows.ends[:, :, rows_of_side, k] for k in (A, B, column))
+            margin = np.einsum("nrk,nk->nr", rows.rise[:, rows_of_side], bounds)
             used = [sign * (a[:, e] * u[-e] + b[:, e] * x[-e] - limit[:, e]) for e in range(2)]
             excess = sign * total.copy() if sign > 0 else -total
             worst = (excess - 400).max(axis=0)
@@ -135,26 +135,28 @@ def largest_by_programs(path, ends):
         rows = np.concatenate([rows, -rows, [[1, 0], [1, 2 * w], [0, 0], [-1, -2 * w]]])
         return rows, np.concatenate([high, -low, cap, [0, 0]]), w
 
-    most, x = np.zeros(n + 1), np.zeros(n + 1)
+    upper, x = np.zeros(n + 1), np.zeros(n + 1)
     for i in range(n - 1, -1, -1):
         rows, right, w = lines(i)
-        right[-3] = min(right[-3], most[i + 1])
-        found = linprog([-1, 0], rows, right, bounds=[(0, None), (None, None)], method="highs")
-        most[i] = found.x[0]
+        right[-3] = min(right[-3], upper[i + 1])
+        solution = linprog([-1, 0], rows, right, bounds=[(0, None), (None, None)], method="highs")
+        upper[i] = solution.x[0]
     for i in range(n):
         rows, right, w = lines(i)
-        right[-3] = min(right[-3], most[i + 1])
-        found = linprog([0, -1], rows, right, bounds=[(x[i], x[i]), (None, None)], method="highs")
-        x[i + 1] = x[i] + 2 * w * found.x[1]
+        right[-3] = min(right[-3], upper[i + 1])
+        solution = linprog(
+            [0, -1], rows, right, bounds=[(x[i], x[i]), (None, None)], method="highs"
+        )
+        x[i + 1] = x[i] + 2 * w * solution.x[1]
     return x
 
 
 def test_the_pass_finds_what_linear_programs_find():
     path = on_grid(60)
     (motion,) = optimal.constraints_of(PATH, UR5E, LIMITS)
-    found = plan_on_grid(path.intervals, limits_on(path, [motion]), Rules(tries=1))
+    law = plan_on_grid(path.intervals, limits_on(path, [motion]), Rules(tries=1))
     expected = largest_by_programs(path, motion.rows(path).ends)
-    np.testing.assert_allclose(found.x, expected, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(law.x, expected, rtol=1e-6, atol=1e-9)
 
 
 class Own(Constraint):
@@ -186,12 +188,12 @@ def test_arrays_of_another_shape_are_refused_with_their_name(form):
     limits_on(path, [Own(form(**{name: np.ones(x) for name, x in RIGHT[form].items()}))])
     for name, shape in RIGHT[form].items():
         for k in range(len(shape)):
-            given = {x: np.ones(y) for x, y in RIGHT[form].items()}
-            given[name] = np.ones((*shape[:k], shape[k] + 1, *shape[k + 1 :]))
+            arrays = {x: np.ones(y) for x, y in RIGHT[form].items()}
+            arrays[name] = np.ones((*shape[:k], shape[k] + 1, *shape[k + 1 :]))
             if name == list(RIGHT[form])[-1] and shape[k] == 3 and form is not Friction:
                 continue  # the last array says how many rows there are
             with pytest.raises(ac.InvalidInput, match="constraint force have"):
-                limits_on(path, [Own(form(**given))])
+                limits_on(path, [Own(form(**arrays))])
 
 
 def test_forms_may_be_read_only_and_are_not_changed():

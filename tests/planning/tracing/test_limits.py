@@ -31,12 +31,12 @@ def ranges(arm, joint, low, high):
 
 def test_ranges_that_limits_narrow_or_widen_are_used(ur5e):
     limits = ranges(ur5e, 4, 3.2, 6.28).replace(joint_acceleration=5.0)
-    found = trace_all(LINE, ur5e, limits=limits)
-    assert len(found) >= 2
-    ways = [x(S) for x in (*found, ac.trace(LINE, ur5e, limits=limits))]
+    candidates = trace_all(LINE, ur5e, limits=limits)
+    assert len(candidates) >= 2
+    ways = [x(S) for x in (*candidates, ac.trace(LINE, ur5e, limits=limits))]
     for q in ways:
         np.testing.assert_allclose(ur5e.tool_position(q), LINE(S), atol=1e-9)
-    for start in (None, found[0](0.0) + 0.01):
+    for start in (None, candidates[0](0.0) + 0.01):
         planned = ac.plan(LINE, ur5e, limits, ac.Optimal(seed=start))
         ways.append(planned(np.linspace(0, planned.duration, 200)))
     assert all(((q[:, 3] > 3.2) & (q[:, 3] < 6.28)).all() for q in ways)
@@ -57,12 +57,12 @@ def test_joints_to_spare_keep_the_ranges_of_limits():
     assert ((q[:, 0] >= middle) & (q[:, 0] <= middle + 0.6)).all()
 
 
-def test_the_velocities_of_limits_tell_the_shortest_way(ur5e):
+def test_joint_velocities_of_the_limits_define_the_shortest_way(ur5e):
     for joint in range(6):
         velocity = np.full(6, 3.0)
         velocity[joint] = 0.01
-        found = trace_all(LINE, ur5e, limits=ac.Limits.only(joint_velocity=velocity))
-        ways = [(np.abs(np.diff(x(S), axis=0)) / velocity).max(axis=1).sum() for x in found]
+        candidates = trace_all(LINE, ur5e, limits=ac.Limits.only(joint_velocity=velocity))
+        ways = [(np.abs(np.diff(x(S), axis=0)) / velocity).max(axis=1).sum() for x in candidates]
         assert (np.diff(ways) > -1e-3 * max(ways)).all(), joint
 
 
@@ -70,16 +70,16 @@ def test_an_arm_in_the_plane_keeps_its_ranges(arm, refuses):
     free = ac.trace(FLAT, arm)
     low, high = (getattr(free(free.breaks), x)(axis=0) for x in ("min", "max"))
     inside = ac.Limits.only(joint_lower=low - 1e-6, joint_upper=high + 1e-6)
-    found = ac.trace(FLAT, arm, limits=inside)
-    np.testing.assert_array_equal(found.coefficients, free.coefficients)
+    joint_path = ac.trace(FLAT, arm, limits=inside)
+    np.testing.assert_array_equal(joint_path.coefficients, free.coefficients)
     top = high[1] - 0.01
     tight = ac.Limits.only(joint_lower=-3.0, joint_upper=[3.0, top])
     data = {"joint": 1, "limit": "joint_upper", "needed": high[1], "allowed": top}
-    for own, limits in ((arm, tight), (arm.with_limits(tight), None)):
-        trace = partial(ac.trace, FLAT, own, limits=limits, configuration="positive")
+    for arm_with_limits, limits in ((arm, tight), (arm.with_limits(tight), None)):
+        trace = partial(ac.trace, FLAT, arm_with_limits, limits=limits, configuration="positive")
         refuses(trace, ac.Unreachable, **data)
         # The other branch is inside, and taken where none is named.
-        other = ac.trace(FLAT, own, limits=limits)
+        other = ac.trace(FLAT, arm_with_limits, limits=limits)
         assert (other(FLAT.breaks)[:, 1] < 0).all()
     turned = ac.trace(
         FLAT, arm, limits=ac.Limits.only(joint_lower=[5.0, 0.0], joint_upper=[7.0, 3.0])
@@ -87,7 +87,7 @@ def test_an_arm_in_the_plane_keeps_its_ranges(arm, refuses):
     np.testing.assert_allclose(turned(0.1 * FLAT.length), free(0.1 * FLAT.length) + [2 * np.pi, 0])
 
 
-def test_where_no_whole_turn_fits_the_nearest_one_is_told(ur5e):
+def test_without_a_fitting_turn_the_nearest_one_is_named(ur5e):
     for low, high, name in ((0.5, 0.6, "joint_lower"), (-1.0, -0.9, "joint_upper")):
         with pytest.raises(ac.Unreachable, match="joint 1 would be at") as caught:
             ac.trace(LINE, ur5e, limits=ranges(ur5e, 1, low, high))
@@ -109,9 +109,11 @@ def test_freeing_the_tool_axis_is_no_advice_where_it_is_free_already(ur5e):
     narrow = ranges(ur5e, 1, 0.5, 0.6)
     far, leaves = (ac.Path.polyline([(x, 0, 0.3), (4.0, 0, 0.3)]) for x in (3.0, 0.3))
     for arm, limits in ((ur5e, narrow), (three, ac.Limits.only(joint_lower=2.0, joint_upper=2.1))):
-        for path, own in ((POINTS, limits), (far, None), (leaves, None)):
+        for path, path_limits in ((POINTS, limits), (far, None), (leaves, None)):
             with pytest.raises(ac.Unreachable) as caught:
-                ac.trace(path.pointing([0, 0, -1]) if arm is ur5e else path, arm, limits=own)
+                ac.trace(
+                    path.pointing([0, 0, -1]) if arm is ur5e else path, arm, limits=path_limits
+                )
             assert "tool axis" not in str(caught.value)
     with pytest.raises(ac.Unreachable, match="or leave turning about the tool axis free"):
         ac.trace(LINE, ur5e, limits=narrow)
@@ -134,9 +136,9 @@ def test_the_top_between_samples_counts(refuses):
         (0.5 + 1e-6, "1e-06 rad beyond its upper limit of 0.5 rad", upper),
         (-0.3, "beyond its lower limit of -0.1 rad", lower),
     ):
-        found = bump(height)
+        path_of_bump = bump(height)
         refuses(
-            lambda x=found: check_joint_range(x, limits), ac.Unreachable, words,
+            lambda x=path_of_bump: check_joint_range(x, limits), ac.Unreachable, words,
             joint=1, s=1.0, **data,
         )  # fmt: skip
     # Ranges may be missing or endless.

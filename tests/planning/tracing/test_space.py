@@ -59,11 +59,11 @@ def off_path(arm, path, traced, s, sides="right"):
     """How far the tool is from its place and its orientation [m], [rad]."""
     q = traced(s, side=sides)
     points, rotations = arm.pose(q)
-    wanted = path.orientation(s, side=sides)
+    expected = path.orientation(s, side=sides)
     if path.orientation.axis_only:
-        turned = np.linalg.norm(rotations[:, :, 2] - wanted[:, :, 2], axis=1)
+        turned = np.linalg.norm(rotations[:, :, 2] - expected[:, :, 2], axis=1)
     else:
-        turned = np.linalg.norm(log(rotations @ np.swapaxes(wanted, 1, 2)), axis=1)
+        turned = np.linalg.norm(log(rotations @ np.swapaxes(expected, 1, 2)), axis=1)
     return np.linalg.norm(points - path(s), axis=1).max(), turned.max()
 
 
@@ -85,9 +85,9 @@ def ranged(arm, **ranges):
 @pytest.mark.parametrize(("name", "kind"), CASES)
 def test_the_tool_stays_on_its_path_and_the_joints_in_their_ranges(name, kind):
     arm, path = ac.load_arm(name), PATHS[kind]
-    found = trace_all(path, arm)
+    candidates = trace_all(path, arm)
     lower, upper = arm.limits.joint_range(arm.dof)
-    for traced in found:
+    for traced in candidates:
         point, turn = off_path(arm, path, traced, places(path, traced))
         assert point < 2e-10 and turn < 2e-9
         # At knots it is exact, from both sides.
@@ -100,12 +100,12 @@ def test_the_tool_stays_on_its_path_and_the_joints_in_their_ranges(name, kind):
         jump = np.abs(traced(inner) - traced(inner, side="left")).max()
         assert jump < 1e-9
     # They are different, and the first is the shortest.
-    middle = np.array([x(path.length / 2) for x in found])
-    apart = np.abs(middle[:, None] - middle[None]).max(axis=2) + 10 * np.eye(len(found))
+    middle = np.array([x(path.length / 2) for x in candidates])
+    apart = np.abs(middle[:, None] - middle[None]).max(axis=2) + 10 * np.eye(len(candidates))
     assert apart.min() > 1e-3
     # Derivatives are those of the joint positions and of the tool.
     traced = ac.trace(path, arm)
-    np.testing.assert_array_equal(traced.breaks, found[0].breaks)
+    np.testing.assert_array_equal(traced.breaks, candidates[0].breaks)
     for side, sign in (("left", -1), ("right", 1)):
         s = traced.breaks[1:] if side == "left" else traced.breaks[:-1]
         q, dq, ddq = (traced(s, k, side=side) for k in range(3))
@@ -115,14 +115,14 @@ def test_the_tool_stays_on_its_path_and_the_joints_in_their_ranges(name, kind):
         np.testing.assert_allclose(twist[:, :3], path(s, 1, side=side), atol=1e-9)
         np.testing.assert_allclose(change[:, :3], path(s, 2, side=side), atol=1e-9 * size)
         rate, bend = path.orientation.rates(s, side=side)
-        own = [(twist[:, 3:], change[:, 3:]), (rate, bend)]
+        twists = [(twist[:, 3:], change[:, 3:]), (rate, bend)]
         if path.orientation.axis_only:
             # How the tool axis moves: turning about itself does not count.
             axis = path.orientation(s, side=side)[:, :, 2]
-            moves = [np.cross(w, axis) for w, _ in own]
-            bends = [np.cross(b, axis) + np.cross(w, np.cross(w, axis)) for w, b in own]
+            moves = [np.cross(w, axis) for w, _ in twists]
+            bends = [np.cross(b, axis) + np.cross(w, np.cross(w, axis)) for w, b in twists]
         else:
-            moves, bends = zip(*own, strict=True)
+            moves, bends = zip(*twists, strict=True)
         np.testing.assert_allclose(*moves, atol=1e-9 * (1 + np.abs(rate).max()))
         np.testing.assert_allclose(*bends, atol=1e-9 * size)
         # And they are derivatives of the joint positions that are returned.
@@ -144,44 +144,44 @@ def test_joints_to_spare_move_smoothly_between_stops(name):
         plain = moving[~np.isin(moving, np.union1d(path.breaks, path.orientation.breaks))]
         assert len(plain) > 20
         for order, s in ((1, moving), (2, plain)):
-            left, right = (traced(s, order, side=side) for side in ("left", "right"))
-            near = (1e-9 if order == 1 else 1e-8) * (1 + np.abs(left).max())
-            np.testing.assert_allclose(left, right, atol=near, err_msg=kind)
+            before, right = (traced(s, order, side=side) for side in ("left", "right"))
+            near = (1e-9 if order == 1 else 1e-8) * (1 + np.abs(before).max())
+            np.testing.assert_allclose(before, right, atol=near, err_msg=kind)
         np.testing.assert_array_equal(traced.stops, path.stops)
         assert (len(path.stops) > 0) == (kind == "stopping")
 
 
 def test_threads_that_share_ways_change_no_bit(ur5e, monkeypatch):
     for kind in ("held", "axis"):
-        found = []
+        coefficients = []
         for processors in (1, 5):
             monkeypatch.setattr("armcontour.core.pool.processors", lambda n=processors: n)
             monkeypatch.setattr("armcontour.planning.tracing.configurations.MANY", 0)
-            found.append([x.coefficients for x in trace_all(PATHS[kind], ur5e)])
-        assert len(found[0]) > 1
-        for alone, shared in zip(*found, strict=True):
+            coefficients.append([x.coefficients for x in trace_all(PATHS[kind], ur5e)])
+        assert len(coefficients[0]) > 1
+        for alone, shared in zip(*coefficients, strict=True):
             np.testing.assert_array_equal(alone, shared)
 
 
-def test_a_start_says_which_configuration_and_which_turn(ur5e):
+def test_a_start_selects_the_configuration_and_the_turn(ur5e):
     path = PATHS["held"]
-    found = trace_all(path, ur5e)
-    assert len(found) == 8
-    for traced in found:
+    candidates = trace_all(path, ur5e)
+    assert len(candidates) == 8
+    for traced in candidates:
         start = traced(0.0) + 0.02
         np.testing.assert_allclose(ac.trace(path, ur5e, seed=start)(0.0), traced(0.0), atol=1e-9)
     # Six of the joints turn by two turns, so that the start may be another turn away.
-    start = found[0](0.0)
+    start = candidates[0](0.0)
     start[5] += -2 * np.pi if start[5] > 0 else 2 * np.pi
     again = ac.trace(path, ur5e, seed=start)
     np.testing.assert_allclose(again(0.0), start, atol=1e-9)
-    np.testing.assert_allclose(again(path.length)[:5], found[0](path.length)[:5], atol=1e-9)
+    np.testing.assert_allclose(again(path.length)[:5], candidates[0](path.length)[:5], atol=1e-9)
 
 
 def test_with_joints_to_spare_a_start_that_holds_the_tool_is_kept(panda):
     lower, upper = panda.limits.joint_range(7)
     for kind in ("held", "axis"):
-        path, kept = PATHS[kind], 0
+        path, count = PATHS[kind], 0
         pose = np.column_stack([path.orientation(0.0), path(0.0)])
         starts = configurations(panda, pose, 5 if kind == "axis" else 6)
         starts = [q for q in starts if ((q > lower + 0.2) & (q < upper - 0.2)).all()][:3]
@@ -192,11 +192,11 @@ def test_with_joints_to_spare_a_start_that_holds_the_tool_is_kept(panda):
             except ac.Unreachable:  # it does not come to the end from everywhere
                 continue
             np.testing.assert_allclose(traced(0.0), start, atol=1e-7)
-            kept += 1
-        assert kept >= 1
+            count += 1
+        assert count >= 1
 
 
-def test_a_start_that_leads_nowhere_is_told_of_one_that_does(ur5e, refuses):
+def test_the_refusal_of_a_start_names_one_that_works(ur5e, refuses):
     path = ac.Path.polyline([(0.8, 0, 0.3), (0.75, 0, 0.3)]).oriented(DOWN)
     pose = np.column_stack([DOWN, path(0.0)])
     random = np.random.default_rng(0)
@@ -272,9 +272,9 @@ def test_a_range_with_one_end_and_one_that_is_left_between_knots(ur5e):
     q = ac.trace(path, ur5e)(np.linspace(0, path.length, 50))
     lower = np.full(6, -np.inf)
     lower[0] = q[:, 0].max() + 0.5  # only a turn later
-    found = trace_all(path, ranged(ur5e, joint_lower=lower, joint_upper=np.inf))
-    assert len(found) == 8
-    assert all((x(np.linspace(0, path.length, 50))[:, 0] >= lower[0]).all() for x in found)
+    candidates = trace_all(path, ranged(ur5e, joint_lower=lower, joint_upper=np.inf))
+    assert len(candidates) == 8
+    assert all((x(np.linspace(0, path.length, 50))[:, 0] >= lower[0]).all() for x in candidates)
     # The largest value of a joint lies on the way; its range ends just below.
     path = ac.Path.polyline([(0.4, -0.25, 0.3), (0.4, 0.2, 0.35)]).oriented(DOWN)
     s = np.linspace(0, path.length, 5001)
@@ -301,11 +301,11 @@ def test_near_the_wrists_singularity_it_turns_fast_and_through_it_is_refused(ur5
     for aside in (1e-2, 1e-3, 1e-4):
         beside = ac.Path.polyline(points + [0, 0, aside])
         path = beside.oriented(exp(aside * np.cross(lost[3:], [0.3, 0.4, 0.5])) @ turns)
-        found = trace_all(path, ur5e)
-        assert len(found) == 8
-        assert is_on_path(ur5e, path, found[-1])
-        fastest.append(np.abs(found[-1](places(path, found[-1]), 1)).max())
-        start = found[-1](0.0)
+        candidates = trace_all(path, ur5e)
+        assert len(candidates) == 8
+        assert is_on_path(ur5e, path, candidates[-1])
+        fastest.append(np.abs(candidates[-1](places(path, candidates[-1]), 1)).max())
+        start = candidates[-1](0.0)
     assert fastest[1] > 5 * fastest[0] and fastest[2] > 5 * fastest[1] > 1e4
     # Exactly through it, four of the eight configurations get to the end, and this is not one.
     through = ac.Path.polyline(points).oriented(turns)
@@ -328,8 +328,8 @@ def test_five_joints_hold_a_tool_axis_but_no_orientation(refuses):
     path = ac.Path.polyline(points)
     refuses(lambda: ac.trace(path.oriented(rotations), arm), ac.InvalidInput, "5 joints", "6")
     pointed = path.pointing(rotations[:, :, 2])
-    found = trace_all(pointed, arm)
-    assert len(found) >= 1 and all(is_on_path(arm, pointed, x) for x in found)
+    candidates = trace_all(pointed, arm)
+    assert len(candidates) >= 1 and all(is_on_path(arm, pointed, x) for x in candidates)
 
 
 def test_refusals(ur5e, refuses):
@@ -352,7 +352,7 @@ def test_refusals(ur5e, refuses):
     )
     two, scara = (SerialArm(name="flat", chain=x, limits=ac.Limits()) for x in (two, scara))
     level = ac.Path.polyline([(0.50, 0.10, 0.0), (0.55, 0.15, 0.0)])
-    for given, arm, options, words, data in (
+    for motion, arm, options, words, data in (
         (path, ur5e, {}, "path.oriented", {}),
         (ac.Path.polyline([(0.4, 0), (0.5, 0)]), ur5e, {}, "2 coordinates", {}),
         (sharp, ur5e, {}, "round the corner", {"s": sharp.breaks[1], "point": POINTS[1]}),
@@ -361,7 +361,7 @@ def test_refusals(ur5e, refuses):
         (level, two, {}, "2 joints", {}),
         (level, scara, {}, "parallel", {}),
     ):
-        call = functools.partial(ac.trace, given, arm, **options)
+        call = functools.partial(ac.trace, motion, arm, **options)
         refuses(call, ac.InvalidInput, words, **data)
 
 
@@ -390,11 +390,11 @@ def test_a_weld_seam_round_a_tube_needs_the_turn_about_the_tool_axis(ur5e):
         ac.trace(seam.following_tangent(up), arm)
     assert caught.value.s / seam.length == pytest.approx(0.62, abs=0.01)
     free = seam.following_tangent(up, axis_only=True)
-    found = trace_all(free, arm)
-    assert len(found) >= 6
+    candidates = trace_all(free, arm)
+    assert len(candidates) >= 6
     s = np.linspace(0, seam.length, 500)
     lower, upper = arm.limits.joint_range(6)
-    for traced in found:
+    for traced in candidates:
         points, rotations = arm.pose(traced(s))
         inward = center - points
         np.testing.assert_allclose(np.linalg.norm(inward, axis=1), 0.08, atol=1e-9)
@@ -446,5 +446,5 @@ def test_smoothing_leaves_the_tool_where_it_is_and_costs_less(panda):
     share = (np.diff(s) / (s[-1] - s[0]) + far / far.sum()) / 2
     lower, upper = panda.limits.joint_range(7)
     beyond = np.maximum(np.abs(2 * first - lower - upper) / (upper - lower) - 0.7, 0)
-    wanted = (steps**2 / share[:, None]).sum() + 30**2 * (beyond**2).sum() / len(s)
-    assert costs[0] == pytest.approx(wanted, rel=1e-12)
+    expected = (steps**2 / share[:, None]).sum() + 30**2 * (beyond**2).sum() / len(s)
+    assert costs[0] == pytest.approx(expected, rel=1e-12)

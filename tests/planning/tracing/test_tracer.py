@@ -68,16 +68,16 @@ def test_derivatives_agree_with_exact_kinematics(arm):
 def test_corners_are_two_sided_and_the_turn_of_an_arc_jumps_in_the_second_derivative(
     arm, rounded, traced, objective
 ):
-    at = rounded.breaks[1]
-    q, jump = traced(at), traced(at, 2) - traced(at, 2, side="left")
-    np.testing.assert_allclose(traced(at, 1, side="left"), traced(at, 1), atol=1e-9)
-    curvature = np.linalg.solve(arm.tool_jacobian(q), rounded(at, 2, side="right"))
+    s = rounded.breaks[1]
+    q, jump = traced(s), traced(s, 2) - traced(s, 2, side="left")
+    np.testing.assert_allclose(traced(s, 1, side="left"), traced(s, 1), atol=1e-9)
+    curvature = np.linalg.solve(arm.tool_jacobian(q), rounded(s, 2, side="right"))
     np.testing.assert_allclose(jump, curvature, rtol=1e-6)
     sharp = ac.trace(objective, arm)
-    for at in objective.stops:
+    for s in objective.stops:
         for side in ("left", "right"):
-            tool = arm.tool_jacobian(sharp(at)) @ sharp(at, 1, side=side)
-            np.testing.assert_allclose(tool, objective(at, 1, side=side), atol=1e-9)
+            tool = arm.tool_jacobian(sharp(s)) @ sharp(s, 1, side=side)
+            np.testing.assert_allclose(tool, objective(s, 1, side=side), atol=1e-9)
 
 
 @pytest.mark.parametrize("configuration", BRANCHES)
@@ -137,13 +137,13 @@ POINTS = [(0.40, 0.0, 0.2), (0.5, 0.0, 0.2), (0.5, 0.1, 0.2), (0.4, 0.1, 0.25)]
 
 def jumps(joint_path):
     """Largest jumps of q and its first two derivatives at breaks, over their largest sizes."""
-    i, at = np.arange(len(joint_path.breaks) - 2), joint_path.breaks[1:-1]
-    found = []
+    i, breaks = np.arange(len(joint_path.breaks) - 2), joint_path.breaks[1:-1]
+    jumps_by_order = []
     for order in range(3):
-        after = joint_path.on_interval(i + 1, at, order)
-        jump = np.abs(joint_path.on_interval(i, at, order) - after)
-        found.append(jump.max() / np.abs(after).max())
-    return found
+        after = joint_path.on_interval(i + 1, breaks, order)
+        jump = np.abs(joint_path.on_interval(i, breaks, order) - after)
+        jumps_by_order.append(jump.max() / np.abs(after).max())
+    return jumps_by_order
 
 
 def paths():

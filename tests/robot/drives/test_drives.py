@@ -70,8 +70,8 @@ def test_the_command_makes_the_plant_move_as_asked(arm, gravity, servo):
     plant = ac.RigidBodyPlant(arm, servo, STRONG, gravity_feedforward=gravity, step=5e-5)
     done, plain = simulate(q, plant, arm), simulate(swing(T, 0), plant, arm)
     # Integrators are not empty after the last set-point.
-    error, most = (np.abs(x.q - swing(x.t, 0))[x.t < T[-1]].max() for x in (done, plain))
-    assert error < 3e-5 and error < 1e-3 * most
+    error, reference_error = (np.abs(x.q - swing(x.t, 0))[x.t < T[-1]].max() for x in (done, plain))
+    assert error < 3e-5 and error < 1e-3 * reference_error
 
 
 @pytest.mark.parametrize("gravity", [True, False])
@@ -81,12 +81,12 @@ def test_the_response_of_a_cascade_is_that_of_the_plant(arm, gravity):
     q = drives.command(*(swing(T, order) for order in range(3)), CYCLE)
     first, second = (simulate(x, plant, arm) for x in (q, q + CHANGE))
     n = min(len(first.t), len(second.t))
-    found = second.q[:n] - first.q[:n]
-    at = regular_times(0.0, first.t[n - 1], 1e-3)
-    response = respond_along(swing, at, arm, CASCADE, gravity_feedforward=gravity)
-    left, seen, _ = response.equations()
-    expected = spsolve(left, seen @ command_at(CHANGE, at).ravel())
-    assert np.abs(found - expected.reshape(found.shape)).max() < 3e-3 * np.abs(found).max()
+    change = second.q[:n] - first.q[:n]
+    times = regular_times(0.0, first.t[n - 1], 1e-3)
+    response = respond_along(swing, times, arm, CASCADE, gravity_feedforward=gravity)
+    matrix, input_matrix, _ = response.equations()
+    expected = spsolve(matrix, input_matrix @ command_at(CHANGE, times).ravel())
+    assert np.abs(change - expected.reshape(change.shape)).max() < 3e-3 * np.abs(change).max()
 
 
 @pytest.mark.parametrize("gravity", [True, False])
@@ -97,14 +97,14 @@ def test_the_response_is_that_of_the_plant(arm, gravity):
     q = drives.command(*(swing(T, order) for order in range(3)))
     first, second = (simulate(x, plant, arm) for x in (q, q + CHANGE))
     n = min(len(first.t), len(second.t))
-    found = second.q[:n] - first.q[:n]
-    at = regular_times(0.0, first.t[n - 1], 1e-3)
-    response = respond_along(swing, at, arm, SERVO, gravity_feedforward=gravity)
-    command = command_at(CHANGE, at)
+    change = second.q[:n] - first.q[:n]
+    times = regular_times(0.0, first.t[n - 1], 1e-3)
+    response = respond_along(swing, times, arm, SERVO, gravity_feedforward=gravity)
+    command = command_at(CHANGE, times)
     expected = response.to_torque(command * response.gain)
-    assert np.abs(found - expected).max() < 3e-3 * np.abs(found).max()
-    left, right, _ = response.equations()
-    rest = left @ expected.ravel() - right @ command.ravel()
+    assert np.abs(change - expected).max() < 3e-3 * np.abs(change).max()
+    matrix, right, _ = response.equations()
+    rest = matrix @ expected.ravel() - right @ command.ravel()
     np.testing.assert_allclose(rest.reshape(command.shape) * response.gain, 0.0, atol=1e-11)
 
 
@@ -118,12 +118,12 @@ def test_a_payload_that_the_controller_does_not_know(arm):
     done, moved = (simulate(x, plant, arm) for x in (q, q + CHANGE))
     assert np.abs(done.q - swing(done.t, 0)).max() < 5e-5
     n = min(len(done.t), len(moved.t))
-    found = moved.q[:n] - done.q[:n]
-    at = regular_times(0.0, done.t[n - 1], 1e-3)
-    response = respond_along(swing, at, loaded, SERVO, controller=arm)
-    expected = response.to_torque(command_at(CHANGE, at) * response.gain)
-    rows = np.searchsorted(done.t[:n], at)
-    assert np.abs(found[rows] - expected).max() < 3e-3 * np.abs(found).max()
+    change = moved.q[:n] - done.q[:n]
+    times = regular_times(0.0, done.t[n - 1], 1e-3)
+    response = respond_along(swing, times, loaded, SERVO, controller=arm)
+    expected = response.to_torque(command_at(CHANGE, times) * response.gain)
+    rows = np.searchsorted(done.t[:n], times)
+    assert np.abs(change[rows] - expected).max() < 3e-3 * np.abs(change).max()
 
 
 @pytest.mark.parametrize(
@@ -140,11 +140,11 @@ def test_without_masses_the_response_is_that_of_the_servo(options):
     change = 0.1 * np.sin(np.outer(T, [6.0, 9.0])) * np.sin(np.pi * T)[:, None]
     plan = ac.plan(ac.JointPath.spline([(0.1, 0.2), (0.4, 0.6)]), arm)
     data = SetPoints(cycle=CYCLE, q=change, trajectory=plan, method="none")
-    done = ac.simulate(data, ac.ServoPlant(arm, servo))
-    at = regular_times(0.0, done.t[-1], 1e-3)
-    response = respond_along(lambda t, order: 0 * t, at, arm, servo)
-    found = response.to_torque(command_at(change, at, servo) * response.gain)
-    np.testing.assert_allclose(found, done.q[: len(at)], atol=2e-5)
+    execution = ac.simulate(data, ac.ServoPlant(arm, servo))
+    times = regular_times(0.0, execution.t[-1], 1e-3)
+    response = respond_along(lambda t, order: 0 * t, times, arm, servo)
+    q = response.to_torque(command_at(change, times, servo) * response.gain)
+    np.testing.assert_allclose(q, execution.q[: len(times)], atol=2e-5)
 
 
 def test_weights_of_set_points_give_the_command():
@@ -157,8 +157,8 @@ def test_weights_of_set_points_give_the_command():
             index, weight = command_weights(count, CYCLE, kind, t)
             pieces = polynomials(q, CYCLE, servo)
             expected = sample_command(pieces, CYCLE, np.zeros(1), t)[:, 0]
-            found = (q[index, 0] * weight).sum(axis=1)
-            np.testing.assert_allclose(found, expected, atol=1e-12, err_msg=f"{kind} {count}")
+            commands = (q[index, 0] * weight).sum(axis=1)
+            np.testing.assert_allclose(commands, expected, atol=1e-12, err_msg=f"{kind} {count}")
 
 
 def test_drives_need_a_velocity_loop_and_masses(arm):
@@ -177,9 +177,9 @@ def test_rounding_errors_of_a_resting_joint_are_no_friction(arm):
     """A joint at rest has velocities of 1e-16 rad/s of either sign; a moving one has friction."""
     rubbing = arm.with_dynamics(coulomb=np.full(6, 5.0), viscous=np.full(6, 2.0))
     speed, still = np.array([[0.5, -0.5, 1e-16, -1e-16, 0.0, 5e-4]]), np.zeros((1, 6))
-    found, plain = (
+    torque, plain = (
         Drives(arm=x, servo=SERVO).moving_torque(swing(np.zeros(1), 0), speed, still)
         for x in (rubbing, arm)
     )
     expected = [[6.0, -6.0, 0.0, 0.0, 0.0, 2.5 + 1e-3]]
-    np.testing.assert_allclose(found - plain, expected, atol=1e-12)
+    np.testing.assert_allclose(torque - plain, expected, atol=1e-12)

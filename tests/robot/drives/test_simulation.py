@@ -17,14 +17,14 @@ HOME = np.array([0.3, -1.5, 1.5, -1.2, -1.5, 0.0])
 
 
 @pytest.fixture(scope="module")
-def known():
+def nominal():
     return ac.load_arm("ur5e").with_dynamics(armature=0.1)
 
 
 @pytest.fixture(scope="module")
-def arm(known):
+def arm(nominal):
     load = ac.Payload(mass=2.0, center=[0.0, 0.05, 0.1])
-    return known.with_dynamics(payload=load, coulomb=COULOMB, viscous=VISCOUS)
+    return nominal.with_dynamics(payload=load, coulomb=COULOMB, viscous=VISCOUS)
 
 
 @pytest.fixture(scope="module")
@@ -39,8 +39,8 @@ def set_points():
 
 def commands(set_points, t):
     """The set-points, interpolated linearly."""
-    at = np.arange(len(set_points)) * CYCLE
-    return np.stack([np.interp(t, at, x) for x in set_points.T], axis=1)
+    times = np.arange(len(set_points)) * CYCLE
+    return np.stack([np.interp(t, times, x) for x in set_points.T], axis=1)
 
 
 def executed(arm, set_points, **options):
@@ -52,29 +52,29 @@ def executed(arm, set_points, **options):
 
 
 @pytest.mark.parametrize("controller", ["true load", "nominal load", "no feed-forward"])
-def test_motion_with_friction_is_that_of_the_plant(arm, known, set_points, controller):
+def test_motion_with_friction_is_that_of_the_plant(arm, nominal, set_points, controller):
     options = {
-        "nominal load": {"controller": known},
+        "nominal load": {"controller": nominal},
         "no feed-forward": {"gravity_feedforward": False},
     }
     options = options.get(controller, {})
-    done = executed(arm, set_points, **options)
+    execution = executed(arm, set_points, **options)
     drives = Drives(arm=arm, servo=SERVO, **options)
-    t = done.t[: len(set_points) * 4]
+    t = execution.t[: len(set_points) * 4]
     # Half a cycle of the drives, which keep their torque for 0.25 ms.
     lag = 1.25e-4
-    near = done.q[: len(t)] + 1e-3 * (t > 0.1)[:, None]
-    found = simulate(drives, commands(set_points, t - lag), t, near, lag=lag)
+    near = execution.q[: len(t)] + 1e-3 * (t > 0.1)[:, None]
+    simulated = simulate(drives, commands(set_points, t - lag), t, near, lag=lag)
     command = commands(set_points, t)
-    moved = np.abs(command - done.q[: len(t)]).max()
+    moved = np.abs(command - execution.q[: len(t)]).max()
     assert moved > 5e-3
-    assert np.abs(found.q - done.q[: len(t)]).max() < 1e-3 * moved
+    assert np.abs(simulated.q - execution.q[: len(t)]).max() < 1e-3 * moved
     # Friction holds each joint for a while, and never exceeds what it can give.
-    assert (np.abs(found.friction) <= COULOMB * (1 + 1e-12)).all()
-    assert found.held.any(axis=0).all() and not found.held.all(axis=0).any()
+    assert (np.abs(simulated.friction) <= COULOMB * (1 + 1e-12)).all()
+    assert simulated.held.any(axis=0).all() and not simulated.held.all(axis=0).any()
 
 
-def test_small_torques_move_the_simulated_robot_as_its_response_says(arm, set_points):
+def test_small_torques_move_the_simulated_robot_as_its_response_predicts(arm, set_points):
     drives = Drives(arm=arm, servo=SERVO)
     t = np.linspace(0, 2.0, 2001)
     command = commands(set_points, t)
@@ -82,36 +82,38 @@ def test_small_torques_move_the_simulated_robot_as_its_response_says(arm, set_po
     change = 1e-6 * np.sin(np.outer(t, [5.0, 7, 9, 11, 13, 15]))
     second = simulate(drives, command + change, t, command)
     expected = first.to_torque((drives.stiffness * change)[:, :, None])[:, :, 0]
-    found = second.q - first.q
+    simulated_change = second.q - first.q
     # Joints begin and cease to stick a little earlier or later.
-    assert np.sqrt(np.mean((found - expected) ** 2)) < 0.05 * np.sqrt(np.mean(found**2))
+    assert np.sqrt(np.mean((simulated_change - expected) ** 2)) < 0.05 * np.sqrt(
+        np.mean(simulated_change**2)
+    )
 
 
-def test_a_load_that_sags_is_held_by_friction_where_it_starts(arm, known):
+def test_a_load_that_sags_is_held_by_friction_where_it_starts(arm, nominal):
     """Friction carries what the controller does not know of, up to what friction can give."""
-    drives = Drives(arm=arm, servo=SERVO, controller=known)
+    drives = Drives(arm=arm, servo=SERVO, controller=nominal)
     t = np.linspace(0, 1.0, 501)
     command = np.tile(HOME, (len(t), 1))
-    found = simulate(drives, command, t, command)
-    missing = arm.dynamics.gravity(found.q[-1]) - known.dynamics.gravity(found.q[-1])
+    simulated = simulate(drives, command, t, command)
+    missing = arm.dynamics.gravity(simulated.q[-1]) - nominal.dynamics.gravity(simulated.q[-1])
     weak = np.abs(missing) > COULOMB
     assert 0 < weak.sum() < 6
-    moved = np.abs(found.q[-1] - HOME)
+    moved = np.abs(simulated.q[-1] - HOME)
     rest = (np.abs(missing) - COULOMB) / drives.stiffness
     # They sag until friction can hold the rest, or a little farther, since they come with speed.
     assert (moved[weak] >= rest[weak]).all() and (moved[weak] < 1.05 * rest[weak]).all()
-    assert moved[0] < 1e-7 and (found.q[-1] == found.q[-2])[~weak].all()
+    assert moved[0] < 1e-7 and (simulated.q[-1] == simulated.q[-2])[~weak].all()
 
 
-def test_a_start_speed_decays_with_the_loops_unless_they_are_unstable(known):
+def test_a_start_speed_decays_with_the_loops_unless_they_are_unstable(nominal):
     """A joint that starts fast comes back to its command."""
-    drives = Drives(arm=known, servo=SERVO)
+    drives = Drives(arm=nominal, servo=SERVO)
     t = np.linspace(0, 1.0, 2001)
     command = np.tile(HOME, (len(t), 1))
-    found = simulate(drives, command, t, command, speed=np.array([0, 0, 0, 0, 0, 0.1]))
-    assert np.abs(found.q[:, 5] - HOME[5]).max() > 1e-4
-    assert found.dq[1, 5] == pytest.approx(0.1, rel=0.2)
-    np.testing.assert_allclose(found.q[-1], HOME, atol=1e-8)
+    simulated = simulate(drives, command, t, command, speed=np.array([0, 0, 0, 0, 0, 0.1]))
+    assert np.abs(simulated.q[:, 5] - HOME[5]).max() > 1e-4
+    assert simulated.dq[1, 5] == pytest.approx(0.1, rel=0.2)
+    np.testing.assert_allclose(simulated.q[-1], HOME, atol=1e-8)
     # As if the loops pushed joints away: a viscous friction far below zero.
     wild = {"speed": np.full(6, 0.1), "viscous": np.full(6, -5000.0)}
     with pytest.raises(ExecutionError, match="cannot be simulated"):

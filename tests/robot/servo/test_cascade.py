@@ -41,58 +41,64 @@ def command(q, interpolation, t):
 @pytest.mark.parametrize("interpolation", ["linear", "step"])
 @pytest.mark.parametrize("limit", [math.inf, 1.5])
 def test_against_an_integrator(plan, gains, interpolation, limit):
-    (kp, kv, ki), late, f, c = gains, (3e-3, 13e-3), (0.4, 0.9), (3e-4, 0.0)
+    (kp, kv, ki), dead_time, f, c = gains, (3e-3, 13e-3), (0.4, 0.9), (3e-4, 0.0)
     g = (0.3, 0.2) if interpolation == "linear" else (0.0, 0.0)
     servo = ac.ServoModel(
-        kp=kp, kv=kv, ki=ki, dead_time=late, velocity_feedforward=f, acceleration_feedforward=g,
-        friction=c, interpolation=interpolation, acceleration_limit=limit,
+        kp=kp, kv=kv, ki=ki, dead_time=dead_time, velocity_feedforward=f,
+        acceleration_feedforward=g, friction=c, interpolation=interpolation,
+        acceleration_limit=limit,
     )  # fmt: skip
     set_points = SetPoints(cycle=CYCLE, q=Q, trajectory=plan, method="none")
-    done = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=CYCLE)
+    execution = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=CYCLE)
     for j in range(2):
 
         def law(t, s, j=j, middle=0.0):
             # The command is continued over an edge, so that no step sees a jump.
-            k = np.floor((middle - late[j]) / CYCLE + 1e-9) * CYCLE
+            k = np.floor((middle - dead_time[j]) / CYCLE + 1e-9) * CYCLE
             u, du, ddu = command(Q[:, j], interpolation, k)
-            u += du * (t - late[j] - k) * (interpolation == "linear")
+            u += du * (t - dead_time[j] - k) * (interpolation == "linear")
             error = kp[j] * (u - s[0]) + f[j] * du - s[1]
             rub = kp[j] * kv[j] * c[j] * du / np.hypot(du, SLIDING)
             demand = kv[j] * (error + ki[j] * s[2]) + g[j] * ddu - rub
             ddq = np.clip(demand, -limit, limit)
             return [s[1], ddq, error - (demand - ddq) / kv[j]]
 
-        state, found = np.array([Q[0, j], 0.0, 0.0]), [Q[0, j]]
-        edges = np.union1d(T, np.arange(len(T)) * CYCLE + late[j])
+        state, positions = np.array([Q[0, j], 0.0, 0.0]), [Q[0, j]]
+        edges = np.union1d(T, np.arange(len(T)) * CYCLE + dead_time[j])
         step = 2e-4 if np.isfinite(limit) else np.inf
         for a, b in zip(edges[:-1], edges[1:], strict=True):
             if b - a > 1e-9:
-                own = {"max_step": step, "rtol": 1e-10, "atol": 1e-12, "method": "DOP853"}
+                solver_options = {
+                    "max_step": step,
+                    "rtol": 1e-10,
+                    "atol": 1e-12,
+                    "method": "DOP853",
+                }
                 middle = lambda t, s, m=(a + b) / 2: law(t, s, middle=m)  # noqa: E731
-                state = solve_ivp(middle, (a, b), state, **own).y[:, -1]
+                state = solve_ivp(middle, (a, b), state, **solver_options).y[:, -1]
             if np.abs(T - b).min() < 1e-9 and b <= T[-1] + 1e-9:
-                found.append(state[0])
+                positions.append(state[0])
         near = 2e-8 if np.isfinite(limit) else 1e-10
-        np.testing.assert_allclose(done.q[: len(T), j], found[: len(T)], atol=near)
-        assert (done.saturated_time[j] > 0.02) == np.isfinite(limit)
+        np.testing.assert_allclose(execution.q[: len(T), j], positions[: len(T)], atol=near)
+        assert (execution.saturated_time[j] > 0.02) == np.isfinite(limit)
 
 
 @pytest.mark.parametrize("limit", [math.inf, 1.5])
 def test_a_drive_with_a_cycle_is_its_program(plan, limit):
     """As a controller computes it: once per cycle, with sums in place of integrals."""
-    drive_cycle, late = 3e-3, 5e-3
+    drive_cycle, dead_time = 3e-3, 5e-3
     servo = ac.ServoModel(
-        kp=12.0, kv=80.0, ki=6.0, dead_time=late, velocity_feedforward=0.4, friction=3e-4,
+        kp=12.0, kv=80.0, ki=6.0, dead_time=dead_time, velocity_feedforward=0.4, friction=3e-4,
         acceleration_feedforward=0.3, drive_cycle=drive_cycle, acceleration_limit=limit,
     )  # fmt: skip
     set_points = SetPoints(cycle=CYCLE, q=Q, trajectory=plan, method="none")
     # Results that fall in the middle of cycles.
-    done = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=CYCLE / 2)
+    execution = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=CYCLE / 2)
     for j in range(2):
         times = (np.arange(-2, 100)) * drive_cycle
-        u = np.interp(times - late, T, Q[:, j])
+        u = np.interp(times - dead_time, T, Q[:, j])
         du, ddu = np.diff(u)[1:] / drive_cycle, np.diff(u, 2) / drive_cycle**2
-        q, w, x, found = Q[0, j], 0.0, 0.0, []
+        q, w, x, positions = Q[0, j], 0.0, 0.0, []
         for k in range(100):
             error = 12.0 * (u[k + 2] - q) + 0.4 * du[k] - w
             x += drive_cycle * error
@@ -100,13 +106,13 @@ def test_a_drive_with_a_cycle_is_its_program(plan, limit):
             z = 80.0 * (error + 6.0 * x) + 0.3 * ddu[k] - rub
             a = np.clip(z, -limit, limit)
             x -= drive_cycle * (z - a) / 80.0
-            for t in np.arange(len(done.t)) * CYCLE / 2 - k * drive_cycle:
+            for t in np.arange(len(execution.t)) * CYCLE / 2 - k * drive_cycle:
                 if -1e-9 < t < drive_cycle - 1e-9:
-                    found.append(q + w * t + a * t * t / 2)
+                    positions.append(q + w * t + a * t * t / 2)
             q, w = q + w * drive_cycle + a * drive_cycle**2 / 2, w + a * drive_cycle
-        n = min(len(found), 2 * len(Q))
-        np.testing.assert_allclose(done.q[:n, j], found[:n], atol=1e-12)
-        assert (done.saturated_time[j] > 0.02) == np.isfinite(limit)
+        n = min(len(positions), 2 * len(Q))
+        np.testing.assert_allclose(execution.q[:n, j], positions[:n], atol=1e-12)
+        assert (execution.saturated_time[j] > 0.02) == np.isfinite(limit)
 
 
 @pytest.mark.parametrize("drive_cycle", [0.0, 4e-3])
@@ -119,9 +125,9 @@ def test_the_integrator_does_not_wind_up(plan, drive_cycle):
             servo = ac.ServoModel(
                 kp=4.0, kv=80.0, ki=ki, drive_cycle=drive_cycle, acceleration_limit=limit
             )
-            done = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=CYCLE)
-            assert (done.saturated_time > 0.2).all()
-            assert done.q.max() - 1 == pytest.approx(overshoot, abs=0.01)
+            execution = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=CYCLE)
+            assert (execution.saturated_time > 0.2).all()
+            assert execution.q.max() - 1 == pytest.approx(overshoot, abs=0.01)
 
 
 def test_results_between_samples_are_those_of_a_finer_run(plan):
@@ -150,28 +156,28 @@ def check_between(plan, drive_cycle):
 def test_set_points_compensate_the_cascade(plan, interpolation, feed):
     if feed[1] and interpolation != "linear":
         return
-    off = []
+    errors = []
     for ki, cycle in ((0.0, 4e-3), (8.0, 4e-3), (8.0, 1e-3)):
         servo = ac.ServoModel(
             kp=(12.0, 9.0), kv=80.0, ki=(ki, ki / 2), interpolation=interpolation,
             velocity_feedforward=feed[0], acceleration_feedforward=feed[1], dead_time=6e-3,
         )  # fmt: skip
         set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=cycle)
-        done = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=1e-3)
-        inside = (done.t > 0) & (done.t < plan.duration)
-        off.append(np.abs(done.q[inside] - plan(done.t[inside])).max())
+        execution = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=1e-3)
+        inside = (execution.t > 0) & (execution.t < plan.duration)
+        errors.append(np.abs(execution.q[inside] - plan(execution.t[inside])).max())
         if set_points.truncated is not None:
-            after = done.t > plan.duration
-            error = np.abs(done.q[after] - set_points.q[-1]).max(axis=0)
+            after = execution.t > plan.duration
+            error = np.abs(execution.q[after] - set_points.q[-1]).max(axis=0)
             assert (error < set_points.truncated).all() and (error > set_points.truncated / 3).any()
-    assert off[1] < 1.2 * off[0] + 1e-9
-    assert off[2] < off[1] / 3
+    assert errors[1] < 1.2 * errors[0] + 1e-9
+    assert errors[2] < errors[1] / 3
 
 
 @pytest.mark.parametrize("drive_cycle", [1e-3, 8e-3])
 @pytest.mark.parametrize("feed", [0.0, 0.9])
 def test_set_points_compensate_drives_with_a_cycle(plan, drive_cycle, feed):
-    off = []
+    errors = []
     for ki in (0.0, 8.0):
         servo = ac.ServoModel(
             kp=12.0,
@@ -182,11 +188,15 @@ def test_set_points_compensate_drives_with_a_cycle(plan, drive_cycle, feed):
             drive_cycle=drive_cycle,
         )
         set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=1e-3)
-        done = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=1e-3)
-        inside = (done.t > 0) & (done.t < plan.duration)
-        off.append(np.abs(done.q[inside] - plan(done.t[inside])).max())
+        execution = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=1e-3)
+        inside = (execution.t > 0) & (execution.t < plan.duration)
+        errors.append(np.abs(execution.q[inside] - plan(execution.t[inside])).max())
     # Accelerations that are held for 8 ms are 20 µrad off between the cycles.
-    assert off[1] < 1.2 * off[0] < (1e-4 if feed else 3e-5) * drive_cycle / 8e-3 + 1e-5 * (feed > 0)
+    assert (
+        errors[1]
+        < 1.2 * errors[0]
+        < (1e-4 if feed else 3e-5) * drive_cycle / 8e-3 + 1e-5 * (feed > 0)
+    )
 
 
 def test_response_is_that_of_a_sine():
@@ -199,18 +209,18 @@ def test_response_is_that_of_a_sine():
     q = 0.01 * (np.sin(w * t) * ramp)[:, None] * [1.0, 0.5]
     rest = ac.Trajectory(laws=(ac.dwell_law(q[0], t[-1]),), method="rest")
     set_points = ac.SetPoints(cycle=1e-3, q=q, trajectory=rest, method="none")
-    done = ac.simulate(set_points, ac.ServoPlant(ARM, servo, ac.Limits()), resolution=1e-3)
-    late = t > 1.9
-    gain = servo.response([1j * w])[0, 0] * np.exp(1j * w * t[late])
+    execution = ac.simulate(set_points, ac.ServoPlant(ARM, servo, ac.Limits()), resolution=1e-3)
+    settled = t > 1.9
+    gain = servo.response([1j * w])[0, 0] * np.exp(1j * w * t[settled])
     # Acceleration feed-forward of lines is half an interval late, 1e-4 of the amplitude.
-    np.testing.assert_allclose(done.q[: len(t)][late, 0], 0.01 * gain.imag, atol=2e-5)
+    np.testing.assert_allclose(execution.q[: len(t)][settled, 0], 0.01 * gain.imag, atol=2e-5)
     # The cascade settles as its slowest pole.
     poles = np.roots([1.0, 80.0, 80.0 * 18.0, 80.0 * 12.0 * 6.0])
     assert servo.slowest == pytest.approx(-poles.real.max(), rel=1e-9)
 
 
 def test_integrators_that_no_model_has_are_refused(plan, refuses):
-    for given, words in (
+    for parameters, words in (
         ({"kp": 5.0, "order": "first", "ki": 1.0}, "integral gain of a velocity loop"),
         ({"kp": 5.0, "kv": 50.0, "ki": -1.0}, "ki of a servo model must not be negative"),
         (
@@ -221,7 +231,7 @@ def test_integrators_that_no_model_has_are_refused(plan, refuses):
             "linear set-points only",
         ),
     ):  # fmt: skip
-        refuses(lambda given=given: ac.ServoModel(**given), InvalidInput, words)
+        refuses(lambda parameters=parameters: ac.ServoModel(**parameters), InvalidInput, words)
     servo, words = ac.ServoModel(kp=5.0, kv=50.0, ki=1.0), "and without integrator"
     poles = lambda: ac.compensate(plan, servo, ac.PolePlacement())  # noqa: E731
     refuses(poles, InvalidInput, words)

@@ -75,18 +75,18 @@ def test_the_response_is_that_of_the_differential_equation(kind, limit, arm, pla
     servo = servo_of(kind)
     set_points = SetPoints(cycle=CYCLE, q=q, trajectory=plan, method="none")
     limits = None if first else ac.Limits(joint_acceleration=[limit, limit])
-    done = ac.simulate(set_points, ac.ServoPlant(arm, servo, limits), resolution=CYCLE)
+    execution = ac.simulate(set_points, ac.ServoPlant(arm, servo, limits), resolution=CYCLE)
     f, g = (float(getattr(servo, name)) for name in FEED)
     kp, kv = 20.0, 90.0
     edges = np.union1d(np.arange(30) * CYCLE, np.arange(30) * CYCLE + LATE)
     for j in range(2):
-        own, state, found = q[:, j], np.array([q[0, j], 0.0]), [q[0, j]]
-        cubic = cubic_of(own)
+        joint_command, state, positions = q[:, j], np.array([q[0, j], 0.0]), [q[0, j]]
+        cubic = cubic_of(joint_command)
         for begin, end in zip(edges[:-1], edges[1:], strict=True):
             k = int(np.floor(((begin + end) / 2 - LATE) / CYCLE))
 
-            def law(now, x, k=k, own=own, cubic=cubic):
-                u, du, ddu = rates(own, k, now - LATE - k * CYCLE, kind, cubic)
+            def law(now, x, k=k, joint_command=joint_command, cubic=cubic):
+                u, du, ddu = rates(joint_command, k, now - LATE - k * CYCLE, kind, cubic)
                 if first:
                     return [kp * (u - x[0]) + f * du, 0.0]
                 ask = kv * (kp * (u - x[0]) + f * du - x[1]) + g * ddu
@@ -95,11 +95,11 @@ def test_the_response_is_that_of_the_differential_equation(kind, limit, arm, pla
             step = solve_ivp(law, (begin, end), state, rtol=1e-9, atol=1e-11, max_step=2e-4)
             state = step.y[:, -1]
             if np.abs(end / CYCLE - np.round(end / CYCLE)) < 1e-6:
-                found.append(state[0])
-        n = min(len(found), len(done.q))
+                positions.append(state[0])
+        n = min(len(positions), len(execution.q))
         assert n > 25
-        np.testing.assert_allclose(done.q[:n, j], found[:n], atol=2e-8)
-    assert first or done.saturated.any() == (limit < 100)
+        np.testing.assert_allclose(execution.q[:n, j], positions[:n], atol=2e-8)
+    assert first or execution.saturated.any() == (limit < 100)
 
 
 def test_the_transfer_function():
@@ -126,32 +126,32 @@ def test_compensated_joints_follow_the_plan_as_well_as_without_feedforward(kind,
     if servo.kv is None and method == "pole_placement":
         return
     plain = servo.replace(**dict.fromkeys(FEED, 0.0))
-    off, alone = [], []
-    for own in (plain, servo):
-        set_points, done = follow(plan, arm, own, arm.limits, method)
-        inside = (done.t > 0) & (done.t < plan.duration)
-        off.append(np.abs(done.q[inside] - plan(done.t[inside])).max())
+    errors, alone = [], []
+    for model in (plain, servo):
+        set_points, execution = follow(plan, arm, model, arm.limits, method)
+        inside = (execution.t > 0) & (execution.t < plan.duration)
+        errors.append(np.abs(execution.q[inside] - plan(execution.t[inside])).max())
         # The motion starts and ends at rest, where the plan does.
         assert (set_points.q[0] == plan(0.0)).all() and (
             set_points.q[-1] == plan(plan.duration)
         ).all()
-        np.testing.assert_allclose(done.q[-1], plan(plan.duration), atol=1e-7)
-        _, done = follow(plan, arm, own.replace(dead_time=0.0), arm.limits, "none")
-        alone.append(np.abs(done.q - plan(np.clip(done.t, 0, plan.duration))).max())
+        np.testing.assert_allclose(execution.q[-1], plan(plan.duration), atol=1e-7)
+        _, execution = follow(plan, arm, model.replace(dead_time=0.0), arm.limits, "none")
+        alone.append(np.abs(execution.q - plan(np.clip(execution.t, 0, plan.duration))).max())
     # Lines have steps in their slope, which feed-forward follows.
-    assert off[1] < (2.5 if method == "inverse" else 1.01) * off[0]
+    assert errors[1] < (2.5 if method == "inverse" else 1.01) * errors[0]
     # Without compensation, feed-forward leaves a small share of the deviation of the plain servo.
-    assert method != "inverse" or off[1] < 0.2 * alone[1] < 0.2 * 0.35 * alone[0]
+    assert method != "inverse" or errors[1] < 0.2 * alone[1] < 0.2 * 0.35 * alone[0]
 
 
 def test_held_set_points_cancel_feedforward_exactly(arm, plan):
     servos = servo_of("step", velocity_feedforward=0.0), servo_of("step")
     (_, one), (set_points, other) = (follow(plan, arm, x, None, "inverse") for x in servos)
     n = min(len(one.t), len(other.t))
-    off = np.abs(one.q[:n] - other.q[:n])
+    difference = np.abs(one.q[:n] - other.q[:n])
     # After the motion, the transient of feed-forward is cut off.
-    assert off[one.t[:n] < plan.duration - CYCLE].max() < 1e-9
-    assert (off.max(axis=0) < set_points.truncated + 1e-9).all()
+    assert difference[one.t[:n] < plan.duration - CYCLE].max() < 1e-9
+    assert (difference.max(axis=0) < set_points.truncated + 1e-9).all()
 
 
 def test_rigid_bodies_follow_with_feedforward_and_its_compensation():
@@ -161,8 +161,8 @@ def test_rigid_bodies_follow_with_feedforward_and_its_compensation():
     servo, errors = ac.ServoModel(kp=25.0, kv=150.0, velocity_feedforward=1.0), []
     for method in ("inverse_dynamics", "none"):
         set_points = ac.compensate(plan, servo, METHODS[method](), arm=arm)
-        done = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo))
-        errors.append(ac.evaluate(done, path).contour_error.rms)
+        execution = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo))
+        errors.append(ac.evaluate(execution, path).contour_error.rms)
     assert errors[0] < min(1e-6, 0.1 * errors[1])
 
 
@@ -171,9 +171,9 @@ OMEGA = np.array([0.0, 1.0, 30.0, 500.0])
 
 def test_the_response_is_5_and_the_slowest_rate_that_of_its_slowest_pole():
     for kp, kv in ((25.0, 150.0), (25.0, 100.0), (60.0, 40.0)):
-        found = ac.ServoModel(kp=kp, kv=kv).response(1j * OMEGA)[:, 0]
+        response = ac.ServoModel(kp=kp, kv=kv).response(1j * OMEGA)[:, 0]
         _, expected = signal.freqresp(([kp * kv], [1.0, kv, kp * kv]), OMEGA)
-        np.testing.assert_allclose(found, expected, rtol=1e-12)
+        np.testing.assert_allclose(response, expected, rtol=1e-12)
     servo = ac.ServoModel(kp=[25.0, 10.0], kv=150.0).for_joints(2)
     # No static error.
     both = [(1, 1), (3750 / 4054, 1500 / 1804)]
@@ -186,12 +186,14 @@ def test_the_response_is_5_and_the_slowest_rate_that_of_its_slowest_pole():
 
 @pytest.mark.parametrize("tau", [0.0, 0.034])
 def test_response_of_first_order_and_dead_time(tau):
-    late = np.exp(-1j * OMEGA * tau)
+    delay_factor = np.exp(-1j * OMEGA * tau)
     first = ac.ServoModel(kp=25.0, order="first", dead_time=tau)
-    np.testing.assert_allclose(first.response(1j * OMEGA)[:, 0], late * 25 / (25 + 1j * OMEGA))
+    np.testing.assert_allclose(
+        first.response(1j * OMEGA)[:, 0], delay_factor * 25 / (25 + 1j * OMEGA)
+    )
     second = ac.ServoModel(kp=25.0, kv=150.0, dead_time=[0.0, tau])
     prompt = ac.ServoModel(kp=25.0, kv=150.0).response(1j * OMEGA)[:, 0]
-    both = np.stack([prompt, late * prompt], axis=1)
+    both = np.stack([prompt, delay_factor * prompt], axis=1)
     np.testing.assert_allclose(second.response(1j * OMEGA), both)
 
 
@@ -248,8 +250,8 @@ def test_the_inverse_of_a_lag_with_feedforward_is_never_worse_than_none(kp, arm,
         errors = []
         for method in ("inverse", "none"):
             set_points = ac.compensate(plan, servo, METHODS[method](), arm=arm)
-            done = ac.simulate(set_points, ac.ServoPlant(arm, servo))
-            errors.append(ac.evaluate(done, path).contour_error)
+            execution = ac.simulate(set_points, ac.ServoPlant(arm, servo))
+            errors.append(ac.evaluate(execution, path).contour_error)
         assert errors[0].rms < 0.1 * errors[1].rms
         assert errors[0].max < 0.5 * errors[1].max
 
@@ -274,13 +276,13 @@ def test_a_slow_transient_is_cut_off_with_a_bound_of_the_error_that_remains(kind
     assert set_points.t[-1] < 1.2 * plan.duration + 2 * CYCLE
     np.testing.assert_array_equal(set_points.q[-1], end)
     assert (np.abs(np.diff(set_points.q, axis=0)[-3:]) < 1e-2 * np.ptp(set_points.q, axis=0)).all()
-    done = ac.simulate(set_points, ac.ServoPlant(arm, servo), resolution=1e-3)
-    error = np.abs(done.q - end)[done.t > plan.duration + CYCLE].max(axis=0)
+    execution = ac.simulate(set_points, ac.ServoPlant(arm, servo), resolution=1e-3)
+    error = np.abs(execution.q - end)[execution.t > plan.duration + CYCLE].max(axis=0)
     assert (error > 1e-5).all()
     # The inverse has errors of its own, of interpolation.
-    own = 1e-5 if kind != "held" else 2e-4
-    assert (error < set_points.truncated + own).all() and (
-        error > 0.5 * set_points.truncated - own
+    simulation_error = 1e-5 if kind != "held" else 2e-4
+    assert (error < set_points.truncated + simulation_error).all() and (
+        error > 0.5 * set_points.truncated - simulation_error
     ).all()
 
 

@@ -29,100 +29,100 @@ def slope(q, k):
 
 
 def test_each_joint_has_its_own_order(execute):
-    late = (5.3e-3, 6.1e-3)
+    dead_times = (5.3e-3, 6.1e-3)
     servo = ac.ServoModel(
         order=("first", "delay"),
         kp=(20.0, np.inf),
-        dead_time=late,
+        dead_time=dead_times,
         velocity_feedforward=(0.9, 0.0),
         acceleration_feedforward=(4e-3, 0.0),
         friction=(2e-4, 0.0),
     )
-    done = execute(servo)
+    execution = execute(servo)
     n = len(Q)
-    delayed = np.interp(done.t[:n] - late[1], T, Q[:, 1])
-    np.testing.assert_allclose(done.q[:n, 1], delayed, atol=1e-12)
-    state, found = Q[0, 0], [Q[0, 0]]
-    edges = np.union1d(T, np.arange(-2, n) * CYCLE + late[0])
+    delayed = np.interp(execution.t[:n] - dead_times[1], T, Q[:, 1])
+    np.testing.assert_allclose(execution.q[:n, 1], delayed, atol=1e-12)
+    state, positions = Q[0, 0], [Q[0, 0]]
+    edges = np.union1d(T, np.arange(-2, n) * CYCLE + dead_times[0])
     for begin, end in zip(edges[2:-1], edges[3:], strict=True):
-        k = int(np.floor(((begin + end) / 2 - late[0]) / CYCLE))
+        k = int(np.floor(((begin + end) / 2 - dead_times[0]) / CYCLE))
         rate = slope(Q[:, 0], k)
         bend = (rate - slope(Q[:, 0], k - 1)) / CYCLE if k >= 0 else 0.0
         rub = 2e-4 * rate / np.hypot(rate, SLIDING)
 
         def law(t, q, k=k, rate=rate, bend=bend, rub=rub):
-            u = Q[max(k, 0), 0] + (rate * (t - late[0] - k * CYCLE) if k >= 0 else 0.0)
+            u = Q[max(k, 0), 0] + (rate * (t - dead_times[0] - k * CYCLE) if k >= 0 else 0.0)
             return 20.0 * (u - rub - q) + 0.9 * rate + 4e-3 * bend
 
         state = solve_ivp(law, (begin, end), [state], rtol=1e-10, atol=1e-13).y[0, -1]
         if abs(end / CYCLE - round(end / CYCLE)) < 1e-6:
-            found.append(state)
-    np.testing.assert_allclose(done.q[: len(found), 0], found, atol=1e-10)
-    assert len(found) > 50
+            positions.append(state)
+    np.testing.assert_allclose(execution.q[: len(positions), 0], positions, atol=1e-10)
+    assert len(positions) > 50
 
 
-def test_joints_without_a_model_do_as_they_are_told(execute):
+def test_joints_without_a_model_follow_their_command(execute):
     servo = ac.ServoModel(order=("second", "unknown"), kp=(20.0, np.inf), kv=(90.0, np.inf))
-    done = execute(servo)
-    np.testing.assert_allclose(done.q[: len(Q), 1], Q[:, 1], atol=1e-12)
+    execution = execute(servo)
+    np.testing.assert_allclose(execution.q[: len(Q), 1], Q[:, 1], atol=1e-12)
 
 
 @pytest.mark.parametrize("drive_cycle", [1e-3, 8e-3])
 def test_drives_hold_their_acceleration_for_a_cycle(drive_cycle, execute):
-    late, limit = 2.3e-3, 2.0
+    dead_time, limit = 2.3e-3, 2.0
     servo = ac.ServoModel(
         kp=20.0,
         kv=90.0,
-        dead_time=late,
+        dead_time=dead_time,
         velocity_feedforward=0.5,
         drive_cycle=drive_cycle,
         acceleration_limit=(np.inf, limit),
     )
-    done = execute(servo)
-    for j, most in enumerate((np.inf, limit)):
-        q, w, found = Q[0, j], 0.0, []
+    execution = execute(servo)
+    for j, bound in enumerate((np.inf, limit)):
+        q, w, positions = Q[0, j], 0.0, []
         for m in range(int(T[-1] / drive_cycle)):
             u, before = (
-                np.interp(m * drive_cycle - late - x, T, Q[:, j]) for x in (0.0, drive_cycle)
+                np.interp(m * drive_cycle - dead_time - x, T, Q[:, j]) for x in (0.0, drive_cycle)
             )
             ask = 90.0 * (20.0 * (u - q) + 0.5 * (u - before) / drive_cycle - w)
-            a = min(max(ask, -most), most)
+            a = min(max(ask, -bound), bound)
             for t in (
                 T[(T >= m * drive_cycle - 1e-9) & (T < (m + 1) * drive_cycle - 1e-9)]
                 - m * drive_cycle
             ):
-                found.append(q + t * w + t * t * a / 2)
+                positions.append(q + t * w + t * t * a / 2)
             q, w = q + drive_cycle * w + drive_cycle**2 * a / 2, w + drive_cycle * a
-        np.testing.assert_allclose(done.q[: len(found), j], found, atol=1e-12)
-        assert (done.saturated_time[j] > 0) == np.isfinite(most)
+        np.testing.assert_allclose(execution.q[: len(positions), j], positions, atol=1e-12)
+        assert (execution.saturated_time[j] > 0) == np.isfinite(bound)
 
 
 def test_a_cycle_does_not_hold_back_joints_that_only_delay(execute):
-    late = 5e-3
+    dead_time = 5e-3
     servo = ac.ServoModel(
-        order=("delay", "first"), kp=(np.inf, 20.0), dead_time=(late, 0.0), drive_cycle=1e-3
+        order=("delay", "first"), kp=(np.inf, 20.0), dead_time=(dead_time, 0.0), drive_cycle=1e-3
     )
-    done = execute(servo)
+    execution = execute(servo)
     n = len(Q)
-    np.testing.assert_allclose(done.q[:n, 0], np.interp(T - late, T, Q[:, 0]), atol=1e-12)
-    q, found = Q[0, 1], []
+    np.testing.assert_allclose(execution.q[:n, 0], np.interp(T - dead_time, T, Q[:, 0]), atol=1e-12)
+    q, positions = Q[0, 1], []
     for m in range(4 * (n - 1)):
-        found.append(q)
+        positions.append(q)
         q += 1e-3 * 20.0 * (np.interp(m * 1e-3, T, Q[:, 1]) - q)
-    np.testing.assert_allclose(done.q[: n - 1, 1], found[::4], atol=1e-12)
+    np.testing.assert_allclose(execution.q[: n - 1, 1], positions[::4], atol=1e-12)
 
 
 def test_a_log_of_uneven_times_is_followed_as_by_the_plant(execute):
     servo = ac.ServoModel(kp=20.0, kv=90.0, dead_time=5.3e-3, velocity_feedforward=0.9)
-    done = execute(servo)
+    execution = execute(servo)
     more = np.sort(np.concatenate([T, T[:-1] + np.random.default_rng(0).uniform(0, CYCLE, 59)]))
     every = JointServo(
         kp=np.array([20.0, 5.0]), kv=90.0, velocity_feedforward=0.9, dead_time=5.3e-3
     )
     for j in range(2):
         command = LoggedCommand(more, np.interp(more, T, Q[:, j]))
-        found = follow(command, every, Q[0, j], 0.0)[0]
-        np.testing.assert_allclose(found[np.isin(more, T)], done.q[: len(T), j], atol=1e-12)
+        response = follow(command, every, Q[0, j], 0.0)[0]
+        np.testing.assert_allclose(response[np.isin(more, T)], execution.q[: len(T), j], atol=1e-12)
 
 
 @pytest.mark.parametrize("feed", [0.0, 0.9])
@@ -132,18 +132,20 @@ def test_set_points_compensate_the_cycle_of_drives(kind, feed):
     limits = ac.Limits(joint_acceleration=[5.0, 5.0], joint_jerk=[50.0, 50.0], speed=0.1)
     plan = ac.plan(path, ARM, limits, ac.Optimal(intervals=200))
     for cycle in (CYCLE, 2e-4):
-        off = []
+        errors = []
         for drive_cycle in (0.0, 2e-3):
             servo = ac.ServoModel(
                 kp=20.0, velocity_feedforward=feed, drive_cycle=drive_cycle, **kind
             )
             set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=cycle)
             # What the joints do between cycles is not compensated.
-            done = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=cycle)
-            inside = (done.t > 0) & (done.t < plan.duration)
-            inside &= np.abs(done.t / 2e-3 - np.round(done.t / 2e-3)) < 1e-6
-            off.append(np.abs(done.q - plan(np.clip(done.t, 0, plan.duration)))[inside].max())
-        assert off[1] < off[0] + 3e-5
+            execution = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=cycle)
+            inside = (execution.t > 0) & (execution.t < plan.duration)
+            inside &= np.abs(execution.t / 2e-3 - np.round(execution.t / 2e-3)) < 1e-6
+            errors.append(
+                np.abs(execution.q - plan(np.clip(execution.t, 0, plan.duration)))[inside].max()
+            )
+        assert errors[1] < errors[0] + 3e-5
 
 
 def test_jumps_of_acceleration_do_not_saturate_a_drive_with_a_cycle():
@@ -154,9 +156,9 @@ def test_jumps_of_acceleration_do_not_saturate_a_drive_with_a_cycle():
     plan = ac.plan(path, arm, limits, ac.Optimal(reserve=0.02))
     servo = ac.ServoModel(kp=25.0, kv=150.0, drive_cycle=1e-3)
     set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=CYCLE)
-    done = ac.simulate(set_points, ac.ServoPlant(arm, servo))
-    assert np.all(np.abs(done.demand) < limits.joint_acceleration)
-    assert ac.evaluate(done, path).contour_error.rms < 2e-8
+    execution = ac.simulate(set_points, ac.ServoPlant(arm, servo))
+    assert np.all(np.abs(execution.demand) < limits.joint_acceleration)
+    assert ac.evaluate(execution, path).contour_error.rms < 2e-8
 
 
 @pytest.mark.parametrize("feed", [0.0, 0.9])
@@ -166,14 +168,16 @@ def test_set_points_compensate_dry_dry_friction(kind, feed):
     plan = ac.plan(
         path, ARM, ac.Limits(joint_acceleration=[5.0, 5.0], speed=0.1), ac.Optimal(intervals=200)
     )
-    off = []
+    errors = []
     for friction in (0.0, 1e-4):
         servo = ac.ServoModel(kp=20.0, velocity_feedforward=feed, friction=friction, **kind)
         set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=CYCLE)
-        done = ac.simulate(set_points, ac.ServoPlant(ARM, servo))
-        inside = (done.t > 0.1) & (done.t < plan.duration - 0.1)
-        off.append(np.abs((done.q - plan(np.clip(done.t, 0, plan.duration)))[inside]).mean())
-    assert off[1] < off[0] + 0.1 * 1e-4
+        execution = ac.simulate(set_points, ac.ServoPlant(ARM, servo))
+        inside = (execution.t > 0.1) & (execution.t < plan.duration - 0.1)
+        errors.append(
+            np.abs((execution.q - plan(np.clip(execution.t, 0, plan.duration)))[inside]).mean()
+        )
+    assert errors[1] < errors[0] + 0.1 * 1e-4
 
 
 def test_parameters_of_joint_servos_are_refused(refuses):

@@ -34,30 +34,30 @@ CYCLE, BOUND = 1e-3, 3.0
 
 def integrate(q, servo, every):
     """Lowest and highest demand of a joint under held set-points, integrated in small steps."""
-    kp, kv, late = float(servo.kp), float(servo.kv), float(servo.dead_time)
-    x, v, seen = q[0], 0.0, [0.0, 0.0]
+    kp, kv, dead_time = float(servo.kp), float(servo.kv), float(servo.dead_time)
+    x, v, demand_range = q[0], 0.0, [0.0, 0.0]
     for i in range(round(60 * CYCLE / every)):
-        k = int((i * every - late) / CYCLE + 1e-6) if i * every >= late - 1e-12 else 0
+        k = int((i * every - dead_time) / CYCLE + 1e-6) if i * every >= dead_time - 1e-12 else 0
         u = q[min(k, len(q) - 1)]
         demand = kv * (kp * (u - x) - v)
-        seen = [min(seen[0], demand), max(seen[1], demand)]
+        demand_range = [min(demand_range[0], demand), max(demand_range[1], demand)]
         a = min(max(demand, -BOUND), BOUND)
         x += every * (v + every * a / 2)
         v += every * a
-    return np.array(seen)
+    return np.array(demand_range)
 
 
 def test_held_set_points_while_the_joint_saturates():
     random = np.random.default_rng(5)
     q = np.cumsum(np.append(np.zeros(5), random.normal(0, 2e-3, 35)))
     bound = np.array([BOUND])
-    for late in (0.0, 0.97e-3):
-        servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=late, interpolation="step")
+    for dead_time in (0.0, 0.97e-3):
+        servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=dead_time, interpolation="step")
         true = integrate(q, servo, 1e-5)
         for steps in (1, 3):
-            own = ServoSimulation(
+            simulation = ServoSimulation(
                 q[:, None], CYCLE, servo.for_joints(1), -bound, bound, steps=steps
             )
-            found = own.run(0, 60, q[:1], np.zeros(1))
-            assert found.saturated[0] > 5 * CYCLE
-            np.testing.assert_allclose([found.lowest[0], found.highest[0]], true, rtol=2e-3)
+            end = simulation.run(0, 60, q[:1], np.zeros(1))
+            assert end.saturated[0] > 5 * CYCLE
+            np.testing.assert_allclose([end.lowest[0], end.highest[0]], true, rtol=2e-3)

@@ -65,7 +65,7 @@ def test_refusals(planar, refuses):
     # Boxes that do not fit the arm or the servo.
     arm, servo, _, _ = planar
     first = ac.ServoModel(kp=25.0, order="first")
-    for box, own, model, *words in (
+    for box, uncertain_arm, model, *words in (
         (Uncertainty(jitter=1e-3), arm, servo),
         (Uncertainty(gains=[0.1] * 3), arm, servo, "2 joints"),
         (Uncertainty(dead_time=3e-3), arm, servo, "cannot be negative"),
@@ -74,25 +74,29 @@ def test_refusals(planar, refuses):
         (Uncertainty(armature=0.1), ac.load_arm("pmk3s"), servo),
         (Uncertainty(), arm, first),
     ):
-        refuses(lambda x=(box, own, model): Unknowns.from_uncertainty(*x), ac.InvalidInput, *words)
+        refuses(
+            lambda x=(box, uncertain_arm, model): Unknowns.from_uncertainty(*x),
+            ac.InvalidInput,
+            *words,
+        )
 
 
 def test_a_robot_has_its_errors(planar):
     arm, servo, _, _ = planar
     u = Unknowns.from_uncertainty(ALL, arm, servo)
-    true, known, own = u.robot(u.high)
-    for found, expected in (
+    true, controller_arm, robot_servo = u.robot(u.high)
+    for actual, expected in (
         (true.chain.payload.mass, 1.1),
         (true.chain.viscous, [2.0, 1.0]),
         (true.chain.coulomb, [0.5, 0.5]),
         (true.chain.armature, 0.06),
-        (own.kp, 27.5),
-        (own.kv, 157.5),
-        (own.dead_time, [3e-3, 4e-3]),
+        (robot_servo.kp, 27.5),
+        (robot_servo.kv, 157.5),
+        (robot_servo.dead_time, [3e-3, 4e-3]),
     ):
-        np.testing.assert_allclose(found, expected)
+        np.testing.assert_allclose(actual, expected)
     # The controller knows none of it, unless it weighs its payload.
-    assert known is u.arm
+    assert controller_arm is u.arm
     weighed = Unknowns.from_uncertainty(
         Uncertainty(payload=[0.0, 1.0], payload_known=True), arm, servo
     )
@@ -121,37 +125,45 @@ def runs(planar):
 def test_a_spread_is_what_the_plant_does(planar, runs):
     arm, servo, path, set_points = planar
     errors = np.array([[0.4, 0.05, -0.05]])
-    found = spread_on_bodies(runs, errors)
+    sampled = spread_on_bodies(runs, errors)
     load = ac.Payload(mass=0.9, center=arm.chain.payload.center)
-    known = arm.with_dynamics(payload=load)
-    plant = ac.RigidBodyPlant(known, servo.replace(kp=[26.25, 23.75]), LIMITS, **COARSE)
-    done = ac.simulate(set_points, plant, resolution=1e-3)
+    true_arm = arm.with_dynamics(payload=load)
+    plant = ac.RigidBodyPlant(true_arm, servo.replace(kp=[26.25, 23.75]), LIMITS, **COARSE)
+    execution = ac.simulate(set_points, plant, resolution=1e-3)
     # A spread is of samples.
-    result = ac.evaluate(dataclasses.replace(done, plant=None), path)
-    assert found.max[0] == pytest.approx(
+    result = ac.evaluate(dataclasses.replace(execution, plant=None), path)
+    assert sampled.max[0] == pytest.approx(
         max(result.contour_error.max, result.coverage_error.max), rel=1e-9
     )
-    off = path.project(done.tool).distance
-    assert found.rms[0] == pytest.approx(np.sqrt(np.mean(off**2)), rel=1e-9)
-    assert found.worst_deviations == {"payload": 0.4, "kp of joint 1": 0.05, "kp of joint 2": -0.05}
-    assert found.payload[0] == 0.4 and (found.kp[0] == [26.25, 23.75]).all()
-    assert 0 < found.nominal_max < found.max[0]
+    errors_at_tool = path.project(execution.tool).distance
+    assert sampled.rms[0] == pytest.approx(np.sqrt(np.mean(errors_at_tool**2)), rel=1e-9)
+    assert sampled.worst_deviations == {
+        "payload": 0.4,
+        "kp of joint 1": 0.05,
+        "kp of joint 2": -0.05,
+    }
+    assert sampled.payload[0] == 0.4 and (sampled.kp[0] == [26.25, 23.75]).all()
+    assert 0 < sampled.nominal_max < sampled.max[0]
     # The same execution over time.
-    ((t, off, tool),) = trace_on_bodies(runs, errors)
-    assert off.max() == found.max[0] and (tool == done.tool).all() and (t == done.t).all()
+    ((t, errors_at_tool, tool),) = trace_on_bodies(runs, errors)
+    assert (
+        errors_at_tool.max() == sampled.max[0]
+        and (tool == execution.tool).all()
+        and (t == execution.t).all()
+    )
 
 
 def test_other_processes_find_the_same(runs, monkeypatch):
     """What is sent to them survives that."""
     errors = runs.unknowns.draw(4, 5)
-    here = spread_on_bodies(runs, errors, seed=5, processes=1)
+    local = spread_on_bodies(runs, errors, seed=5, processes=1)
 
     def send(work, items, **_):
         return [pickle.loads(pickle.dumps(work))(x) for x in items]
 
     monkeypatch.setattr("armcontour.simulation.robustness.rigid_body_runs.map_in_processes", send)
-    np.testing.assert_array_equal(here.max, spread_on_bodies(runs, errors).max)
-    assert here.seed == 5 and len(here) == 4
+    np.testing.assert_array_equal(local.max, spread_on_bodies(runs, errors).max)
+    assert local.seed == 5 and len(local) == 4
 
 
 def test_a_robot_that_cannot_be_controlled_is_named(planar, runs):

@@ -34,10 +34,10 @@ def small(tmp_path):
     return {"job": str(tmp_path / "bend.yaml"), "do": "compensate", "over": over, "name": "small"}
 
 
-def rows(found):
+def rows(batch):
     """The rows without columns that may differ."""
     hidden = "(not reproducible)"
-    return [{key: x for key, x in row.items() if hidden not in key} for row in found.rows]
+    return [{key: x for key, x in row.items() if hidden not in key} for row in batch.rows]
 
 
 @pytest.mark.parametrize("work", ["compensate", "place"])
@@ -52,8 +52,8 @@ def test_processes_and_dask_give_the_same_rows(small, tmp_path, work):
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
     ) as cluster:
-        found = ac.batch(small, tmp_path / "dask", cluster=cluster.scheduler_address)
-    assert rows(found) == want
+        batch = ac.batch(small, tmp_path / "dask", cluster=cluster.scheduler_address)
+    assert rows(batch) == want
 
 
 ENDING = """
@@ -72,20 +72,20 @@ def test_a_job_that_ends_its_process_costs_itself_only(small, tmp_path, monkeypa
     ending = importlib.import_module("ending")
     monkeypatch.setattr("armcontour.batches.runner.Work", ending.Ending)
     one = small | {"over": {"limits.speed": SPEEDS}}
-    found = ac.batch(one, tmp_path / "out", workers=2)
-    assert [x["status"] for x in found.rows] == ["done", "failed", *["done"] * 4]
-    assert found.errors == {"ProcessEnded": 1}
+    batch = ac.batch(one, tmp_path / "out", workers=2)
+    assert [x["status"] for x in batch.rows] == ["done", "failed", *["done"] * 4]
+    assert batch.errors == {"ProcessEnded": 1}
 
 
 def test_a_killed_batch_continues(small, tmp_path):
     """`kill -9` of the parent, as the soak does at random moments."""
     (tmp_path / "plan.yaml").write_text(json.dumps(small))
     line = [sys.executable, "-c", "from armcontour.cli import main; main()", "batch", "plan.yaml"]
-    own = {"PYTHONPATH": os.pathsep.join(x for x in sys.path if x)}
+    environment = {"PYTHONPATH": os.pathsep.join(x for x in sys.path if x)}
     line += ["--out", "out", "--workers", "1"]
-    with subprocess.Popen(line, cwd=tmp_path, env=os.environ | own) as process:
+    with subprocess.Popen(line, cwd=tmp_path, env=os.environ | environment) as process:
         while process.poll() is None and not (tmp_path / "out/results.jsonl").exists():
             time.sleep(0.01)
         process.send_signal(signal.SIGKILL)
-    found = ac.batch(small, tmp_path / "out", workers=0)
-    assert rows(found) == rows(ac.batch(small, tmp_path / "whole", workers=0))
+    batch = ac.batch(small, tmp_path / "out", workers=0)
+    assert rows(batch) == rows(ac.batch(small, tmp_path / "whole", workers=0))

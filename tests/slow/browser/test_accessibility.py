@@ -11,8 +11,8 @@ def test_axe_sees_a_fault(browser):
     page = browser.new_page()
     page.set_content("<img src='data:,'><button></button>")
     load_axe(page)
-    found = page.evaluate("() => axe.run(document)")
-    assert {"image-alt", "button-name"} <= {x["id"] for x in found["violations"]}
+    report = page.evaluate("() => axe.run(document)")
+    assert {"image-alt", "button-name"} <= {x["id"] for x in report["violations"]}
     page.close()
 
 
@@ -22,10 +22,10 @@ def test_the_page_has_no_serious_fault(pages, colours, width):
     studio.begin()
     studio.wait_for("#view2d[data-tier='2']")
     load_axe(studio.page)
-    found = []
+    page_faults = []
     for tab in TABS:
         studio.tab(tab)
-        found += [f"{tab}: {x}" for x in faults(studio.page)]
+        page_faults += [f"{tab}: {x}" for x in faults(studio.page)]
     studio.find("#panel .seek").get_by_role("button", name="All").click()
     # Fields are made when what they are in is opened.
     while studio.find("#panel details:not([open])").count():
@@ -35,9 +35,9 @@ def test_the_page_has_no_serious_fault(pages, colours, width):
         studio.page.wait_for_timeout(100)
     studio.type("limits.speed", "5 parsecs")
     studio.find("#panel .refused").wait_for()
-    found += [f"settings: {x}" for x in faults(studio.page)]
+    page_faults += [f"settings: {x}" for x in faults(studio.page)]
     if width == 1400:
         studio.find("#viewbar").get_by_role("button", name="Both").click()
         studio.find("#help-open").click()
-        found += [f"help: {x}" for x in faults(studio.page)]
-    assert not found, "\n".join(found)
+        page_faults += [f"help: {x}" for x in faults(studio.page)]
+    assert not page_faults, "\n".join(page_faults)

@@ -47,10 +47,10 @@ def place_at_last_cell(studio, cells, fields=None):
     studio.do("place", fields)
     result = studio.find(".task-result[data-task=place]")
     expect(result).to_have_attribute("data-state", "done", timeout=300_000)
-    found = studio.find(".task-result[data-task=place] button[title*='mm, ']:enabled")
-    assert found.count() == cells
+    cells_shown = studio.find(".task-result[data-task=place] button[title*='mm, ']:enabled")
+    assert cells_shown.count() == cells
     with studio.changing():
-        found.last.click()
+        cells_shown.last.click()
 
 
 def test_j4_the_error_follows_the_slider_of_the_speed(studio, judge):
@@ -62,7 +62,7 @@ def test_j4_the_error_follows_the_slider_of_the_speed(studio, judge):
     box = row.bounding_box()
     place = int(row.input_value()) / 1000
     y = box["y"] + box["height"] / 2
-    seen = set()
+    errors = set()
     with studio.changing():
         studio.page.mouse.move(box["x"] + 8 + place * (box["width"] - 16), y)
         studio.page.mouse.down()
@@ -70,12 +70,12 @@ def test_j4_the_error_follows_the_slider_of_the_speed(studio, judge):
             shown = studio.told("[data-figure='contour_error.rms']", "value")
             studio.page.mouse.move(box["x"] + 8 + (place + 0.02 * k) * (box["width"] - 16), y)
             studio.wait_for(f'[data-figure="contour_error.rms"]:not([data-value="{shown}"])')
-            seen.add(studio.figure("contour_error.rms"))
+            errors.add(studio.figure("contour_error.rms"))
         studio.page.mouse.up()
-    assert len(seen) >= 4, "the error of the executed tool is to follow"
-    found = judge(studio)
-    agree(studio, found)
-    assert found.trajectory.duration < slow
+    assert len(errors) >= 4, "the error of the executed tool is to follow"
+    judgement = judge(studio)
+    agree(studio, judgement)
+    assert judgement.trajectory.duration < slow
     assert studio.figure("contour_error.rms") != error
 
 
@@ -117,10 +117,10 @@ def test_j6_two_variants_are_two_runs_in_one_table(studio, judge):
     studio.choose_run("optimal")
     studio.wait("#view2d", run="optimal")
     studio.rest()
-    found = judge(studio)
-    agree(studio, found)
+    judgement = judge(studio)
+    agree(studio, judgement)
     row = studio.find("#tab-runs tbody tr:has-text('lagging')")
-    rms = [x.evaluation.contour_error.rms for x in (found, lagging)]
+    rms = [x.evaluation.contour_error.rms for x in (judgement, lagging)]
     expect(row).to_contain_text(number(rms[1], "m"))
     expect(row).to_contain_text(f"+{1e3 * (rms[1] - rms[0]):.4f}")
     with studio.changing():
@@ -188,17 +188,17 @@ def test_j10_corners_and_speeds_are_changed_by_keys_alone(studio, judge):
     with studio.changing():
         for _ in range(4):
             keys.press("ArrowUp")
-    found = judge(studio)
-    agree(studio, found)
-    assert found.trajectory.duration < before
+    judgement = judge(studio)
+    agree(studio, judgement)
+    assert judgement.trajectory.duration < before
     assert "7.000 mm" in element.get_attribute("aria-valuetext")
     tab_to(studio, "speed, slider")
     slower = studio.figure("duration")
     with studio.changing():
         keys.press("PageDown")
-    found = judge(studio)
-    agree(studio, found)
-    assert found.trajectory.duration > slower
+    judgement = judge(studio)
+    agree(studio, judgement)
+    assert judgement.trajectory.duration > slower
     with studio.changing():
         keys.press("Control+z")
     assert studio.figure("duration") == slower
@@ -265,13 +265,13 @@ def test_j12_an_obstacle_is_seen_kept_away_from_and_refused(studio, judge, tmp_p
     near, far = (scale * x + side / 2 for x in (NEAR, FAR))
     with studio.changing():
         studio.drag(box, (far, 0))
-    found = judge(studio, "optimal")
-    agree(studio, found)
-    least = studio.figure("clearance.low")
-    assert least == pytest.approx(found.clearance.low, abs=EXACT)
+    judgement = judge(studio, "optimal")
+    agree(studio, judgement)
+    clearance = studio.figure("clearance.low")
+    assert clearance == pytest.approx(judgement.clearance.low, abs=EXACT)
     with studio.changing():
         studio.drag(box, (near - far, 0))
-    assert studio.figure("clearance.low") < least
+    assert studio.figure("clearance.low") < clearance
     with studio.renewing():
         studio.drag(box, (-near, 0))
     studio.wait("body", refused="true")
@@ -380,12 +380,12 @@ def test_j15_a_monkey_breaks_nothing_and_all_it_did_is_undone(studio):
 
 
 def test_j16_the_job_asks_where_it_is_placed_and_keeps_the_question(studio, tmp_path):
-    asked = "placement: {over: {x: {from: -20 mm, to: 20 mm, places: 2}}, refine: false}\n"
+    placement = "placement: {over: {x: {from: -20 mm, to: 20 mm, places: 2}}, refine: false}\n"
     file = tmp_path / "square.yaml"
     studio.tab("tasks")
     tick = studio.find("form[data-task=place] input[name=as_job]")
     expect(tick).to_have_count(0)
-    file.write_text(f"{SQUARE}{asked}")
+    file.write_text(f"{SQUARE}{placement}")
     with studio.changing():
         studio.open(file)
     expect(tick).to_be_enabled()
@@ -394,7 +394,7 @@ def test_j16_the_job_asks_where_it_is_placed_and_keeps_the_question(studio, tmp_
     expect(steps).to_be_disabled()
     place_at_last_cell(studio, 2)
     # The question goes on with the part.
-    assert asked in studio.text
+    assert placement in studio.text
     tick.uncheck()
     expect(steps).to_be_enabled()
 
@@ -427,7 +427,7 @@ def test_j17_without_webgl_only_the_arm_is_missing(pages, job, judge):
     expect(studio.find("#view3d .readout summary")).to_contain_text("tool at")
 
 
-def test_j18_what_is_typed_wrongly_is_said_and_kept(studio):
+def test_j18_invalid_input_is_reported_and_kept(studio):
     before, speed = studio.text, studio.slider("limits.speed").locator("input[type=text]")
     studio.type("limits.speed", "5 parsecs")
     message = studio.find("#panel .refused")
@@ -495,7 +495,7 @@ def refused(pages, folder, change):
         yield studio
 
 
-def test_j20_a_first_job_that_is_refused_is_seen_and_told_as_such(pages, tmp_path):
+def test_j20_a_refused_first_job_is_shown_with_its_refusal(pages, tmp_path):
     with refused(pages, tmp_path, ("- [0.350, 0.100]", "- [0.9, 0.1]")) as studio:
         # The start is over, and there was no motion before.
         expect(studio.find("#messages .work")).to_be_hidden()
@@ -509,7 +509,7 @@ def test_j20_a_first_job_that_is_refused_is_seen_and_told_as_such(pages, tmp_pat
         expect(studio.handle("waypoint", 0)).to_be_in_viewport()
 
 
-def test_j20_what_came_too_early_is_told_until_a_path_is_shown(pages, tmp_path):
+def test_j20_early_messages_are_shown_until_there_is_a_path(pages, tmp_path):
     with refused(pages, tmp_path, ("arm: pmk3s", "arm: none")) as studio:
         # Sentences do not go by themselves.
         studio.page.add_init_script(
@@ -541,9 +541,9 @@ def test_j20_handles_do_not_jump_while_the_page_begins(studio):
     )
     studio.page.reload()
     studio.rest()
-    found = re.findall(r"translate\((\S+) (\S+)\)", studio.told("body", "places"))
+    shifts = re.findall(r"translate\((\S+) (\S+)\)", studio.told("body", "places"))
     # The box of the exact plan differs from that of the first one by less than a pixel.
-    assert found and np.ptp(np.array(found, dtype=float), axis=0).max() < 1
+    assert shifts and np.ptp(np.array(shifts, dtype=float), axis=0).max() < 1
 
 
 @pytest.mark.parametrize(("wide", "colours"), [(1280, "light"), (700, "dark")])
@@ -593,7 +593,7 @@ def test_j24_what_is_pressed_before_its_region_is_loaded_is_done_once_it_is(page
         studio.find("#undo").click()
 
 
-def test_j24_regions_that_cannot_be_loaded_are_told(pages):
+def test_j24_regions_that_cannot_be_loaded_are_reported(pages):
     studio = pages()
     studio.begin()
     studio.is_cut_off = True

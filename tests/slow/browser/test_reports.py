@@ -92,8 +92,8 @@ def identified():
         u += [0.0, -1.2, 1.4, -1.0, -1.5, 0.2]
         rest = ac.Trajectory(laws=(ac.dwell_law(u[0], t[-1]),), method="rest")
         set_points = ac.SetPoints(cycle=4e-3, q=u, trajectory=rest, method="shaking")
-        done = ac.simulate(set_points, robot)
-        q = np.stack([np.interp(t, done.t, x) for x in done.q.T], axis=1)
+        execution = ac.simulate(set_points, robot)
+        q = np.stack([np.interp(t, execution.t, x) for x in execution.q.T], axis=1)
         q += 1e-5 * random.standard_normal(q.shape)
         logs.append(ac.Log(t=t, command=u, measured=q, interpolation="linear"))
     return render_identification(ac.identify(logs))
@@ -105,8 +105,8 @@ def placed():
 
 
 def certified():
-    found = ac.certify(gasket(), goal=CertificateGoal(servo_error=0.02e-3))
-    return render_report(found.study, certificate=found)
+    certificate = ac.certify(gasket(), goal=CertificateGoal(servo_error=0.02e-3))
+    return render_report(certificate.study, certificate=certificate)
 
 
 PAGES = {
@@ -212,19 +212,19 @@ def test_the_answer_is_on_the_first_screen_also_without_scripts(browser, tmp_pat
 
 @pytest.mark.parametrize("name", PAGES)
 def test_a_page_has_no_serious_fault_and_nothing_is_cut_off(browser, tmp_path, name):
-    found = []
+    page_faults = []
     for width, colours in ((1400, "light"), (900, "dark"), (500, "light")):
         with opened(browser, text_of(name), tmp_path, width, color_scheme=colours) as page:
             for state in ("closed", "opened"):
                 if state == "opened":
                     open_all(page)
                 cut = page.evaluate(CUT_OFF)
-                found += [f"{width} {state}: cut off: {x}" for x in cut]
+                page_faults += [f"{width} {state}: cut off: {x}" for x in cut]
             load_axe(page)
             # What plotly draws is the same at any width, and has ten thousand pieces.
             without = [] if width == 1400 else [".js-plotly-plot svg"]
-            found += [f"{width}: {x}" for x in faults(page, without=without)]
-    assert not found, "\n".join(found)
+            page_faults += [f"{width}: {x}" for x in faults(page, without=without)]
+    assert not page_faults, "\n".join(page_faults)
 
 
 def test_the_wheel_scrolls_the_page_over_every_figure(browser, tmp_path):

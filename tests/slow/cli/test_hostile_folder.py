@@ -59,13 +59,13 @@ def hostile(tmp_path):
 
 @pytest.mark.parametrize("name", [*COMMANDS, "program"])
 def test_nothing_is_imported_from_the_folder(hostile, name):
-    code, given = (COMMAND, COMMANDS[name]) if name in COMMANDS else (PROGRAM, (str(hostile),))
-    line = [sys.executable, "-P", "-c", code, *given]
-    own = {x: y for x, y in os.environ.items() if x != "NUMBA_CACHE_DIR"}
+    code, arguments = (COMMAND, COMMANDS[name]) if name in COMMANDS else (PROGRAM, (str(hostile),))
+    line = [sys.executable, "-P", "-c", code, *arguments]
+    environment = {x: y for x, y in os.environ.items() if x != "NUMBA_CACHE_DIR"}
     if name == "program":
         # Commands set it themselves.
-        own["NUMBA_CACHE_DIR"] = ""
-    done = subprocess.run(line, cwd=hostile, env=own, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+        environment["NUMBA_CACHE_DIR"] = ""
+    outcome = subprocess.run(line, cwd=hostile, env=environment, capture_output=True, text=True)
+    assert outcome.returncode == 0, outcome.stderr
     assert not (hostile.parent / "imported").exists()
     assert not (hostile / "compiled").exists()

@@ -84,25 +84,25 @@ def test_compiled_code_is_interrupted(name, tmp_path):
         time.sleep(0.3)
         begun = time.monotonic()
         process.send_signal(number)
-        _, said = process.communicate(timeout=20)
+        _, errors = process.communicate(timeout=20)
     assert time.monotonic() - begun < 5.0
     assert process.returncode == 128 + number
-    assert said == f"Interrupted ({name}): nothing was written to deep/out.\n"
+    assert errors == f"Interrupted ({name}): nothing was written to deep/out.\n"
     assert {x.name for x in tmp_path.iterdir()} <= {"endless.py", "__pycache__"}
 
 
 def test_an_ignored_signal_stays_ignored():
-    done = subprocess.run([sys.executable, "-c", IGNORES], capture_output=True, text=True)
-    assert done.stdout == "7\n", done.stderr
+    outcome = subprocess.run([sys.executable, "-c", IGNORES], capture_output=True, text=True)
+    assert outcome.stdout == "7\n", outcome.stderr
 
 
 def test_farewells_are_called_and_may_return_a_sentence(tmp_path):
     with started(tmp_path, signal.SIGTERM, "-c", SERVER) as process:
         assert process.stdout.readline() == "working\n"
         process.send_signal(signal.SIGTERM)
-        _, said = process.communicate(timeout=20)
+        _, errors = process.communicate(timeout=20)
     assert process.returncode == 128 + signal.SIGTERM
-    assert said == "Interrupted (SIGTERM). The draft is kept.\n"
+    assert errors == "Interrupted (SIGTERM). The draft is kept.\n"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda x: x.name)
@@ -119,9 +119,9 @@ def test_an_interrupted_run_leaves_the_earlier_result_and_nothing_else(number, t
             assert process.poll() is None
             time.sleep(0.02)
         process.send_signal(number)
-        _, said = process.communicate(timeout=60)
-    assert process.returncode == 128 + number, said
-    assert "Traceback" not in said
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 128 + number, errors
+    assert "Traceback" not in errors
     assert {x.name: x.read_text() for x in out.iterdir()} == earlier
 
 
@@ -130,9 +130,9 @@ def test_output_that_cannot_be_written_is_refused():
         pytest.skip("this system has no /dev/full")
     command = [sys.executable, "-m", "armcontour", "schema"]
     with open("/dev/full", "w") as stream:
-        done = subprocess.run(command, stdout=stream, stderr=subprocess.PIPE, text=True)
-    assert done.returncode == 1
-    assert done.stderr.startswith("Error: ") and done.stderr.count("\n") == 1
+        outcome = subprocess.run(command, stdout=stream, stderr=subprocess.PIPE, text=True)
+    assert outcome.returncode == 1
+    assert outcome.stderr.startswith("Error: ") and outcome.stderr.count("\n") == 1
 
 
 def test_a_pipe_that_ends_early_has_its_exit_code():

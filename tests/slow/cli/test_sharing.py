@@ -31,21 +31,25 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_whoever_works_the_results_are_the_same(command, tmp_path, name):
+def test_results_do_not_depend_on_the_number_of_workers(command, tmp_path, name):
     distributed = pytest.importorskip("distributed")
     job = tmp_path / "job.yaml"
     job.write_text(JOB, encoding="utf-8")
     options, file = COMMANDS[name]
-    found = []
+    tables = []
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
     ) as cluster:
-        given = [("--workers", 0), ("--workers", 2), ("--cluster", cluster.scheduler_address)]
-        for k, by in enumerate(given):
+        worker_options = [
+            ("--workers", 0),
+            ("--workers", 2),
+            ("--cluster", cluster.scheduler_address),
+        ]
+        for k, by in enumerate(worker_options):
             ended = command(name, job, "--out", tmp_path / str(k), *options, *by)
             assert ended.code == 0, ended.errors
-            found.append((tmp_path / str(k) / file).read_bytes())
-    assert found[0] and found[0] == found[1] == found[2]
+            tables.append((tmp_path / str(k) / file).read_bytes())
+    assert tables[0] and tables[0] == tables[1] == tables[2]
 
 
 def test_a_cluster_that_does_not_answer_is_refused(monkeypatch):

@@ -17,7 +17,9 @@ KNOWN = set(
     "lt gt le ge ne quad qquad ldots".split()
 )
 TEXTS = {x: CODE.sub("", x.read_text(encoding="utf-8")) for x in sorted(DOCS.rglob("*.md"))}
-FORMULAS = {x: found for x, y in TEXTS.items() if (found := [a or b for a, b in MATH.findall(y)])}
+FORMULAS = {
+    x: formulas for x, y in TEXTS.items() if (formulas := [a or b for a, b in MATH.findall(y)])
+}
 
 
 def test_dollars_are_in_pairs_and_stand_alone():
@@ -30,14 +32,14 @@ def test_dollars_are_in_pairs_and_stand_alone():
             between = MATH.split(line)[::3]
             assert not any(re.search(r"\w$", x) for x in between[:-1]), (page, line)
             assert not any(re.match(r"\w", x) for x in between[1:]), (page, line)
-        for found in re.finditer(r"\$\$", text):
-            line = text[text.rfind("\n", 0, found.start()) + 1 : text.find("\n", found.end())]
+        for match in re.finditer(r"\$\$", text):
+            line = text[text.rfind("\n", 0, match.start()) + 1 : text.find("\n", match.end())]
             assert line.strip() == "$$", (page, line)
 
 
 def test_formulas_are_what_all_readers_know_and_become_mathml():
     convert = pytest.importorskip("latex2mathml.converter").convert
-    for page, x in ((page, x) for page, found in FORMULAS.items() for x in found):
+    for page, x in ((page, x) for page, formulas in FORMULAS.items() for x in formulas):
         # Markdown would take a bar in a table, and HTML an angle bracket, for its own.
         assert x.isascii() and not set(x) & set("|<>*"), (page, x)
         assert set(COMMAND.findall(x)) <= KNOWN, (page, x)

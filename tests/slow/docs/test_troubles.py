@@ -152,7 +152,7 @@ SAID = dict(sections())
 
 
 @pytest.mark.parametrize("name", TROUBLES)
-def test_the_page_says_what_the_tool_says(name, tmp_path, monkeypatch):
+def test_the_page_quotes_the_messages_of_the_commands(name, tmp_path, monkeypatch):
     trouble = TROUBLES[name]
     monkeypatch.chdir(tmp_path)
     for file, content in (trouble.files | {"job.yaml": yaml.safe_dump(trouble.job)}).items():
@@ -169,13 +169,13 @@ def test_the_page_says_what_the_tool_says(name, tmp_path, monkeypatch):
                 taken.bind(("127.0.0.1", int(arguments[-1])))
                 taken.listen()
         _, out, errors = run_command(arguments)
-    told = " ".join((out + errors).split())
+    output = " ".join((out + errors).split())
     words = NUMBER.split(SAID[name])
-    found = re.search(f"({NUMBER.pattern})".join(map(re.escape, words)), told)
-    assert found, told
+    match = re.search(f"({NUMBER.pattern})".join(map(re.escape, words)), output)
+    assert match, output
     # Last digits may differ from machine to machine.
     expected = [float(x) for x in NUMBER.findall(SAID[name])]
-    assert [float(x) for x in found.groups()] == pytest.approx(expected, rel=0.01)
+    assert [float(x) for x in match.groups()] == pytest.approx(expected, rel=0.01)
 
 
 def test_every_sentence_on_the_page_is_provoked(capsys):

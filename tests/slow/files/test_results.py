@@ -38,19 +38,19 @@ def test_a_killed_replacement_never_looks_whole_and_loses_nothing(tmp_path, move
     write(out, ["old/set_points.csv", "report.html"])
     old = {x: (out / x).read_text() for x in contents(out)}
     command = [sys.executable, "-c", KILLED, str(out), str(moves)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    assert ("not killed" in done.stdout) == (moves == 8), done.stderr
+    outcome = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert ("not killed" in outcome.stdout) == (moves == 8), outcome.stderr
     if moves == 8:
         assert contents(out) == {"new/set_points.csv", "report.html", "summary.json"}
         return
     assert (out / "summary.json").exists() == (moves == 0)
     hidden = out / ".armcontour-next" / ".old"
-    found = {x: (p / x).read_text() for p in (out, hidden) for x in old if (p / x).exists()}
-    assert found == old
+    texts = {x: (p / x).read_text() for p in (out, hidden) for x in old if (p / x).exists()}
+    assert texts == old
     if moves:
         with pytest.raises(InvalidInput, match="was killed"):
             ResultFolder(out, force=True)
-        assert found == {
+        assert texts == {
             x: (p / x).read_text() for p in (out, hidden) for x in old if (p / x).exists()
         }
 

@@ -13,8 +13,8 @@ PAPER = (resources.files("armcontour.jobs") / "library" / "paper.yaml").read_tex
 def test_changes_of_the_papers_job_are_fast():
     data, change = load(PAPER, ""), [Change(("path", "points", 1, 0), 0.42)]
 
-    def least(work, times):
+    def shortest_time(work, times):
         return min(timeit.repeat(work, number=1, repeat=times, timer=time.process_time))
 
-    assert least(lambda: change_data(data, change), 50) < 100e-6
-    assert least(lambda: change_text(PAPER, change), 7) < 0.1
+    assert shortest_time(lambda: change_data(data, change), 50) < 100e-6
+    assert shortest_time(lambda: change_text(PAPER, change), 7) < 0.1

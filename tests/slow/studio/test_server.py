@@ -47,11 +47,11 @@ print(gc.get_freeze_count())
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other C libraries give memory back otherwise")
 def test_memory_of_executions_goes_back_and_what_is_loaded_is_no_garbage():
-    done = subprocess.run(
+    outcome = subprocess.run(
         [sys.executable, "-c", SERVING], capture_output=True, text=True, timeout=60, check=True
     )
-    told, frozen_after = done.stdout.splitlines()
-    before, most, after, frozen = map(float, told.split())
-    assert most - before > 100
+    printed, frozen_after = outcome.stdout.splitlines()
+    before, peak, after, frozen = map(float, printed.split())
+    assert peak - before > 100
     assert after - before < 40
     assert frozen > 10_000 and frozen_after == "0"

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
-from tests.studio.talking import figure
+from tests.studio.session_pages import figure
 from tests.studio.test_workers import Heard
 
 from armcontour.studio.tasks.dispatch import WARMUP_JOB
@@ -41,7 +41,7 @@ def test_a_cancelled_task_ends_at_once_and_the_next_is_done(slow, heard):
     assert process.poll() is not None
 
 
-def test_a_process_that_dies_is_said_and_replaced(slow, heard):
+def test_a_process_that_dies_is_reported_and_replaced(slow, heard):
     slow.submit("g", "sweep", LONG)
     heard.wait("g", "progress")
     next(iter(slow._pool._children)).kill()

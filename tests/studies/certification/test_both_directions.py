@@ -33,36 +33,36 @@ def job_of_own_speeds(method):
     return replace(parse_job(JOB.format(method=method, servo="2 mm")), path=path)
 
 
-def executed(found):
-    plant = ac.ServoPlant(found.job.arm, found.job.plant_servo, found.run.limits)
-    return ac.simulate(found.set_points, plant, resolution=2e-5)
+def executed(certificate):
+    plant = ac.ServoPlant(certificate.job.arm, certificate.job.plant_servo, certificate.run.limits)
+    return ac.simulate(certificate.set_points, plant, resolution=2e-5)
 
 
-def written(found):
-    return json.loads(certificate_json(found))["certificate"]["contours"][0]
+def written(certificate):
+    return json.loads(certificate_json(certificate))["certificate"]["contours"][0]
 
 
 @pytest.mark.parametrize("method", ["none", "pole_placement"])
 def test_the_tool_keeps_the_speed_of_every_segment(method):
     job = job_of_own_speeds(method)
-    found = ac.certify(job)
-    done = executed(found)
+    certificate = ac.certify(job)
+    execution = executed(certificate)
     # On a line along x the place is x; a tool that is off the path is somewhere as near as that.
-    x, off = done.tool[:, 0], np.abs(done.tool[:, 1] - 0.2)
-    around = [np.searchsorted(ENDS[1:-1], y) for y in (x - off, x + off)]
+    x, distances = execution.tool[:, 0], np.abs(execution.tool[:, 1] - 0.2)
+    around = [np.searchsorted(ENDS[1:-1], y) for y in (x - distances, x + distances)]
     assigned = np.max([np.array(SPEEDS)[i] for i in around], axis=0)
-    assert (done.tool_speed / assigned).max() <= 1.001
+    assert (execution.tool_speed / assigned).max() <= 1.001
     # Nothing is held back needlessly far.
-    assert (done.tool_speed / assigned).max() > 0.999
-    assert found.duration < 1.15 * found.uncertified.duration
-    contour = written(found)
-    assert contour["speed_ratio"] == found.contours[0].speed_ratio <= 1.001
+    assert (execution.tool_speed / assigned).max() > 0.999
+    assert certificate.duration < 1.15 * certificate.uncertified.duration
+    contour = written(certificate)
+    assert contour["speed_ratio"] == certificate.contours[0].speed_ratio <= 1.001
     # The uncertified plan was not.
     set_points = ac.compensate(
-        ac.plan(job.path, job.arm, found.run.limits), job.servo, METHODS[method](), cycle=4e-3
+        ac.plan(job.path, job.arm, certificate.run.limits), job.servo, METHODS[method](), cycle=4e-3
     )
-    fast = executed(replace(found, set_points=set_points))
-    fast = ac.evaluate(fast, job.path, limits=found.run.limits)
+    fast = executed(replace(certificate, set_points=set_points))
+    fast = ac.evaluate(fast, job.path, limits=certificate.run.limits)
     assert fast.speed_ratio > 1.05
 
 
@@ -75,12 +75,14 @@ def test_a_tool_that_is_too_fast_is_refused_by_that_name():
 
 
 def test_the_tip_of_a_turn_back_is_reached_within_the_budget():
-    found = ac.certify(parse_job(JOB.format(method="none", servo="0.05 mm")))
-    tip = np.linalg.norm(executed(found).tool - [0.33, 0.2], axis=1).min()
+    certificate = ac.certify(parse_job(JOB.format(method="none", servo="0.05 mm")))
+    tip = np.linalg.norm(executed(certificate).tool - [0.33, 0.2], axis=1).min()
     assert 0.045e-3 < tip <= 0.05e-3
-    contour = found.contours[0]
+    contour = certificate.contours[0]
     assert contour.coverage_error.max == pytest.approx(tip, rel=1e-3)
     assert contour.coverage_error.s_max == pytest.approx(0.03)
-    assert contour.error.max < contour.coverage_error.max == pytest.approx(found.budget.executed)
-    assert written(found)["coverage_error"]["max"] == contour.coverage_error.max
-    assert found.uncertified.contour_error[0] > 0.2e-3
+    assert (
+        contour.error.max < contour.coverage_error.max == pytest.approx(certificate.budget.executed)
+    )
+    assert written(certificate)["coverage_error"]["max"] == contour.coverage_error.max
+    assert certificate.uncertified.contour_error[0] > 0.2e-3

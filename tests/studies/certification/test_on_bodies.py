@@ -56,27 +56,27 @@ def runs_of(certified):
 def test_robots_that_the_search_has_not_seen_keep_the_budget(certified):
     job, budget = certified.job, 0.3e-3
     runs = runs_of(certified)
-    found = spread_on_bodies(runs, runs.unknowns.draw(4, 99))
-    assert found.within(budget) == 1.0 and not found.saturated.any()
+    sampled = spread_on_bodies(runs, runs.unknowns.draw(4, 99))
+    assert sampled.within(budget) == 1.0 and not sampled.saturated.any()
     # The nominal robot of the certificate is the same, looked at twice as often.
-    assert found.nominal_max == pytest.approx(certified.evaluation.contour_error.max, rel=0.02)
+    assert sampled.nominal_max == pytest.approx(certified.evaluation.contour_error.max, rel=0.02)
     # And the plan had to pay for the box.
     assert certified.uncertified.box > budget and certified.cost > 0
     assert not ac.check(certified.trajectory, job.arm, certified.run.limits, points=9).violated
 
 
 def test_corners_and_drawn_robots_are_stated(certified):
-    corners = certified.corners
+    corners = certified.worst.corners
     assert corners.max.max() <= 0.3e-3
-    assert len(corners) == 4 and len(certified.spread) == 3
+    assert len(corners) == 4 and len(certified.worst.spread) == 3
     assert certified.budget.executed == pytest.approx(
-        max(corners.max.max(), certified.spread.max.max()), rel=1e-9
+        max(corners.max.max(), certified.worst.spread.max.max()), rel=1e-9
     )
     data = json.loads(certificate_json(certified))["certificate"]["contours"][0]
     assert data["corners"]["max"] == corners.max.max()
     # Who reads the certificate sees the worst robots.
     page = render_report(certified.study, certificate=certified)
-    for x in (corners.max.max(), certified.spread.max.max()):
+    for x in (corners.max.max(), certified.worst.spread.max.max()):
         assert number(x, "m") in page
 
 
@@ -85,14 +85,14 @@ def test_the_executed_corners_are_the_worst_of_the_box(certified):
     runs = runs_of(certified)
     others = spread_on_bodies(runs, runs.unknowns.corners()[::5], processes=1)
     assert others.within(0.3e-3) == 1.0
-    assert others.quantile(0.5) < 0.9 * certified.corners.max.min()
+    assert others.quantile(0.5) < 0.9 * certified.worst.corners.max.min()
 
 
 def test_a_nominal_robot_alone():
     job = parse_job(JOB)
-    found = ac.certify(job, goal=replace(job.certificate, box=None, servo_error=0.1e-3))
-    assert found.corners is None and found.spread is None
-    assert found.evaluation.contour_error.max <= 0.1e-3
+    certificate = ac.certify(job, goal=replace(job.certificate, box=None, servo_error=0.1e-3))
+    assert certificate.worst.corners is None and certificate.worst.spread is None
+    assert certificate.evaluation.contour_error.max <= 0.1e-3
 
 
 def test_what_the_budget_cannot_hold_is_refused_with_its_parts():
@@ -175,37 +175,37 @@ def test_a_dwell_changes_little_but_the_time(overshooting):
 
 
 def test_an_overshoot_at_one_place_lowers_the_speed_there_only(overshooting):
-    found = overshooting
-    (contour,) = found.contours
+    certificate = overshooting
+    (contour,) = certificate.contours
     # It holds; lowering the speed everywhere took 1.7957 s.
-    assert contour.speed_ratio <= 1.001 and not found.check.violated
-    assert found.duration < 1.78
+    assert contour.speed_ratio <= 1.001 and not certificate.check.violated
+    assert certificate.duration < 1.78
     (tool,) = (x for x in contour.lowered if x.cause == "tool")
     assert tool.what == "speed" and 0.001 < tool.share < 0.1
     assert tool.s == pytest.approx(0.04, abs=5e-3) and tool.length < 0.15 * contour.path.length
-    assert found.trajectory.s(tool.t) == pytest.approx(tool.s, abs=1e-4)
+    assert certificate.trajectory.s(tool.t) == pytest.approx(tool.s, abs=1e-4)
     # Far from the corner the tool has the whole assigned velocity.
-    assert found.trajectory.speed_at([0.015, 0.065]) == pytest.approx([0.05, 0.05], rel=1e-6)
-    (lowered,) = found.lowered
+    assert certificate.trajectory.speed_at([0.015, 0.065]) == pytest.approx([0.05, 0.05], rel=1e-6)
+    (lowered,) = certificate.lowered
     assert lowered.startswith("speed by up to ") and "mm of 79.74 mm, most at s = " in lowered
     assert number(tool.s, "m") in lowered
-    data = json.loads(certificate_json(found))["certificate"]
+    data = json.loads(certificate_json(certificate))["certificate"]
     causes = {x["cause"] for x in data["contours"][0]["lowered"]}
     assert causes == {"tool"} and data["simulate_rigid_bodies"] is None
-    assert "Reduced: speed by up to " in render_report(found.study, certificate=found)
+    assert "Reduced: speed by up to " in render_report(certificate.study, certificate=certificate)
 
 
-def test_a_certificate_for_servos_says_that_it_is_not_for_bodies():
+def test_a_servo_certificate_states_that_rigid_bodies_are_not_covered():
     job = OVERSHOOT.replace(", plant: rigid_body", "").replace("inverse_dynamics", "inverse")
-    found = ac.certify(parse_job(job))
-    assert found.simulate_rigid_bodies.startswith("Valid for independent joint servos only: ")
-    page = render_report(found.study, certificate=found)
+    certificate = ac.certify(parse_job(job))
+    assert certificate.simulate_rigid_bodies.startswith("Valid for independent joint servos only: ")
+    page = render_report(certificate.study, certificate=certificate)
     assert (
-        f"{len(found.warnings)} warnings," in page
-        and found.warnings[-1] == found.simulate_rigid_bodies
+        f"{len(certificate.warnings)} warnings," in page
+        and certificate.warnings[-1] == certificate.simulate_rigid_bodies
     )
     assert "Valid for independent joint servos only" in page
     tried = ac.certify(parse_job(job + "experiment: {}\n"))
     e = tried.experiment.evaluation
-    off = max(e.contour_error.max, e.coverage_error.max) * 1e3
-    assert f"the contour error is {off:.4g} mm" in tried.simulate_rigid_bodies
+    error = max(e.contour_error.max, e.coverage_error.max) * 1e3
+    assert f"the contour error is {error:.4g} mm" in tried.simulate_rigid_bodies

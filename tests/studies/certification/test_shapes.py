@@ -40,24 +40,31 @@ def certified(job):
 
 def test_shape_and_servo_share_the_tolerance(certified):
     """Judged against the objective, in both directions, by nothing of the search."""
-    found = certified
-    arm, limits = found.job.arm, found.run.limits
-    plant = ac.ServoPlant(arm, found.job.plant_servo, limits)
-    executed = ac.simulate(found.set_points, plant, resolution=1e-4)
-    result = ac.evaluate(executed, found.path, objective=found.job.path, limits=limits)
+    certificate = certified
+    arm, limits = certificate.job.arm, certificate.run.limits
+    plant = ac.ServoPlant(arm, certificate.job.plant_servo, limits)
+    executed = ac.simulate(certificate.set_points, plant, resolution=1e-4)
+    result = ac.evaluate(executed, certificate.path, objective=certificate.job.path, limits=limits)
     assert max(result.objective_error.max, result.objective_coverage_error.max) <= TOLERANCE
-    assert result.contour_error.max <= found.budget.servo_allowed
+    assert result.contour_error.max <= certificate.budget.servo_allowed
     assert (result.demand_ratio <= 1 + 1e-6).all()
     planned = ac.check(
-        found.trajectory, arm, limits, found.job.path, deviation=TOLERANCE, coverage_error=TOLERANCE
+        certificate.trajectory,
+        arm,
+        limits,
+        certificate.job.path,
+        deviation=TOLERANCE,
+        coverage_error=TOLERANCE,
     )
     assert planned.verdict == "kept"
     # Hardly anything is left: the shape got what the servo did not need.
-    assert found.budget.rounding == found.path.path.tolerance > 0.98 * TOLERANCE
-    assert found.budget.rounding + found.budget.servo_allowed == pytest.approx(TOLERANCE)
+    assert certificate.budget.rounding == certificate.path.path.tolerance > 0.98 * TOLERANCE
+    assert certificate.budget.rounding + certificate.budget.servo_allowed == pytest.approx(
+        TOLERANCE
+    )
 
 
-def test_arcs_are_not_faster_and_that_is_said(job, certified):
+def test_a_note_reports_that_arcs_are_not_faster(job, certified):
     arcs = ac.certify(with_arcs(job), goal=ac.CertificateGoal(tolerance=TOLERANCE))
     assert arcs.shapes == {} and arcs.contours[0].shape == "arc"
     assert certified.duration <= arcs.duration
@@ -75,13 +82,13 @@ def test_arcs_are_not_faster_and_that_is_said(job, certified):
 def test_the_servo_takes_its_part_of_lines_too(job):
     run = job.runs[0]
     tight = replace(run.rounding, line_tolerance=0.1e-3, zone=10e-3)
-    found = ac.certify(
+    certificate = ac.certify(
         replace(job, runs=(replace(run, rounding=tight),)),
         goal=ac.CertificateGoal(tolerance=TOLERANCE),
     )
-    allowed = found.budget.servo_allowed
-    assert found.contours[0].shape == "free"
-    rounding = found.run.rounding
+    allowed = certificate.budget.servo_allowed
+    assert certificate.contours[0].shape == "free"
+    rounding = certificate.run.rounding
     assert rounding.tolerance + allowed == pytest.approx(TOLERANCE)
     assert rounding.line_tolerance + allowed == pytest.approx(0.1e-3)
-    assert 0 < found.evaluation.contour_error.max <= allowed < 0.1e-3
+    assert 0 < certificate.evaluation.contour_error.max <= allowed < 0.1e-3

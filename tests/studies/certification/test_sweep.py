@@ -13,14 +13,14 @@ from armcontour.files import parse_job
 JOB = CORNER_JOB.replace("[0.36, 0.20], [0.36, 0.24]", "[0.38, 0.20], [0.38, 0.26]")
 
 
-def test_a_point_is_what_certify_finds_or_says_why_not():
+def test_a_point_of_a_sweep_is_the_result_of_certify_or_its_refusal():
     job = parse_job(JOB)
-    (this,) = job.runs
+    (only_run,) = job.runs
     wide, slow = ac.sweep(job, tolerances=[4e-3], speeds=[0.05])
-    rounding = replace(this.rounding, tolerance=4e-3)
+    rounding = replace(only_run.rounding, tolerance=4e-3)
     for point, changed in (
-        (wide, replace(this, rounding=rounding)),
-        (slow, replace(this, limits=this.limits.replace(speed=0.05))),
+        (wide, replace(only_run, rounding=rounding)),
+        (slow, replace(only_run, limits=only_run.limits.replace(speed=0.05))),
     ):
         assert point.duration == ac.certify(replace(job, runs=(changed,))).duration
         assert point.refusal is None

@@ -58,16 +58,16 @@ def plan(job):
     return ac.plan(path, job.arm, run.limits, replace(run.timing, seed=job.seed))
 
 
-def durations(found, job, anchor):
+def durations(placement, job, anchor):
     """Durations of all places by brute force; infinite where there is no plan."""
-    known = []
-    for k in range(len(found.verdicts)):
-        frame = Moves(anchor=anchor).frame(found.place(k))
+    expected = []
+    for k in range(len(placement.verdicts)):
+        frame = Moves(anchor=anchor).frame(placement.place(k))
         try:
-            known.append(plan(moved(job, frame)).duration)
+            expected.append(plan(moved(job, frame)).duration)
         except ArmContourError:
-            known.append(np.inf)
-    return np.array(known)
+            expected.append(np.inf)
+    return np.array(expected)
 
 
 @pytest.fixture(scope="module")
@@ -117,22 +117,22 @@ def test_a_refined_place_is_better_and_planned_in_full(placed, square):
 
 def test_every_place_can_be_planned(square):
     over = {"z": (0.0, 0.1, 2), "tilt": (-0.2, 0.2, 2)}
-    found = ac.place(square, ac.PlaceSearch(over=over, every=True, refined=False))
-    assert found.planned == 4 and found.refined is found.best
-    known = durations(found, square, MIDDLE)
-    np.testing.assert_allclose(found.values("duration").ravel(), known, rtol=SAME)
+    placement = ac.place(square, ac.PlaceSearch(over=over, every=True, refined=False))
+    assert placement.planned == 4 and placement.refined is placement.best
+    expected = durations(placement, square, MIDDLE)
+    np.testing.assert_allclose(placement.values("duration").ravel(), expected, rtol=SAME)
     # Torques at random times leave at least that margin, and some leave little more.
-    trajectory = plan(found.placed())
+    trajectory = plan(placement.placed())
     t = np.linspace(0, trajectory.duration, 2000)
-    limits = found.run.limits.joint_torque
+    limits = placement.run.limits.joint_torque
     used = np.abs(square.arm.torque(*(trajectory(t, k) for k in range(3)))) / limits
-    assert found.best.verdict.torque_margin == pytest.approx(1 - used.max(), abs=2e-3)
+    assert placement.best.verdict.torque_margin == pytest.approx(1 - used.max(), abs=2e-3)
 
 
 def test_the_worst_corner_counts(square):
-    off = {"x": 0.02, "yaw": 0.1}
-    found = ac.place(
-        square, ac.PlaceSearch(over={"x": (0.0, 0.1, 2)}, uncertainty=off, refined=False)
+    uncertainty = {"x": 0.02, "yaw": 0.1}
+    placement = ac.place(
+        square, ac.PlaceSearch(over={"x": (0.0, 0.1, 2)}, uncertainty=uncertainty, refined=False)
     )
     plain = ac.place(square, ac.PlaceSearch(over={"x": (0.0, 0.1, 2)}, refined=False))
 
@@ -143,25 +143,25 @@ def test_the_worst_corner_counts(square):
         ]
         return max(plan(moved(square, frame)).duration for frame in frames)
 
-    known = [worst(0.0), worst(0.1)]
-    assert found.best.verdict.duration == pytest.approx(min(known), rel=SAME)
-    assert found.best.values["x"] == (0.0, 0.1)[int(np.argmin(known))]
-    assert found.best.verdict.duration > plain.best.verdict.duration
+    expected = [worst(0.0), worst(0.1)]
+    assert placement.best.verdict.duration == pytest.approx(min(expected), rel=SAME)
+    assert placement.best.values["x"] == (0.0, 0.1)[int(np.argmin(expected))]
+    assert placement.best.verdict.duration > plain.best.verdict.duration
     over = {"x": (0.0, 0.2, 2)}
-    found = ac.place(
+    placement = ac.place(
         square, ac.PlaceSearch(over=over, uncertainty={"x": 0.2}, every=True, refined=False)
     )
-    assert found.refusals == {"reach": 1} and found.best.values == {"x": 0.0}
+    assert placement.refusals == {"reach": 1} and placement.best.values == {"x": 0.0}
 
 
 def test_the_largest_manipulability_is_found(square):
-    found = ac.place(
+    placement = ac.place(
         square,
         ac.PlaceSearch(over={"x": (-0.2, 0.2, 3)}, objective="manipulability", refined=False),
     )
     values = []
     for k in range(3):
-        job = moved(square, Moves(anchor=MIDDLE).frame(found.place(k)))
+        job = moved(square, Moves(anchor=MIDDLE).frame(placement.place(k)))
         trajectory = plan(job)
         q = trajectory(np.linspace(0, trajectory.duration, 500))
         point, turned = job.arm.pose(q)
@@ -175,8 +175,8 @@ def test_the_largest_manipulability_is_found(square):
         jacobian = np.stack(columns, axis=2)
         values.append(np.linalg.svd(jacobian, compute_uv=False)[:, -1].min())
     k = int(np.argmax(values))
-    assert found.best.values == found.place(k)
-    assert found.best.verdict.singular == pytest.approx(values[k], rel=1e-3)
+    assert placement.best.values == placement.place(k)
+    assert placement.best.verdict.singular == pytest.approx(values[k], rel=1e-3)
 
 
 def with_ball(job, *obstacles):
@@ -194,41 +194,41 @@ def post(fixed_to, x):
 
 @needs_dynamics
 def test_obstacles_of_the_cell_refuse_places_and_those_of_the_part_move_with_it(square):
-    own = ac.PlaceSearch(over={"y": (-0.05, 0.0, 2)}, refined=False)
-    cell = ac.place(with_ball(square, post("base", 0.53)), replace(own, every=True))
+    search = ac.PlaceSearch(over={"y": (-0.05, 0.0, 2)}, refined=False)
+    cell = ac.place(with_ball(square, post("base", 0.53)), replace(search, every=True))
     assert [x.refusal for x in cell.verdicts] == ["clearance", ""]
     assert "post" in cell.verdicts[0].reason
     # The ball runs along y = 0: 50 mm from the post's middle, less 5 and 20 mm.
     assert cell.best.verdict.clearance == pytest.approx(0.025, abs=1.1e-3)
-    clear = replace(own, objective="clearance")
+    clear = replace(search, objective="clearance")
     part = ac.place(with_ball(square, post("part", 0.53)), clear)
     np.testing.assert_allclose(part.values("clearance"), 0.025, atol=1.1e-3)
     # A base that moves leaves both behind.
-    moved_base = replace(own, what="base", every=True)
+    moved_base = replace(search, what="base", every=True)
     base = ac.place(with_ball(square, post("base", 0.53)), moved_base)
     np.testing.assert_allclose(base.values("clearance"), 0.025, atol=1.1e-3)
 
 
 def test_a_base_that_moves_sees_the_part_move_back(square):
     one = {"x": (0.1, 0.1, 1), "yaw": (0.3, 0.3, 1)}
-    found = ac.place(square, ac.PlaceSearch(over=one, what="base", refined=False))
+    placement = ac.place(square, ac.PlaceSearch(over=one, what="base", refined=False))
     frame = Moves(anchor=np.zeros(3)).frame({"x": 0.1, "yaw": 0.3})
     expected = plan(moved(square, frame.inverse)).duration
-    assert found.best.verdict.duration == pytest.approx(expected, rel=SAME)
-    assert plan(found.placed()).duration == found.best.verdict.duration
+    assert placement.best.verdict.duration == pytest.approx(expected, rel=SAME)
+    assert plan(placement.placed()).duration == placement.best.verdict.duration
 
 
 def test_an_arm_in_the_plane_is_placed_too(plane):
     over = {"x": (-0.04, 0.04, 3), "yaw": (-0.5, 0.5, 2)}
-    found = ac.place(plane, ac.PlaceSearch(over=over, refined=False))
-    known = durations(found, plane, np.array([0.33, 0.22, 0.0]))
-    assert found.best.values == found.place(int(np.argmin(known)))
-    assert found.best.verdict.duration == pytest.approx(known.min(), rel=SAME)
-    assert plan(found.placed()).duration == pytest.approx(known.min(), rel=SAME)
+    placement = ac.place(plane, ac.PlaceSearch(over=over, refined=False))
+    expected = durations(placement, plane, np.array([0.33, 0.22, 0.0]))
+    assert placement.best.values == placement.place(int(np.argmin(expected)))
+    assert placement.best.verdict.duration == pytest.approx(expected.min(), rel=SAME)
+    assert plan(placement.placed()).duration == pytest.approx(expected.min(), rel=SAME)
 
 
 @needs_dynamics
-def test_no_feasible_place_says_how_far_out_of_reach_it_is(square):
+def test_without_a_feasible_place_the_distance_out_of_reach_is_reported(square):
     with pytest.raises(Unreachable, match=r"None of 4 places is feasible \(4 by reach\)") as caught:
         ac.place(square, ac.PlaceSearch(over={"x": (1.0, 2.0, 4)}))
     # The corner of the path that is the farthest from the base.
@@ -263,31 +263,34 @@ def test_wrong_wishes_are_refused(square):
 
 
 def test_the_job_holds_the_question():
-    asked = (
+    question = (
         "placement: {over: {x: {from: 0 mm, to: 20 mm, places: 2}}, refine: false, about: origin}\n"
     )
-    own = ac.place(parse_job(CORNER + asked))
-    given = ac.place(
+    from_job = ac.place(parse_job(CORNER + question))
+    from_options = ac.place(
         parse_job(CORNER), ac.PlaceSearch(over={"x": (0.0, 0.02, 2)}, refined=False, about="origin")
     )
     # Figures that are not computed are NaN, which equals nothing.
-    assert repr(own.verdicts) == repr(given.verdicts) and own.refined.values == given.refined.values
-    assert own.moves.anchor.tolist() == [0, 0, 0] == given.moves.anchor.tolist()
+    assert (
+        repr(from_job.verdicts) == repr(from_options.verdicts)
+        and from_job.refined.values == from_options.refined.values
+    )
+    assert from_job.moves.anchor.tolist() == [0, 0, 0] == from_options.moves.anchor.tolist()
     search = ac.PlaceSearch(over={"yaw": (0.0, 0.1, 2)}, about=(0.3, 0.2, 0.0))
-    other = ac.place(parse_job(CORNER + asked), search)
+    other = ac.place(parse_job(CORNER + question), search)
     assert [x.name for x in other.axes] == ["yaw"]
     assert other.moves.anchor.tolist() == [0.3, 0.2, 0.0]
 
 
-def test_a_best_place_at_the_end_of_a_range_is_said(square):
+def test_a_note_reports_a_best_place_at_the_end_of_a_range(square):
     wide = ac.place(square, ac.PlaceSearch(over={"x": (-0.2, 0.2, 3)}, refined=False))
     inside = wide.refined.values["x"] == 0.0
     assert inside == (not any("at the end of the range of x" in x for x in wide.notes))
     # A range that lies beside its best place ends there.
     best = wide.refined.values["x"]
     for first, last in ((best + 0.02, best + 0.06), (best - 0.06, best - 0.02)):
-        found = ac.place(square, ac.PlaceSearch(over={"x": (first, last, 2)}, refined=False))
-        (note,) = (x for x in found.notes if "range" in x)
+        placement = ac.place(square, ac.PlaceSearch(over={"x": (first, last, 2)}, refined=False))
+        (note,) = (x for x in placement.notes if "range" in x)
         assert note.startswith("The best place is at the end of the range of x: a wider range")
 
 
@@ -337,11 +340,11 @@ class Untidy(Executor):
                 future.set_result(fn(*args))
 
 
-def untidily(seed, call, **given):
+def untidily(seed, call, **options):
     """The result of a call with an executor that answers in any order, and its pieces of work."""
     executor = Untidy(seed)
     with patch.object(pool, "wait_for", executor.wait):
-        return call(executor=executor, **given), executor.count
+        return call(executor=executor, **options), executor.count
 
 
 FEW = {"x": (-0.1, 0.1, 3)}
@@ -364,8 +367,8 @@ class Known:
             for x in places
         ]
 
-    def least_score(self, seen):
-        return seen.duration
+    def least_score(self, verdict):
+        return verdict.duration
 
     def evaluate(self, place, cutoff):
         k = int(place["x"])
@@ -386,18 +389,20 @@ places = st.lists(
 
 @example([(1, 0.5), (1, -2)], False, 0)
 @given(places, st.booleans(), st.integers(0, 99))
-def test_the_order_of_answers_changes_nothing(given, every, seed):
-    judge = Known(tuple(float(b) for b, _ in given), tuple(float(b + more) for b, more in given))
-    grid = [{"x": float(k)} for k in range(len(given))]
+def test_the_order_of_answers_changes_nothing(candidates, every, seed):
+    judge = Known(
+        tuple(float(b) for b, _ in candidates), tuple(float(b + more) for b, more in candidates)
+    )
+    grid = [{"x": float(k)} for k in range(len(candidates))]
     tell = []
     alone = search_grid(
         judge, grid, every=every, processes=1, progress=lambda x: tell.append(x.done)
     )
     shuffled = partial(search_grid, judge, grid, every=every, progress=lambda x: None)
-    found, _ = untidily(seed, shuffled)
+    shuffled_result, _ = untidily(seed, shuffled)
     # As text, as what is unknown is not a number.
-    assert str(found) == str(alone)
-    if all(more >= 0.5 for _, more in given):
+    assert str(shuffled_result) == str(alone)
+    if all(more >= 0.5 for _, more in candidates):
         # With bounds that hold the best is that of all.
         best = best_of(alone, "duration")
         finite = [x for x in judge.durations if np.isfinite(x)]
@@ -418,9 +423,9 @@ def test_the_order_of_answers_changes_nothing(given, every, seed):
 def test_the_table_is_the_same_byte_for_byte(square, more):
     search = ac.PlaceSearch(refined=False, **more)
     alone = ac.place(square, search, processes=1)
-    found, count = untidily(3, partial(ac.place, square, search))
-    assert placement_csv(found) == placement_csv(alone) and count > 1
-    assert found.best.values == alone.best.values and str(found) == str(alone)
+    placement, count = untidily(3, partial(ac.place, square, search))
+    assert placement_csv(placement) == placement_csv(alone) and count > 1
+    assert placement.best.values == alone.best.values and str(placement) == str(alone)
 
 
 class Losing(InProcess):

@@ -37,8 +37,8 @@ def test_a_way_around_a_wall_is_found_and_clear():
     # At many places, the ball is where the bounds say that it may be.
     q = path(np.linspace(0.0, path.breaks[-1], 500))
     middle = ARM.with_tool(Frame()).tool_position((A + B) / 2)
-    off = np.abs(ARM.with_tool(Frame()).tool_position(q) - middle) - [0.15, 0.025, 0.25]
-    assert (np.linalg.norm(np.maximum(off, 0.0), axis=1) >= 0.035 - 1e-9).all()
+    outside = np.abs(ARM.with_tool(Frame()).tool_position(q) - middle) - [0.15, 0.025, 0.25]
+    assert (np.linalg.norm(np.maximum(outside, 0.0), axis=1) >= 0.035 - 1e-9).all()
     again = connect(cell, A, B, RANGES)
     assert np.array_equal(again.coefficients, path.coefficients)
 

@@ -50,12 +50,12 @@ B = np.array([0.9, -1.0, 1.2, -1.5, -1.3, 0.5])
 def test_the_least_distance_is_bracketed():
     motion = sweep_of(A, B, 1.0)
     scene = Scene(obstacles=(ball("wall", 0.05, [0.3, 0.5, 0.4]),))
-    found = check_clearance(motion, BALL, scene, resolution=1e-4)
-    (pair,) = found.pairs
+    clearance = check_clearance(motion, BALL, scene, resolution=1e-4)
+    (pair,) = clearance.pairs
     centres = tip(motion(np.linspace(0, 1, 20_001)))
     true = np.linalg.norm(centres - [0.3, 0.5, 0.4], axis=1).min() - 0.08
     assert pair.low <= true <= pair.high <= pair.low + 1.1e-4
-    assert found.satisfied and found.evaluations < 200
+    assert clearance.satisfied and clearance.evaluations < 200
 
 
 def test_a_thin_plate_between_two_samples_is_found():
@@ -63,26 +63,26 @@ def test_a_thin_plate_between_two_samples_is_found():
     motion = sweep_of(A, A + [1.0, 0, 0, 0, 0, 0], 0.05)
     t = np.arange(0, 0.0501, 0.004)
     centres = tip(motion(t))
-    here = (centres[5] + centres[6]) / 2
+    center = (centres[5] + centres[6]) / 2
     along = (centres[6] - centres[5]) / np.linalg.norm(centres[6] - centres[5])
     x = np.cross(along, [0, 0, 1.0])
     x /= np.linalg.norm(x)
-    place = Frame(position=here, rotation=np.column_stack([x, np.cross(along, x), along]))
+    place = Frame(position=center, rotation=np.column_stack([x, np.cross(along, x), along]))
     plate = Obstacle(name="plate", shape=cell.Box(size=[0.5, 0.5, 0.001]), place=place)
     small = LinkShape(name="end", link=6, shape=Sphere(radius=0.001))
     arm = UR5E.with_shapes(ArmShapes(shapes=(small,)))
     scene = Scene(obstacles=(plate,), margins=Margins(environment=0.0))
-    found = check_clearance(motion, arm, scene)
+    clearance = check_clearance(motion, arm, scene)
     # Samples of 4 ms miss the plate.
-    distances = np.abs((centres - here) @ along) - 0.0005 - 0.001
+    distances = np.abs((centres - center) @ along) - 0.0005 - 0.001
     assert (distances > 0.003).all()
-    assert not found.satisfied
-    (pair,) = found.too_near
+    assert not clearance.satisfied
+    (pair,) = clearance.too_near
     assert pair.first_time is not None and t[5] < pair.first_time < t[6]
     reached = tip(motion(np.array([pair.first_time])), arm)[0]
-    assert abs((reached - here) @ along) - 0.0015 == pytest.approx(0.0, abs=2e-5)
+    assert abs((reached - center) @ along) - 0.0015 == pytest.approx(0.0, abs=2e-5)
     with pytest.raises(Collision, match="end and plate touch, first at t = ") as caught:
-        found.refuse()
+        clearance.refuse()
     assert caught.value.t == pair.first_time and caught.value.limit == "clearance"
 
 
@@ -110,38 +110,38 @@ def test_random_motions_keep_their_bounds_at_random_times():
     for _ in range(10):
         a = rng.uniform(-2, 2, 6)
         motion = sweep_of(a, a + rng.normal(size=6) * 0.7, 1.0)
-        found = check_clearance(motion, arm, scene, resolution=2e-3)
+        clearance = check_clearance(motion, arm, scene, resolution=2e-3)
         # One state at a time, at rest: the bracket is then the distance itself.
         for t in rng.uniform(0, 1, 10):
             q = motion(np.array([t]))[0]
             still = check_clearance(sweep_of(q, q, 1.0), arm, scene)
-            here = {(x.first, x.second): x.high for x in still.pairs}
-            for x in found.pairs:
-                assert here[x.first, x.second] >= x.low - 1e-9
+            distances_at_rest = {(x.first, x.second): x.high for x in still.pairs}
+            for x in clearance.pairs:
+                assert distances_at_rest[x.first, x.second] >= x.low - 1e-9
 
 
-def test_the_nearest_pair_of_every_kind_is_told():
+def test_the_nearest_pair_of_every_kind_is_reported():
     tip = LinkShape(name="tip", link=6, shape=Sphere(radius=0.01), tool=True)
     upper = LinkShape(name="upper arm", link=2, shape=Sphere(radius=0.05))
     end = LinkShape(name="end", link=5, shape=Sphere(radius=0.05))
     arm = UR5E.with_shapes(ArmShapes(shapes=(upper, end, tip)))
     balls = ball("near", 0.1, [0, 3, 0]), ball("far", 0.1, [9, 3, 0])
-    found = check_clearance(sweep_of(A, A, 1.0), arm, Scene(obstacles=balls))
-    assert {x.kind: x.high for x in found.nearest} == {
-        kind: min(x.high for x in found.pairs if x.kind == kind)
+    clearance = check_clearance(sweep_of(A, A, 1.0), arm, Scene(obstacles=balls))
+    assert {x.kind: x.high for x in clearance.nearest} == {
+        kind: min(x.high for x in clearance.pairs if x.kind == kind)
         for kind in ("environment", "own", "tool")
     }
-    assert found.nearest[0] is found.least
-    words = found.sentence
-    for x in found.nearest[1:]:
+    assert clearance.nearest[0] is clearance.least
+    words = clearance.sentence
+    for x in clearance.nearest[1:]:
         assert f"{x.second} and {x.first} {x.high * 1e3:.4g} mm" in words
     assert "far" not in words
 
 
 def test_links_without_a_shape_touches_at_rest_and_moving_parts():
-    left = check_clearance(sweep_of(A, A, 1.0), BALL).left_out
-    assert [x.first for x in left] == [f"the link after {x}" for x in UR5E.joint_names[:-1]]
-    assert {(x.second, x.reason) for x in left} == {("everything", "no shape of it is known")}
+    ignored = check_clearance(sweep_of(A, A, 1.0), BALL).left_out
+    assert [x.first for x in ignored] == [f"the link after {x}" for x in UR5E.joint_names[:-1]]
+    assert {(x.second, x.reason) for x in ignored} == {("everything", "no shape of it is known")}
     scene = Scene(obstacles=(ball("ball", 0.05, tip(A)),))
     (pair,) = check_clearance(sweep_of(A, A, 1.0), BALL, scene).too_near
     assert pair.first_time == 0.0
@@ -161,12 +161,12 @@ def test_pairs_are_left_out_with_reasons():
     apart = cell.LeftOut(first="base", second="two", reason="given by cell.srdf: Never")
     arm = UR5E.with_shapes(ArmShapes(shapes=shapes, left_out=(apart,)))
     table = Obstacle(name="table", shape=cell.HalfSpace(), place=Frame(position=[0, 0, -1]))
-    found = check_clearance(sweep_of(A, A, 1.0), arm, Scene(obstacles=(table,)))
-    reasons = {(x.first, x.second): x.reason for x in found.left_out}
+    clearance = check_clearance(sweep_of(A, A, 1.0), arm, Scene(obstacles=(table,)))
+    reasons = {(x.first, x.second): x.reason for x in clearance.left_out}
     assert reasons[("base", "one")] == "neighbours"
     assert reasons[("base", "two")] == "given by cell.srdf: Never"
     assert reasons[("table", "base")] == "both are fixed"
-    assert {(x.first, x.second) for x in found.pairs if x.kind == "own"} == {
+    assert {(x.first, x.second) for x in clearance.pairs if x.kind == "own"} == {
         ("base", "three"),
         ("one", "three"),
     }
@@ -196,11 +196,11 @@ def test_a_body_decides_where_its_hull_comes_too_near():
     place = Frame(position=tip(A))
     full = Obstacle(name="frame", shape=Mesh(points=points, triangles=triangles), place=place)
     hull = Obstacle(name="hull", shape=Mesh(points=points), place=place)
-    found, near = (
+    full_clearance, near = (
         check_clearance(sweep_of(A, A, 1.0), BALL, Scene(obstacles=(x,))) for x in (full, hull)
     )
-    assert found.satisfied and not near.satisfied
-    assert found.pairs[0].high == pytest.approx(0.19 - 0.03, abs=1e-6)
+    assert full_clearance.satisfied and not near.satisfied
+    assert full_clearance.pairs[0].high == pytest.approx(0.19 - 0.03, abs=1e-6)
 
 
 def test_distances_are_those_between_the_links_frames():
@@ -210,12 +210,12 @@ def test_distances_are_those_between_the_links_frames():
         name="block", shape=Box(size=(0.1, 0.2, 0.3)), place=ac.Frame(position=(0.6, 0.5, 0.2))
     )
     pairs, _ = pairs_of(arm, Scene(obstacles=(block,)))
-    found = Distances(arm.chain, pairs)
+    distances = Distances(arm.chain, pairs)
     rng = np.random.default_rng(6)
     for q in rng.uniform(-2, 2, (5, 6)):
         every = np.arange(len(pairs))
-        near = found.measure(q[None], np.zeros(len(pairs), dtype=np.intp), every)
-        points = found.points(np.tile(q, (len(pairs), 1)))
+        near = distances.measure(q[None], np.zeros(len(pairs), dtype=np.intp), every)
+        points = distances.points(np.tile(q, (len(pairs), 1)))
         apart = near > 1e-3
         assert apart.sum() > 12
         np.testing.assert_allclose(
@@ -238,14 +238,14 @@ def test_links_below_the_base_are_named_with_their_depth():
     t = np.linspace(0, 1, 20_001)
     height = tip(motion(t))[:, 2] - 0.03
     assert height[0] > 0.1 and height.min() < -0.2
-    found = check_clearance(motion, BALL, resolution=1e-4)
-    (below,) = found.below
-    assert (below.second, found.satisfied) == ("end", True)
+    clearance = check_clearance(motion, BALL, resolution=1e-4)
+    (below,) = clearance.below
+    assert (below.second, clearance.satisfied) == ("end", True)
     assert below.high == pytest.approx(height.min(), abs=1e-4)
     assert below.t == pytest.approx(t[height.argmin()], abs=0.05)
     # The margin of 1 mm is passed at the first time.
     assert below.first_time == pytest.approx(t[np.argmax(height < -1e-3)], abs=1e-3)
-    assert "end goes" in found.below_base and found.later(2.0).below[0].t == below.t + 2.0
+    assert "end goes" in clearance.below_base and clearance.later(2.0).below[0].t == below.t + 2.0
     above = check_clearance(sweep_of(A, A + [1.0, 0, 0, 0, 0, 0], 1.0), BALL)
     assert above.below == () and above.below_base is None
 
@@ -254,11 +254,11 @@ def test_links_below_the_base_are_named_with_their_depth():
 def test_a_floor_with_a_height_is_an_obstacle(height):
     motion = sweep_of(A, A + [0, 1.1, 0, 0, 0, 0], 1.0)
     lowest = tip(motion(np.linspace(0, 1, 20_001)))[:, 2].min() - 0.03
-    found = check_clearance(motion, BALL, Scene(floor=height))
-    (pair,) = found.pairs
-    assert (pair.first, pair.second, found.below) == ("floor", "end", ())
+    clearance = check_clearance(motion, BALL, Scene(floor=height))
+    (pair,) = clearance.pairs
+    assert (pair.first, pair.second, clearance.below) == ("floor", "end", ())
     assert pair.high == pytest.approx(lowest - height, abs=1.1e-3)
-    assert found.satisfied == (lowest - height > pair.margin)
+    assert clearance.satisfied == (lowest - height > pair.margin)
 
 
 def test_only_a_scene_without_a_floor_has_the_plane_of_the_base():

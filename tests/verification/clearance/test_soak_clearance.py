@@ -27,11 +27,11 @@ def test_what_is_certified_clear_touches_nothing():
 def test_the_judge_sees_touches_and_has_the_same_kinematics():
     # The elbow folded back to its end: the wrist is in the upper arm.
     arm = ac.load_arm("ur5e")
-    found = judge.Judge(arm.chain, pairs_of(arm, Scene())[0])
-    assert found.touches(np.array([[0, -1.5, 3.1, 0.3, 0, 0]])) > 0
-    assert found.touches(np.array([[0, -1.5, 1.5, -1.5, -1.5, 0]])) == 0
+    checker = judge.Judge(arm.chain, pairs_of(arm, Scene())[0])
+    assert checker.touches(np.array([[0, -1.5, 3.1, 0.3, 0, 0]])) > 0
+    assert checker.touches(np.array([[0, -1.5, 1.5, -1.5, -1.5, 0]])) == 0
     q = np.random.default_rng(1).uniform(-3, 3, 6)
-    mine = np.array(found.poses(q[None]))[:, 0, :3]
+    mine = np.array(checker.poses(q[None]))[:, 0, :3]
     np.testing.assert_allclose(mine, link_poses(arm.chain, q[None])[0], atol=1e-12)
 
 

@@ -77,7 +77,8 @@ class JointIdentification(JointEstimates):
     def to_data(self) -> Data:
         """The errors on parts that were not fitted, and the estimates."""
         weak = "weak" if self.written and self.note else ""
-        words = (weak, "effective" * self.effective, "" if self.written else self._replacement)
+        delay = "delay only" if not self.written and self.servo.dead_time else ""
+        words = (weak, "effective" * self.effective, delay)
         notes = (self.growth, self.saturation, self.note)
         return Data(
             f"Servo of {self.name}",
@@ -95,11 +96,6 @@ class JointIdentification(JointEstimates):
             (self.table("parameters"),),
             notes=tuple(filter(None, notes)),
         )
-
-    @property
-    def _replacement(self) -> str:
-        """Label of the values that are written for a joint without a model."""
-        return "delay only" if self.servo.dead_time else ""
 
     @property
     def growth(self) -> str:

@@ -288,7 +288,10 @@ def _next_lesson(
     is_setback = now > before + SURE * estimate.resolution and not done
     setbacks += is_setback
     step = HALF**setbacks * (estimate.step if earlier else 1.0)
-    applied = _limits_to_keep(result, limits)
+    applied = result.trajectory.limits_for(result.command_limits if limits is None else limits)
+    if limits is None and describe_excess(result):
+        # The limits of the plan count only if its set-points satisfy them.
+        applied = applied.of_tool
     check_commands(replace(result, q=best.q), applied)
     first = _accelerations(runs[0].q, result.cycle)
     fastest = ROUGHER * np.maximum(first, RESTING * first.max())
@@ -322,12 +325,6 @@ def _next_lesson(
         predicted=estimate.expected if finished else min(predicted, estimate.expected),
         noise=estimate.noise, best=estimate.best, repeats=estimate.repeats,
     )  # fmt: skip
-
-
-def _limits_to_keep(result: LearningResult, limits: Limits | None) -> Limits:
-    """Limits of learned set-points: those of the plan only if its set-points satisfy them."""
-    selected = result.trajectory.limits_for(result.command_limits if limits is None else limits)
-    return selected.of_tool if limits is None and describe_excess(result) else selected
 
 
 def _reason_to_finish(estimate: ErrorEstimate, setbacks: int, is_setback: bool) -> str:

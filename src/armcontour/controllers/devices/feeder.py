@@ -20,13 +20,15 @@ Lines to a feeder, with the cycle k of a motion counted from 0:
 
 Lines from a feeder: `R q1 q2 ...` connected, at these commanded positions; `s number k command
 measured` a sample of the controller's clock, k is -1 between motions; `X k` a stop from cycle k on;
-`D` the motion has ended; `W` no sign of life, so the next stop is taken; `F message` the controller
-failed. A cycle that a sample repeats had no row in time.
+`D` the motion has ended; `W` no sign of life, so the next stop is taken; `V` the sender or a
+process of the feeder is gone, so the next stop is taken; `F message` the controller failed. A cycle
+that a sample repeats had no row in time.
 """
 
 from __future__ import annotations
 
 import gc
+import mmap
 import os
 import select
 import signal
@@ -38,10 +40,14 @@ from typing import Protocol
 
 # Longest time without a line from the sender before the next stop is taken [s].
 SILENCE = 0.5
+# Longest pause of a guarded feeder before its guard takes its place [s].
+HALT = 0.15
+# Stops that a guard keeps.
+KEPT = 8
 # Pause of the loop between two looks at the controller [s].
 PAUSE = 1e-3
 BLOCK = 1 << 20
-# Largest number of lines that are obeyed between two cycles of a motion: about 0.2 ms.
+# Largest number of lines that are obeyed in a loop of a motion: about 0.2 ms.
 LINES = 60
 Row = tuple[float, ...]
 # Number by the controller's clock, cycle of the motion, command and measured positions.
@@ -77,10 +83,55 @@ class Device(Protocol):
         """End a motion."""
 
     def wait(self) -> None:
-        """Wait until there may be room or samples: a cycle of the controller at most, about."""
+        """Wait until there may be room or samples, one cycle of the controller at most."""
 
     def close(self) -> None:
         """Disconnect."""
+
+
+class GuardedDevice(Device, Protocol):
+    """A controller that holds rows, so that another process can go on where one has ended."""
+
+    def take_over(self) -> int:
+        """Connect to the moving controller; number of rows of the motion that it has got."""
+
+
+class Output(Protocol):
+    """What gets lines; its buffer is unlimited."""
+
+    def write(self, text: str, /) -> object:
+        """Keep a text."""
+
+    def flush(self) -> object:
+        """Send as much as is taken now."""
+
+    def close(self) -> object:
+        """Send all."""
+
+
+class Pipe:
+    """A pipe to the sender. A sender that does not read does not halt a motion."""
+
+    def __init__(self, descriptor: int) -> None:
+        self.descriptor, self.unsent = descriptor, bytearray()
+        os.set_blocking(descriptor, False)
+
+    def write(self, text: str, /) -> None:
+        """Keep a text."""
+        self.unsent += text.encode()
+
+    def flush(self) -> None:
+        """Send as much as the pipe takes."""
+        try:
+            while self.unsent:
+                del self.unsent[: os.write(self.descriptor, self.unsent)]
+        except BlockingIOError:
+            pass
+
+    def close(self) -> None:
+        """Send all."""
+        os.set_blocking(self.descriptor, True)
+        self.flush()
 
 
 class Feeder:
@@ -89,44 +140,50 @@ class Feeder:
     Args:
         device: The controller.
         record: File that gets every sample, which remains if the sender is gone.
+        out: What gets the lines.
+        state: Memory shared with a guard: number of loops, whether a motion is played, and number
+            of rows sent.
     """
 
-    def __init__(self, device: Device, record: str) -> None:
-        self.device, self.record = device, open(record, "w")
-        # Libraries may print to stdout, which is the channel to the sender. A sender that does not
-        # read must not halt a motion.
-        self.out, self.unsent = os.dup(1), bytearray()
-        os.set_blocking(self.out, False)
-        os.dup2(2, 1)
-        self.lines: deque[bytes] = deque()
+    def __init__(
+        self, device: Device, record: str, out: Output, state: memoryview | None = None
+    ) -> None:
+        self.device, self.record, self.out = device, open(record, "a"), out
+        self.state = memoryview(bytearray(24)).cast("q") if state is None else state
         self.rows: list[Row] = []
         self.stops: dict[int, list[Row]] = {}
         self.block: list[Row] = []
         self.block_start: int | None = None
         self.rest = b""
+        self.lines: deque[bytes] = deque()
         self.sent = 0
         self.playing = self.stop_wanted = self.orphaned = self.quitting = False
         self.heard = time.monotonic()
 
     def say(self, *words: object) -> None:
         """Print a line; nothing if no process reads."""
-        if not self.orphaned:
-            self.unsent += (" ".join(map(str, words)) + "\n").encode()
+        try:
+            self.out.write(" ".join(map(str, words)) + "\n")
+        except BrokenPipeError:
+            self.lose_reader()
 
     def flush(self) -> None:
-        """Send as much of the printed lines as the sender takes."""
+        """Send printed lines."""
         try:
-            while self.unsent:
-                del self.unsent[: os.write(self.out, self.unsent)]
-        except BlockingIOError:
-            pass
+            self.out.flush()
         except BrokenPipeError:
-            self.lose_sender()
+            self.lose_reader()
+
+    def lose_reader(self) -> None:
+        """Print to nowhere, and go on alone."""
+        self.out = open(os.devnull, "w")
+        self.lose_sender()
 
     def lose_sender(self) -> None:
         """Go on alone: take the next stop, then quit."""
-        self.orphaned = self.stop_wanted = True
-        self.unsent.clear()
+        if not self.quitting:
+            self.say("V")
+        self.orphaned = self.stop_wanted = self.quitting = True
 
     def run(self) -> None:
         """Connect and obey until the end."""
@@ -136,39 +193,65 @@ class Feeder:
         try:
             self.say("R", *self.device.connect())
             self.flush()
-            while not self.quitting or self.playing:
-                self.read()
-                self.feed()
-                self.report()
-                self.flush()
-                self.device.wait()
+            self.loop()
         except DeviceError as error:
             self.say("F", str(error).replace("\n", " | "))
         finally:
-            self.device.close()
-            self.record.close()
-            os.set_blocking(self.out, True)
+            self.state[1] = 0
+            self.end()
+
+    def end(self) -> None:
+        """Disconnect, and send what is left."""
+        self.flush()
+        self.record.close()
+        self.device.close()
+        try:
+            self.out.close()
+        except BrokenPipeError:
+            pass
+
+    def loop(self) -> None:
+        """Obey and feed until the end."""
+        while not self.quitting or self.playing:
+            self.read()
+            self.feed()
+            self.report()
             self.flush()
+            self.state[0], self.state[1] = self.state[0] + 1, int(self.playing)
+            self.device.wait()
 
     def read(self) -> None:
         """Obey the lines that have arrived."""
-        while not self.orphaned and select.select([0], [], [], 0)[0]:
+        if not self.orphaned and select.select([0], [], [], 0)[0]:
             data = os.read(0, BLOCK)
-            if not data:
+            if data:
+                self.take(data)
+            else:
                 self.lose_sender()
-                break
-            self.heard = time.monotonic()
-            *lines, self.rest = (self.rest + data).split(b"\n")
-            self.lines.extend(filter(None, lines))
+        else:
+            self.obey_lines()
+        if (
+            not self.orphaned
+            and self.playing
+            and not self.stop_wanted
+            and time.monotonic() - self.heard > SILENCE
+        ):
+            self.say("W")
+            self.stop_wanted = True
+
+    def take(self, data: bytes) -> None:
+        """Receive data, and obey its lines."""
+        self.heard = time.monotonic()
+        *lines, self.rest = (self.rest + data).split(b"\n")
+        self.lines.extend(filter(None, lines))
+        self.obey_lines()
+
+    def obey_lines(self) -> None:
+        """Obey the lines that have arrived; during a motion a few of them."""
         obeyed = 0
         while self.lines and not (self.playing and obeyed >= LINES):
             self.obey(self.lines.popleft().decode().split())
             obeyed += 1
-        if self.orphaned:
-            self.quitting = True
-        elif self.playing and not self.stop_wanted and time.monotonic() - self.heard > SILENCE:
-            self.say("W")
-            self.stop_wanted = True
 
     def obey(self, words: list[str]) -> None:
         """Obey one line."""
@@ -202,9 +285,10 @@ class Feeder:
         for _ in range(min(self.device.room(), len(self.rows) - self.sent)):
             self.device.write(self.sent, self.rows[self.sent])
             self.sent += 1
+            self.state[2] = self.sent
         if self.sent == len(self.rows) and self.device.is_done():
-            self.device.finish()
             self.report()
+            self.device.finish()
             self.playing = False
             self.say("D")
 
@@ -216,8 +300,113 @@ class Feeder:
             self.say("s", line)
 
 
+class Guard(Feeder):
+    """Passes lines on to a feeder, its child process, and stops in its place if it ends or halts.
+
+    If the guard ends, the feeder stops, since it then has no sender.
+    """
+
+    device: GuardedDevice
+
+    def __init__(
+        self,
+        device: GuardedDevice,
+        record: str,
+        out: Output,
+        state: memoryview,
+        child: int,
+        pipe: int,
+    ) -> None:
+        super().__init__(device, record, out, state)
+        self.child, self.pipe = child, pipe
+        self.waiting = b""
+
+    def obey(self, words: list[str]) -> None:
+        """Keep rows and the latest stops, which the feeder has, too."""
+        if words[0] in "PMTE":
+            super().obey(words)
+        while len(self.stops) > KEPT:
+            del self.stops[min(self.stops)]
+
+    def run(self) -> None:
+        """Pass lines on until the feeder ends."""
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGPIPE, signal.SIG_IGN)
+        os.set_blocking(self.pipe, False)
+        loops, moved = -1, 0.0
+        while True:
+            if select.select([] if self.orphaned else [0], [], [], PAUSE)[0]:
+                data = os.read(0, BLOCK)
+                self.orphaned = not data
+                self.take(data)
+                self.waiting += data
+            self.pass_on()
+            if loops != self.state[0] or not self.state[1]:
+                loops, moved = self.state[0], time.monotonic()
+            ended, status = os.waitpid(self.child, os.WNOHANG)
+            if not ended and time.monotonic() - moved > HALT:
+                os.kill(self.child, signal.SIGKILL)
+                ended, status = os.waitpid(self.child, 0)
+            if ended:
+                break
+        if os.WIFSIGNALED(status):
+            self.stop()
+        sys.exit(os.waitstatus_to_exitcode(status))
+
+    def pass_on(self) -> None:
+        """Send as much to the feeder as it takes."""
+        try:
+            while self.waiting:
+                self.waiting = self.waiting[os.write(self.pipe, self.waiting) :]
+        except BlockingIOError:
+            return
+        except OSError:
+            self.waiting = b""
+        if self.orphaned and self.pipe >= 0:
+            os.close(self.pipe)
+            self.pipe = -1
+
+    def stop(self) -> None:
+        """Stop the motion in place of the feeder, and disconnect."""
+        # The feeder may have ended within a line.
+        self.say("")
+        try:
+            self.lose_sender()
+            if self.state[1]:
+                # Both counts may miss the last row.
+                self.sent = max(self.device.take_over(), self.state[2])
+                self.playing = True
+                self.loop()
+        except DeviceError as error:
+            self.say("F", str(error).replace("\n", " | "))
+        finally:
+            self.end()
+
+
+def take_stdout() -> Output:
+    """The channel to the sender; what libraries print goes to stderr."""
+    out = Pipe(os.dup(1))
+    os.dup2(2, 1)
+    return out
+
+
 def main(device: Device) -> None:
     """Run a feeder whose first argument is the file that gets the samples."""
     # A collection takes longer than a cycle, and there is nothing to collect.
     gc.disable()
-    Feeder(device, sys.argv[1]).run()
+    Feeder(device, sys.argv[1], take_stdout()).run()
+
+
+def main_guarded(device: GuardedDevice) -> None:
+    """Run a feeder behind a guard; the first argument is the file that gets the samples."""
+    out = take_stdout()
+    lines, pipe = os.pipe()
+    state = memoryview(mmap.mmap(-1, 24)).cast("q")
+    child = os.fork()
+    if child:
+        os.close(lines)
+        Guard(device, sys.argv[1], out, state, child, pipe).run()
+    os.dup2(lines, 0)
+    os.close(lines)
+    os.close(pipe)
+    Feeder(device, sys.argv[1], out, state).run()

@@ -5,6 +5,7 @@ It is run by the Python of the system, for which LinuxCNC's module `hal` is comp
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
@@ -12,11 +13,15 @@ from collections.abc import Iterable
 
 import hal  # type: ignore[import-not-found]
 
-from armcontour.controllers.devices.feeder import PAUSE, DeviceError, Row, Sample, main
+from armcontour.controllers.devices.feeder import PAUSE, DeviceError, Row, Sample, main_guarded
 
 COMPONENT = "armcontour-play"
-# Rows of the position that the FIFO holds before the thread starts.
-HELD = 20
+# Signal of the HAL file that enables the drives.
+ENABLE = "armcontour-enable"
+# Longest time without a sample before the servo thread counts as dead [s].
+SILENCE = 1.0
+# Looks at the FIFO that have to agree, and the time between them [s].
+AGREEING, LOOK = 5, 1.7e-3
 PROGRAM = "/usr/bin/rtapi_app"
 
 
@@ -29,26 +34,72 @@ class LinuxCNC:
     Args:
         file: HAL file that loads components and threads; `start` is called after it.
         ahead: Rows that the FIFO holds, against pauses of this process.
-        start: Joint positions at the start [rad].
+        dof: Number of joints.
     """
 
-    def __init__(self, file: str, ahead: int, start: Row) -> None:
-        self.file, self.ahead, self.start_row, self.dof = file, ahead, start, len(start)
+    def __init__(self, file: str, ahead: int, dof: int) -> None:
+        self.file, self.ahead, self.dof, self.waiting = file, ahead, dof, False
 
     def connect(self) -> Row:
-        """Load the HAL file, fill the FIFO with the start, and start the threads."""
-        _halcmd("-f", self.file)
-        self.component = hal.component(COMPONENT)
+        """Load the HAL file, start its threads, command the measured position, enable drives."""
+        self.halcmd("-f", self.file)
+        self.attach(COMPONENT)
+        self.halcmd("start")
+        held = self.next_sample()[3]
+        self.write(-1, held)
+        while self.next_sample()[2] != held:
+            pass
+        self.halcmd("sets", ENABLE, "1")
+        return held
+
+    def attach(self, name: str) -> None:
+        """Open the FIFOs."""
+        self.component = hal.component(name)
         self.component.ready()
         self.out = hal.stream(self.component, hal.streamer_base, "f" * (self.dof + 1))
         self.back = hal.stream(self.component, hal.sampler_base, "f" * (2 * self.dof + 1))
-        for _ in range(HELD):
-            self.out.write((-1.0, *self.start_row))
-        _halcmd("start")
-        return self.start_row
+        self.heard = time.monotonic()
+
+    def take_over(self) -> int:
+        """Go on where another process ended; number of rows, which misses one if the FIFO wraps."""
+        self.attach(f"{COMPONENT}-guard")
+        seen: list[int] = []
+        # The thread may be between its FIFO and its pins: several cycles have to agree.
+        while len(seen) < AGREEING or len(set(seen[-AGREEING:])) > 1:
+            depth = int(self.out.depth)
+            k = int(hal.get_value("streamer.0.pin.0"))
+            if depth == int(self.out.depth):
+                seen.append(k + depth + 1)
+            time.sleep(LOOK)
+        return seen[-1]
+
+    def next_sample(self) -> Sample:
+        """The next sample of the thread."""
+        while not self.back.readable:
+            self.check_alive()
+            time.sleep(1e-3)
+        return next(iter(self.samples()))
+
+    def check_alive(self) -> None:
+        """Fail if the thread gives no samples."""
+        if time.monotonic() - self.heard > SILENCE:
+            raise DeviceError(f"HAL's servo thread has given no sample for {SILENCE:g} s")
+
+    def halcmd(self, *words: str) -> None:
+        """Run halcmd; rtapi_app keeps what it inherits, so it must not get a pipe."""
+        name = os.path.join(os.path.dirname(self.file), "halcmd.txt")
+        with open(name, "w") as output:
+            done = subprocess.run(
+                ["halcmd", *words], stdin=subprocess.DEVNULL, stdout=output, stderr=output
+            )
+        if done.returncode:
+            with open(name) as output:
+                raise DeviceError(f"halcmd {' '.join(words)}: {output.read().strip()}")
 
     def start(self) -> None:
-        """The FIFO takes rows at any time."""
+        """Let the streamer wait until the FIFO is filled."""
+        hal.set_p("streamer.0.enable", "0")
+        self.waiting = True
 
     def room(self) -> int:
         """Rows until the FIFO holds `ahead`."""
@@ -57,15 +108,19 @@ class LinuxCNC:
     def write(self, k: int, row: Row) -> None:
         """Put one row into the FIFO."""
         self.out.write((float(k), *row))
-        self.held = row
 
     def is_done(self) -> bool:
         """Whether the FIFO is empty."""
         return int(self.out.depth) == 0
 
     def samples(self) -> Iterable[Sample]:
-        """Samples of the thread."""
+        """Samples of the thread, which reads the FIFO from the first look at them on."""
+        if self.waiting:
+            hal.set_p("streamer.0.enable", "1")
+            self.waiting = False
+        self.check_alive()
         while self.back.readable:
+            self.heard = time.monotonic()
             values = self.back.read()
             yield (
                 int(self.back.sampleno),
@@ -76,7 +131,8 @@ class LinuxCNC:
 
     def finish(self) -> None:
         """Hold the last row, as no cycle of a motion."""
-        self.out.write((-1.0, *self.held))
+        names = (f"streamer.0.pin.{j + 1}" for j in range(self.dof))
+        self.write(-1, tuple(float(hal.get_value(x)) for x in names))
 
     def wait(self) -> None:
         """Pause; the FIFO holds rows for many cycles."""
@@ -88,22 +144,12 @@ class LinuxCNC:
             self.__dict__.pop(name, None)
         if hasattr(self, "component"):
             self.component.exit()
-        for words in (("halcmd", "stop"), ("halcmd", "unload", "all"), (PROGRAM, "exit")):
+        disable = ("halcmd", "sets", ENABLE, "0")
+        for words in (disable, ("halcmd", "stop"), ("halcmd", "unload", "all"), (PROGRAM, "exit")):
             subprocess.run(
                 words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT
             )
 
 
-def _halcmd(*words: str) -> None:
-    """Run halcmd; rtapi_app keeps what it inherits, so it must not get a pipe."""
-    with open("halcmd.txt", "w") as output:
-        done = subprocess.run(
-            ["halcmd", *words], stdin=subprocess.DEVNULL, stdout=output, stderr=output, check=False
-        )
-    if done.returncode:
-        with open("halcmd.txt") as output:
-            raise DeviceError(f"halcmd {' '.join(words)}: {output.read().strip()}")
-
-
 if __name__ == "__main__":
-    main(LinuxCNC(sys.argv[2], int(sys.argv[3]), tuple(map(float, sys.argv[4:]))))
+    main_guarded(LinuxCNC(sys.argv[2], int(sys.argv[3]), int(sys.argv[4])))

@@ -9,6 +9,7 @@ from armcontour.files.exports.formats import (
     URScriptFormat,
     export,
 )
+from armcontour.files.exports.resampling import interpolate_set_points
 from armcontour.files.exports.table import SetPointTable, make_table
 
 __all__ = [
@@ -20,5 +21,6 @@ __all__ = [
     "TemplateFormat",
     "URScriptFormat",
     "export",
+    "interpolate_set_points",
     "make_table",
 ]

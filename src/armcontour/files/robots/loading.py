@@ -33,7 +33,7 @@ from armcontour.robot.arm import Arm
 from armcontour.robot.chain import Chain, Payload
 from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, Limits
 from armcontour.robot.limits import UNITS as LIMIT_UNITS
-from armcontour.robot.planar import PlanarTwoLink, Tube
+from armcontour.robot.planar import LinkTube, PlanarTwoLink
 from armcontour.robot.scene import ArmShapes, LinkShape, Mesh
 from armcontour.robot.serial import SerialArm
 
@@ -244,13 +244,13 @@ def _planar(file: str, data: Mapping[str, Any], payload: Payload | None) -> Plan
     )
 
 
-def _tubes(file: str, data: Any) -> tuple[Tube, Tube]:
+def _tubes(file: str, data: Any) -> tuple[LinkTube, LinkTube]:
     """The two tubes of a planar arm."""
     keys = ("outer_diameter", "wall", "density")
     if not isinstance(data, Mapping) or set(data) != set(keys):
         raise InvalidInput(f"{file}: tubes take the keys {', '.join(keys)}.")
     values = {key: _array(file, key, data, (2,)) for key in keys}
-    first, second = (Tube(**{key: values[key][k] for key in keys}) for k in range(2))
+    first, second = (LinkTube(**{key: values[key][k] for key in keys}) for k in range(2))
     return first, second
 
 

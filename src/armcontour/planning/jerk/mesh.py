@@ -201,9 +201,9 @@ def _snap(nodes: FloatArray, knots: FloatArray) -> FloatArray:
     if not len(knots) or len(nodes) < 3:
         return nodes
     i = np.clip(np.searchsorted(knots, nodes[1:-1]), 1, max(len(knots) - 1, 1))
-    left, right = knots[i - 1], knots[np.minimum(i, len(knots) - 1)]
+    before, after = knots[i - 1], knots[np.minimum(i, len(knots) - 1)]
     inner = nodes[1:-1]
-    nearest = np.where(inner - left < right - inner, left, right)
+    nearest = np.where(inner - before < after - inner, before, after)
     room = np.minimum(np.diff(nodes)[:-1], np.diff(nodes)[1:])
     snapped = nodes.copy()
     snapped[1:-1] = np.where(np.abs(nearest - inner) < SNAP * room, nearest, inner)

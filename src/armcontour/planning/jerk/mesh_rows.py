@@ -13,7 +13,7 @@ from armcontour.planning.jerk.mesh import JerkMesh
 from armcontour.planning.jerk.polynomials import (
     DEGREE,
     Basis,
-    ToolMotion,
+    ToolDerivatives,
     arc_length_bounds,
     basis,
     elevated,
@@ -54,10 +54,10 @@ class MeshRows:
         self.basis: Basis = basis(np.clip(start, 0, 1), grid.width / width, width)
         used = np.flatnonzero(grid.joint_path.coefficients.any(axis=(0, 2)))
         self.degree = max(3, int(used[-1]) if len(used) else 3)
-        self.tool: ToolMotion | None = None
+        self.tool: ToolDerivatives | None = None
         if np.isfinite(jerk.tool):
             # The tangents have the degree of the jerk of the tool.
-            self.tool, self.degree = ToolMotion.measure(grid, arm), DEGREE + 1
+            self.tool, self.degree = ToolDerivatives.measure(grid, arm), DEGREE + 1
         self.length: FloatArray | None = None
         if np.isfinite(jerk.path) and grid.joint_path.tool_path is not None:
             self.length = arc_length_bounds(grid, arm)

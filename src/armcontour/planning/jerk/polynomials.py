@@ -150,7 +150,7 @@ MARGIN = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class ToolMotion:
+class ToolDerivatives:
     """Derivatives of the tool's position over s on parts of cells."""
 
     # Powers of x from 0 to 1 on every part, for the first to third derivative, (3, 3, n, 3)
@@ -159,7 +159,7 @@ class ToolMotion:
     largest: FloatArray  # Bounds of the lengths of the derivatives, (3, n)
 
     @classmethod
-    def measure(cls, grid: Grid, arm: Arm) -> ToolMotion:
+    def measure(cls, grid: Grid, arm: Arm) -> ToolDerivatives:
         """Measure the derivatives by forward kinematics."""
         return cls(*_parabolas(_derivatives(grid, arm)))
 

@@ -72,12 +72,12 @@ def counted(view: BatchView) -> Front:
         if known:
             note = f"median {number(float(np.median(known)), values.unit)}"
             tiles.append(Tile(label=values.name, value=number_range(known, values.unit), note=note))
-    sentences = [("What a point is", "Each point is a job; crosses are jobs without figures.")]
+    sentences = [("Points", "Each point is a job; crosses are jobs without figures.")]
     if view.stride > 1:
-        sentences.append(("How many", f"One of {view.stride} jobs is shown."))
+        sentences.append(("Shown jobs", f"One of {view.stride} jobs is shown."))
     if view.errors:
         errors = ", ".join(f"{name} ({n})" for name, n in view.errors.items())
-        sentences.append(("Why others are not done", f"{errors}."))
+        sentences.append(("Errors", f"{errors}."))
     return Front(
         verdict=", ".join(f"{n} {name}" for name, n in view.counts.items()),
         tiles=tuple(tiles),

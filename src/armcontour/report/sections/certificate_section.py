@@ -96,7 +96,7 @@ HEIGHT = 240
 LEAST_RANGE = 1.0
 OF_PROGRAMS = (
     "Every contour is certified while the process is on, in the execution of the whole program; "
-    "rapids only keep the limits of the joints."
+    "rapids only satisfy the limits of the joints."
 )
 
 

@@ -60,7 +60,7 @@ def clearance(study: JobResult) -> Section | None:
         text="The clearance is proven: at no time bodies are nearer. Distances at single times are "
         "computed; dashed lines are margins.",
         choices=tuple((name, tuple(_parts(study.job, x))) for name, x in runs.items()),
-        notes=(f"Pairs that are not looked at: {skipped}.",) if reasons else (),
+        notes=(f"Pairs that are not checked: {skipped}.",) if reasons else (),
     )
 
 

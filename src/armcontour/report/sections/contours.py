@@ -53,8 +53,8 @@ def contours(study: JobResult) -> Section | None:
         summary="length, time, speed and error of each contour",
         text=(
             'Lengths, times and errors are those at work; "as assigned" is the share of the length '
-            "that is run at the assigned velocity. Rapids between contours keep the limits of the "
-            "joints, and rapid_speed and approach_speed of the process if there are any."
+            "at the assigned velocity. Rapids between contours satisfy the joint limits, and "
+            "rapid_speed and approach_speed of the process if specified."
         ),
         choices=tuple((name, (_table(name, x),)) for name, x in study.runs.items()),
     )
@@ -130,9 +130,9 @@ def shaping(study: JobResult) -> Section | None:
         title="Shaped path",
         summary="least times of each start, and distances from the objective path",
         text=(
-            "The shape of the path was found together with its timing: the fastest path within the "
-            "tolerance, two-sided: every point of the path is within the tolerance of its place on "
-            "the objective path, and every vertex within the tolerance of the path."
+            "The shape of the path was optimized together with its timing. The tolerance is "
+            "two-sided: every point of the path is within the tolerance of its place on the "
+            "objective path, and every vertex within the tolerance of the path."
         ),
         parts=(_shaping_table(shaped),),
         notes=tuple(notes),

@@ -176,11 +176,7 @@ def alike(first: Path, second: Path) -> bool:
 
 
 def _corner(
-    figure: Any,
-    tools: Sequence[Tool],
-    paths: Mapping[str, Replaced],
-    corner: Corner,
-    k: int,
+    figure: Any, tools: Sequence[Tool], paths: Mapping[str, Replaced], corner: Corner, k: int
 ) -> None:
     """Draw a corner of all paths and executions in picture k of the figure, from 0."""
     row, column = divmod(k, COLUMNS)
@@ -196,13 +192,7 @@ def _corner(
     def draw(points: FloatArray, name: str, colour: str, **look: Any) -> None:
         drawn = project(points)
         curve = line(
-            drawn[:, 0],
-            drawn[:, 1],
-            name,
-            colour,
-            showlegend=k == 0,
-            legendgroup=name,
-            **look,
+            drawn[:, 0], drawn[:, 1], name, colour, showlegend=k == 0, legendgroup=name, **look
         )
         figure.add_trace(curve, **place)
 

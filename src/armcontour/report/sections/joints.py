@@ -64,11 +64,7 @@ def draw_joints(name: str, result: RunResult) -> Any:
     names = result.arm.joint_names
     n = len(names)
     figure = make_subplots(
-        rows=n,
-        cols=3,
-        shared_xaxes=True,
-        column_titles=list(QUANTITIES),
-        vertical_spacing=0.15 / n,
+        rows=n, cols=3, shared_xaxes=True, column_titles=list(QUANTITIES), vertical_spacing=0.15 / n
     )
     bounds = _bounds(result, n)
     for order in range(3):
@@ -76,18 +72,10 @@ def draw_joints(name: str, result: RunResult) -> Any:
         for j in range(n):
             place = {"row": j + 1, "col": order + 1}
             for label, (t, values, look) in curves.items():
-                times, y = thin(t, values[:, j], most=MAX_POINTS)
+                times, y = thin(t, values[:, j], count=MAX_POINTS)
                 first = order == 0 and j == 0
                 figure.add_trace(
-                    line(
-                        times,
-                        y,
-                        label,
-                        showlegend=first,
-                        legendgroup=label,
-                        **look,
-                    ),
-                    **place,
+                    line(times, y, label, showlegend=first, legendgroup=label, **look), **place
                 )
             low, high = (float(x[j]) for x in bounds[order])
             visible = _range([(k, v[:, j]) for k, (_, v, _) in curves.items()], low, high, order)

@@ -42,7 +42,7 @@ def learned(study: LearningStudy) -> Front:
         verdict=study.notes[0],
         tiles=tiles(data.shown(FIRST)[1:4]),
         parts=(_over_runs(study),),
-        sentences=(("What the error is", _introduction(study)),),
+        sentences=(("Definition of the error", _introduction(study)),),
     )
 
 
@@ -62,9 +62,9 @@ def _introduction(study: LearningStudy) -> str:
     """Definition of the errors of this section."""
     error = "contour error" if study.has_path else "distance of the tool from its planned position"
     return (
-        f"The {error} that the robot's logs show, from run to run, without measurement noise: each "
-        "run has the set-points that were learned from those before it. What the encoders do not "
-        "see, such as links that bend, is not in it."
+        f"The {error} that the robot's logs show, from run to run, without measurement noise. Each "
+        "run executes the set-points learned from the previous runs. Deviations that the encoders "
+        "do not measure, such as those of bending links, are not included."
     )
 
 

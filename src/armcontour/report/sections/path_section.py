@@ -233,11 +233,7 @@ def _playing(times: FloatArray) -> dict[str, Any]:
         "bgcolor": "#FFFFFF",
         "font": {"size": 12},
     }
-    return {
-        "updatemenus": [menu],
-        "sliders": [slider],
-        "margin": {"b": 20},
-    }
+    return {"updatemenus": [menu], "sliders": [slider], "margin": {"b": 20}}
 
 
 def _arm_points(execution: Execution, times: FloatArray) -> FloatArray:

@@ -40,7 +40,7 @@ OBJECTIVES = {
 def placed(result: Placement) -> Front:
     """The first screen: the map of the objective, and the best place."""
     rows, maps = result.to_data().shown(VERDICT), _maps(result)
-    sentences = [("What the map shows", _text(result))]
+    sentences = [("The map", _text(result))]
     sentences += [("Weakest point", x) for x in result.notes[:1]]
     return Front(
         verdict=f"Best place of the {result.moved}: {result.refined}",

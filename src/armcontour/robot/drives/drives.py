@@ -74,18 +74,10 @@ class Drives:
     def command(
         self, q: FloatArray, dq: FloatArray, ddq: FloatArray, step: float = np.inf
     ) -> FloatArray:
-        """Command u for which the drives execute a motion [rad], (n, dof).
-
-        `u = q + dq / K_p + tau / (J K_v K_p)`. tau is the torque without gravity feed-forward and
-        without the output of an integrator, which holds the arm at the first time.
-
-        Args:
-            q: Joint positions [rad], (n, dof).
-            dq: Joint velocities [rad/s], (n, dof).
-            ddq: Joint accelerations [rad/s²], (n, dof).
-            step: Time between two rows [s], needed for integrators only; by default the rows are
-                steady states.
-        """
+        """Command u for which the drives execute a motion [rad], (n, dof)."""
+        # `u = q + dq / K_p + tau / (J K_v K_p)`. tau is the torque without gravity feed-forward and
+        # without the output of an integrator, which holds the arm at the first time. Integrators
+        # need the time `step` between two rows [s]; without it the rows are steady states.
         torque = self.moving_torque(q, dq, ddq)
         if self.servo.ki.any():
             from scipy.signal import lfilter
@@ -96,12 +88,10 @@ class Drives:
         return np.asarray(q + dq / self.servo.kp + torque / self.stiffness)
 
     def moving_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
-        """The torque of the loops for a motion, without gravity feed-forward [N m].
-
-        It includes inertia, coupling, Coriolis and centrifugal torques, payload, friction, and the
-        gravity torque that the controller does not feed forward. Coulomb friction is `coulomb
-        sign(dq)`, except for joints slower than `CREEP`.
-        """
+        """The torque of the loops for a motion, without gravity feed-forward [N m], (n, dof)."""
+        # It includes inertia, coupling, Coriolis and centrifugal torques, payload, friction, and
+        # the gravity torque that the controller does not feed forward. Coulomb friction is
+        # `coulomb sign(dq)`, except for joints slower than `CREEP`.
         chain = self.arm.dynamics.chain
         torque = self.inertial_torque(q, dq, ddq) + np.asarray(chain.viscous) * dq
         torque += np.asarray(chain.coulomb) * np.clip(dq / CREEP, -1.0, 1.0)
@@ -117,10 +107,7 @@ class Drives:
     def linear(
         self, q: FloatArray, dq: FloatArray, ddq: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Mass, damping and stiffness of the closed loops around a motion, (n, dof, dof) each.
-
-        The damping includes viscous friction, and not Coulomb friction.
-        """
+        """Mass, damping (also viscous) and stiffness of the closed loops, (n, dof, dof)."""
         # The gravity torque that the controller feeds forward cancels.
         fed, differs = self.gravity_feedforward, self.controller is not None
         stiffness, damping, mass = self.arm.dynamics.derivatives(

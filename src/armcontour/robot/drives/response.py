@@ -157,11 +157,7 @@ class Response(Checked):
         )
 
     def to_torque(self, torque: FloatArray) -> FloatArray:
-        """Deviations of the joints under additional torque [rad], same shape as `torque`.
-
-        Args:
-            torque: Torque at the times [N m], (n, dof), or (n, dof, cases) for several cases.
-        """
+        """Deviations of the joints [rad] under additional torque [N m], (n, dof[, cases])."""
         cases = torque if torque.ndim == 3 else torque[:, :, None]
         padded = np.concatenate([cases[:1], cases, cases[-1:]])
         means = (padded[:-2] + 2 * cases + padded[2:]) / 4
@@ -173,13 +169,11 @@ class Response(Checked):
         return deviations.reshape(torque.shape)
 
     def equations(self) -> Equations:
-        """The equations `A x = S u + U a` of the loops in discrete time.
-
-        A cycle T delays the torque of the loops by T / 2 on average, which reduces the mass by `D T
-        / 2` and the damping by `K T / 2`. This is exact for steps of T and joints without other
-        torques. An integrator is a first-order filter of the loop torque; its inverse filters the
-        torque of the bodies.
-        """
+        """The equations `A x = S u + U a` of the loops in discrete time."""
+        # A cycle T delays the torque of the loops by T / 2 on average, which reduces the mass by
+        # `D T / 2` and the damping by `K T / 2`. This is exact for steps of T and joints without
+        # other torques. An integrator is a first-order filter of the loop torque; its inverse
+        # filters the torque of the bodies.
         servo, delay = self.servo, self.servo.drive_cycle / 2
         lags = np.isfinite(servo.kp)
         loop = np.zeros_like(servo.kp) if servo.kv is None else np.isfinite(servo.kv) * 1.0
@@ -348,13 +342,8 @@ class NominalMotion:
         return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
 
     def to_torque(self, torque: FloatArray) -> FloatArray:
-        """Deviations of the joints under small additional torques [rad], from the first time on.
-
-        Sticking joints remain at rest, and friction keeps its direction.
-
-        Args:
-            torque: Torque at the times for several cases [N m], (n, dof, cases).
-        """
+        """Deviations [rad] from the first time on under small torques [N m], (n, dof, cases)."""
+        # Sticking joints remain at rest, and friction keeps its direction.
         n, dof, _ = torque.shape
         loops, still = (self.mass, self.damping, self.stiffness), np.zeros((n - 1, dof))
         hold = np.where(self.held, HELD, 0.0)

@@ -88,7 +88,7 @@ class Motion(NamedTuple):
     highest: float
 
 
-class Step(NamedTuple):
+class FreeMotionMap(NamedTuple):
     """Linear map of a free motion over a time span: from state and command to the final state."""
 
     # In q - u at the end, `qq, qw` are the factors of q - u and dq at the start, and `q1, q2, q3`
@@ -164,19 +164,21 @@ def modes(discriminant: float, decay: float, t: float) -> tuple[float, float]:
 
 
 @compiled(inner=True, fastmath=FUSED)
-def transition(kp: float, kv: float, t: float, straight: bool) -> Step:
+def transition(kp: float, kv: float, t: float, straight: bool) -> FreeMotionMap:
     """The map of the free motion over time t [s], at most about `LARGEST_STEP` time constants."""
     # A straight command needs no factors of t² and t³.
     if kv == 0.0:
         a = math.exp(-kp * t)
         y1, y2, y3 = _integrals(kp, 0.0, t)
-        return Step(t, a, 0.0, -kp * a, 0.0, y1, y2, y3, 1 - a, 2 * y1, 3 * y2)
+        return FreeMotionMap(t, a, 0.0, -kp * a, 0.0, y1, y2, y3, 1 - a, 2 * y1, 3 * y2)
     c, s = modes(kv * kv / 4 - kp * kv, -kv / 2, t)
     a, b = c + kv / 2 * s, -kp * kv * s
     if straight:
-        return Step(t, a, s, b, c - kv / 2 * s, t - (1 - a) / kp - s, 0.0, 0.0, 1 - a, 0.0, 0.0)
+        return FreeMotionMap(
+            t, a, s, b, c - kv / 2 * s, t - (1 - a) / kp - s, 0.0, 0.0, 1 - a, 0.0, 0.0
+        )
     y1, y2, y3 = _integrals(kp, kv, t)
-    return Step(t, a, s, b, c - kv / 2 * s, y1, y2, y3, 1 - a, 2 * y1, 3 * y2)
+    return FreeMotionMap(t, a, s, b, c - kv / 2 * s, y1, y2, y3, 1 - a, 2 * y1, 3 * y2)
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -207,7 +209,7 @@ def _integrals(kp: float, kv: float, t: float) -> tuple[float, float, float]:
 
 
 @compiled(inner=True, fastmath=FUSED)
-def advance_freely(step: Step, u: Cubic, q: float, w: float) -> tuple[float, float]:
+def advance_freely(step: FreeMotionMap, u: Cubic, q: float, w: float) -> tuple[float, float]:
     """Position [rad] and velocity [rad/s] after a free motion under the command u."""
     s, e = step, q - u.value
     x = u.value + s.qq * e + s.qw * w + s.q1 * u.rate + s.q2 * u.second + s.q3 * u.third
@@ -409,7 +411,7 @@ def _guess_crossing(z: float, dz: float, last: float, dlast: float, bound: float
 
 @compiled(inner=True, fastmath=FUSED)
 def _move_freely(
-    servo: Servo, u: Cubic, q: float, w: float, z: float, step: Step, span: float
+    servo: Servo, u: Cubic, q: float, w: float, z: float, step: FreeMotionMap, span: float
 ) -> Phase:
     """The free motion up to the start of saturation, or over the whole step."""
     kp, kv, t = servo.kp, servo.kv, step.time
@@ -452,7 +454,7 @@ def next_phase(
     side: float,
     remaining: float,
     span: float,
-    step: Step,
+    step: FreeMotionMap,
 ) -> Phase:
     """Motion of a second-order joint under command u up to the next event."""
     # `side` is the bound that the last phase reached: 1 upper, -1 lower, 0 none. The phase ends
@@ -477,7 +479,7 @@ def progresses(kp: float, kv: float, span: float) -> bool:
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _respond_by_events(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
+def _respond_by_events(servo: Servo, step: FreeMotionMap, u: Cubic, m: Motion) -> Motion:
     """Simulate a joint of second order over a step, event by event."""
     q, w, _, saturated, lowest, highest = m
     now = side = 0.0
@@ -553,7 +555,7 @@ def _demand_extremum(
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _respond_first_order(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
+def _respond_first_order(servo: Servo, step: FreeMotionMap, u: Cubic, m: Motion) -> Motion:
     """Simulate a first-order joint over a step; its demand is its acceleration."""
     kp, t = servo.kp, step.time
     q, _ = advance_freely(step, u, m.q, 0.0)
@@ -573,7 +575,7 @@ def _respond_first_order(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motio
 
 
 @compiled(inner=True, fastmath=FUSED, inline="always")
-def respond(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
+def respond(servo: Servo, step: FreeMotionMap, u: Cubic, m: Motion) -> Motion:
     """Simulate a joint over a step under the command u; not finite if the step does not end."""
     kp, kv, t = servo.kp, servo.kv, step.time
     if kv == 0.0:

@@ -13,9 +13,9 @@ from armcontour.robot.servo.cascade import march_cascade, march_lines
 from armcontour.robot.servo.joint_response import (
     LARGEST_STEP,
     Cubic,
+    FreeMotionMap,
     Motion,
     Servo,
-    Step,
     advance_freely,
     demand,
     fastest_rate,
@@ -43,7 +43,7 @@ class Joints(NamedTuple):
     ki: FloatArray
 
 
-class Run(NamedTuple):
+class JointMotions(NamedTuple):
     """Simulated motion of all joints."""
 
     # `states` are position, velocity and demand at n results, (rows, n, 3). Per row: time in
@@ -186,7 +186,9 @@ def march(
                 if not write_step(servo.kp, servo.kv, span, kind != 1, cache[slot]):
                     return Motion(math.nan, math.nan, 0.0, m.saturated, m.lowest, m.highest)
             x = cache[slot]
-            step = Step(x[2], x[3], x[4], x[5], x[6], x[7], x[8], x[9], x[10], x[11], x[12])
+            step = FreeMotionMap(
+                x[2], x[3], x[4], x[5], x[6], x[7], x[8], x[9], x[10], x[11], x[12]
+            )
             for _ in range(int(x[1])):
                 if kind == 3:
                     q, w = advance_freely(step, u, m.q, m.w)
@@ -214,7 +216,7 @@ def run_joints(
     starts: FloatArray,
     times: FloatArray,
     states: FloatArray,
-) -> Run:
+) -> JointMotions:
     """Simulate all joints, or one joint with different parameters, row by row."""
     # kind and pieces as in `march`: commands (rows, n + 1, 4 or 8), starts (rows, n) [s], times
     # (m + 1,) [s]. states (3, rows): position [rad], velocity [rad/s] and value that a drive holds
@@ -233,4 +235,4 @@ def run_joints(
             m = march(servo, kind, commands[j], starts[j], times, m, out[j])
         saturated[j], lowest[j], highest[j], held[j] = m.saturated, m.lowest, m.highest, m.held
         stuck[j] = not math.isfinite(m.q + m.w)
-    return Run(out, saturated, lowest, highest, held, stuck)
+    return JointMotions(out, saturated, lowest, highest, held, stuck)

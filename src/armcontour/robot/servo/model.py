@@ -231,7 +231,9 @@ class ServoModel(Checked):
             if values is None or not np.any(np.isfinite(values) & (values > 0)):
                 continue
             words = name.replace("_", " ").replace("feedforward", "feed-forward")
-            text = _join_texts([_value_text(x) for x in np.atleast_1d(values * scale)])
+            text = _join_texts(
+                [f"{x:g}" if np.isfinite(x) else "none" for x in np.atleast_1d(values * scale)]
+            )
             parts.append(f"{words} {text} {unit}".rstrip())
         return ", ".join(parts)
 
@@ -376,7 +378,7 @@ class ServoModel(Checked):
         return np.where(loop, lower, -np.inf), np.where(loop, upper, np.inf)
 
     def is_plain(self, *orders: str) -> bool:
-        """Whether all joints are of one of the orders, without friction and drive cycle.
+        """True if all joints are of one of the orders, without friction and drive cycle.
 
         Args:
             orders: The accepted orders.
@@ -526,11 +528,6 @@ def without_integral(
 def sliding(rate: FloatArray) -> FloatArray:
     """Direction of dry friction at command velocities [rad/s], smooth at rest."""
     return np.asarray(rate / np.hypot(rate, SLIDING))
-
-
-def _value_text(value: float) -> str:
-    """A value as text, as in a job file."""
-    return f"{value:g}" if np.isfinite(value) else "none"
 
 
 def _join_texts(texts: str | Sequence[str]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ExecutionError
-from armcontour.robot.servo.march import Joints, Run, run_joints
+from armcontour.robot.servo.march import JointMotions, Joints, run_joints
 from armcontour.robot.servo.model import ServoModel, lead_of, sliding
 
 # Kinds of commands, as in `march`.
@@ -55,7 +55,7 @@ class ServoSimulation:
         dq: FloatArray,
         bounds: tuple[FloatArray, FloatArray] | None = None,
         held: FloatArray | None = None,
-    ) -> Run:
+    ) -> JointMotions:
         """Simulate all joints from interval `begin` to before `end`."""
         # q (dof,) [rad] and dq (dof,) [rad/s] at the start. held (dof,): values that drives with a
         # cycle hold there: accelerations [rad/s²], for order "first" velocities; with an integrator
@@ -70,7 +70,7 @@ class ServoSimulation:
         dq: FloatArray,
         bounds: tuple[FloatArray, FloatArray] | None = None,
         held: FloatArray | None = None,
-    ) -> Run:
+    ) -> JointMotions:
         """Simulate all joints as `run`, from times[0] on, with results at the other times [s]."""
         joints = self.joints
         if bounds is not None:

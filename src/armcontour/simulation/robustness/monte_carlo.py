@@ -143,12 +143,7 @@ class MonteCarloResult(Result, Checked):
         return dict(zip(self.names, self.deviations[self.worst].tolist(), strict=True))
 
     def servo(self, i: int, like: ServoModel) -> ServoModel:
-        """The servo of execution i, without the effects of payload and jitter.
-
-        Args:
-            i: Index of the execution.
-            like: The servo that gives interpolation and order.
-        """
+        """The servo of execution i, with interpolation and order of `like`."""
         return like.replace(
             kp=self.kp[i],
             kv=None if self.kv is None else self.kv[i],
@@ -206,7 +201,7 @@ def spread(
     checks.check_count(
         f"The spread over {samples} samples", samples * (3 * arm.dof + 1), "take fewer samples"
     )
-    model = _Model(set_points, path, arm, servo, limits, box, since, end_time)
+    model = _RobotSet(set_points, path, arm, servo, limits, box, since, end_time)
     unit = np.random.default_rng(seed).uniform(-1, 1, size=(samples, 3 * arm.dof + 1))
     return model.executed(unit, seed, threads or os.cpu_count() or 1)
 
@@ -232,7 +227,7 @@ def worst_corner(
 
     Arguments and exceptions are those of `spread`.
     """
-    model = _Model(set_points, path, arm, servo, limits, box, since, end_time)
+    model = _RobotSet(set_points, path, arm, servo, limits, box, since, end_time)
     use = threads or os.cpu_count() or 1
     k = int(model.varies.sum())
     if 2**k <= MAX_CORNERS:
@@ -246,22 +241,14 @@ def worst_corner(
 
 
 def jitter_of(seed: int, sample: int, count: int, jitter: float) -> FloatArray:
-    """Delay of each set-point in one sample [s], (count,).
-
-    The delay of the first set-point is 0, because times count from its arrival.
-
-    Args:
-        seed: Seed of the random numbers.
-        sample: Index of the sample.
-        count: Number of set-points.
-        jitter: Largest delay, also negative [s].
-    """
+    """Delay of each set-point in one sample [s], (count,), from -jitter to jitter."""
+    # The delay of the first set-point is 0, because times count from its arrival.
     drawn = np.random.default_rng([seed, sample]).uniform(-jitter, jitter, size=count)
     drawn[0] = 0.0
     return drawn
 
 
-class _Model:
+class _RobotSet:
     """Data of all executions as arrays for the compiled code."""
 
     def __init__(

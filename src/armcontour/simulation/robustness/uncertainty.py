@@ -85,11 +85,7 @@ class Uncertainty(Checked):
             object.__setattr__(self, name, _range(name, getattr(self, name)))
 
     def gains_of(self, dof: int) -> FloatArray:
-        """Largest errors of kp and of kv, (2, dof).
-
-        Raises:
-            InvalidInput: They do not fit the number of joints.
-        """
+        """Largest errors of kp and of kv, (2, dof)."""
         try:
             return np.broadcast_to(np.asarray(self.gains), (2, dof))
         except ValueError:
@@ -99,15 +95,7 @@ class Uncertainty(Checked):
             ) from None
 
     def dead_time_of(self, servo: ServoModel, dof: int) -> FloatArray:
-        """Largest errors of the dead times [s], (dof,).
-
-        Args:
-            servo: The nominal servo, with values per joint.
-            dof: Number of joints.
-
-        Raises:
-            InvalidInput: A dead time would be below zero.
-        """
+        """Largest errors of the dead times [s], (dof,); the dead times stay positive."""
         error = checks.per_joint("dead_time of the box", self.dead_time, dof, "s")
         if (servo.dead_time < error).any():
             j = int(np.argmin(servo.dead_time - error))
@@ -119,11 +107,7 @@ class Uncertainty(Checked):
         return error
 
     def check_payload(self, arm: Arm) -> None:
-        """Check that the payload cannot become negative.
-
-        Raises:
-            InvalidInput: The smallest payload is negative.
-        """
+        """Check that the payload cannot become negative."""
         load = None if arm.chain is None else arm.chain.payload
         lowest, highest = np.asarray(self.payload).tolist()
         carried, reduction = 0.0 if load is None else load.mass, -lowest

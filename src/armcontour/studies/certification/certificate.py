@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import ExecutionError, InvalidInput
+from armcontour.core.errors import ExecutionError
 from armcontour.core.fields import Checked
 from armcontour.core.render import Result, number, verdict
 from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
@@ -259,8 +259,6 @@ class ContourCertificate(Result):
 class Certificate(Result):
     """The fastest plan found that satisfies a goal, with its evidence.
 
-    For a single contour, its joint path and derating are also attributes of the certificate.
-
     Args:
         job: The job.
         run: The run, with the corner tolerance of the certified plan.
@@ -363,7 +361,7 @@ class Certificate(Result):
         yield Row("limits_used", {x.name: x.ratio for x in self.check.uses}, "1")
         yield Row("not_judged", self.check.not_judged)
         yield Row("trials", self.trials, "", "plans tried")
-        yield Row("model", self.model, "", "holds for")
+        yield Row("model", self.model, "", "valid for")
         yield Row("simulate_rigid_bodies", self.simulate_rigid_bodies)
         yield Row("run", self.run.name)
         yield from field_rows("goal", self.goal)
@@ -451,8 +449,8 @@ class Certificate(Result):
         if not self.budget.model_error:
             return ""
         return beyond_logs(self.job.plant_servo, self.trajectory) or (
-            "What the servo model does not explain is bounded for motion with at most the velocity "
-            "and acceleration of the logs of its identification."
+            "Errors that the servo model does not explain are bounded for motion with at most the "
+            "velocity and acceleration of the logs of its identification."
         )
 
     @property
@@ -470,16 +468,6 @@ class Certificate(Result):
     def budget(self) -> Budget:
         """Parts of the contour error of the worst contour."""
         return self.worst.budget
-
-    @property
-    def corners(self) -> MonteCarloResult | None:
-        """Executions of the worst contour in the corners of the box; None without a box."""
-        return self.worst.corners
-
-    @property
-    def spread(self) -> MonteCarloResult | None:
-        """Executions of the worst contour on robots drawn from the box; None without a box."""
-        return self.worst.spread
 
     @property
     def headroom(self) -> FloatArray:
@@ -524,26 +512,6 @@ class Certificate(Result):
             advice = "an experiment of the job measures it"
         return f"Valid for independent joint servos only: {limitation}; {advice}."
 
-    @property
-    def joint_path(self) -> JointPath:
-        """The joint path of the only contour."""
-        return self._only.joint_path
-
-    @property
-    def derating(self) -> Derating:
-        """Derating of acceleration and speed along the only contour."""
-        return self._only.derating
-
-    @property
-    def _only(self) -> ContourCertificate:
-        """The only contour."""
-        if len(self.contours) != 1:
-            raise InvalidInput(
-                f"The certificate of the job {self.job.name} has {len(self.contours)} contours: "
-                "every one of its contours has a path and a derating of its own."
-            )
-        return self.contours[0]
-
     @cached_property
     def result(self) -> RunResult:
         """The certified plan as the result of its run."""
@@ -552,7 +520,7 @@ class Certificate(Result):
             run=self.run,
             objective=self.objective,
             path=self.path,
-            traced=None if single is None else Tracing.along(self.joint_path, single),
+            traced=None if single is None else Tracing.along(self.contours[0].joint_path, single),
             trajectory=self.trajectory,
             explanation=explain(self.trajectory, self.job.arm),
             set_points=self.set_points,

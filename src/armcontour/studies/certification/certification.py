@@ -1,4 +1,4 @@
-"""Entry points `certify`, the fastest plan whose execution keeps a tolerance, and `sweep`."""
+"""Entry points `certify`, the fastest plan within a tolerance when executed, and `sweep`."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from armcontour.studies.certification.certificate import (
 from armcontour.studies.certification.certification_case import Case
 from armcontour.studies.certification.derating import derated_intervals
 from armcontour.studies.certification.limit_margins import (
-    Trial,
+    ProgramTrial,
     distances,
     execute_trial,
     speed_ratios,
@@ -70,7 +70,7 @@ LEAST_GAIN = 1e-3
 
 
 # A proven plan of a program, and its moves in the search.
-Proven = tuple[Trial, list[MoveSearch]]
+Proven = tuple[ProgramTrial, list[MoveSearch]]
 
 
 @checked
@@ -82,7 +82,7 @@ def certify(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Certificate:
-    """Find the fastest plan of a job whose execution keeps its tolerance.
+    """Find the fastest plan of a job whose execution stays within its tolerance.
 
     The plan has optimal timing, derated where required, with the compensation, cycle and limits of
     the run. The certificate is valid only for the job's plant: its servos, or its rigid bodies if
@@ -244,7 +244,7 @@ def _search_budgets(case_of: Callable[[float], Case], budgets: Sequence[float]) 
     return best
 
 
-def _worst_error(proof: Trial, moves: Sequence[MoveSearch]) -> float:
+def _worst_error(proof: ProgramTrial, moves: Sequence[MoveSearch]) -> float:
     """Largest contour error of a proven plan, over the box if there is one [m]."""
     robots = [x for y in moves for x in (y.corners, y.spread) if x is not None]
     largest = [float(distances(x).max()) for x in proof.pieces]
@@ -302,10 +302,7 @@ def _refuse_start(case: Case) -> None:
 
 
 def _certificate(
-    base: Case,
-    proven: Proven,
-    shapes: Mapping[str, float],
-    plant: RigidBodyPlant | None,
+    base: Case, proven: Proven, shapes: Mapping[str, float], plant: RigidBodyPlant | None
 ) -> Certificate:
     """Evaluate a proven plan, run the experiment, and make the certificate."""
     proof, moves = proven
@@ -346,7 +343,7 @@ def _certificate(
 
 
 def _contours(
-    base: Case, proof: Trial, contours: Sequence[MoveSearch]
+    base: Case, proof: ProgramTrial, contours: Sequence[MoveSearch]
 ) -> Iterator[ContourCertificate]:
     """The certificates of all contours."""
     case, fastest = proof.case, base.planned.trajectory.contour_spans
@@ -519,6 +516,10 @@ def sweep(
     """Certify a job for several corner tolerances, then for several assigned speeds.
 
     The command `armcontour batch` varies any keys of a job and draws charts.
+
+    >>> points = ac.sweep(ac.read_job("job.yaml"), tolerances=[1e-3, 2e-3])
+    >>> points[0].duration > points[1].duration
+    True
 
     Args:
         job: The job.

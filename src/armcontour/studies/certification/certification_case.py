@@ -188,8 +188,7 @@ class Case:
         gains = np.zeros((2, dof)) if box is None else np.broadcast_to(box.gains, (2, dof))
         dead_time = servo.dead_time
         slow = servo.replace(
-            kp=servo.kp * (1 - gains[0]),
-            kv=None if servo.kv is None else servo.kv * (1 - gains[1]),
+            kp=servo.kp * (1 - gains[0]), kv=None if servo.kv is None else servo.kv * (1 - gains[1])
         )
         rates = [slow.slowest]
         if servo.has_feedforward:

@@ -15,11 +15,7 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.render import number
 from armcontour.core.text import joint_label
 from armcontour.motion import JointPath, Trajectory
-from armcontour.planning.constraints import (
-    Constraint,
-    JointMotion,
-    OnGrid,
-)
+from armcontour.planning.constraints import Constraint, JointMotion, OnGrid
 from armcontour.planning.optimal import plan_optimal
 from armcontour.planning.options import Optimal
 from armcontour.planning.path_grid import Grid, place_grid
@@ -58,11 +54,7 @@ class Derating:
         """Derating of nothing, with cells from the first grid of a plan of the path."""
         cells = place_grid(joint_path, intervals).s
         n = len(cells) - 1
-        return cls(
-            cells=cells,
-            share=np.ones((n, joint_path.dof)),
-            cap=np.full(n, np.inf),
-        )
+        return cls(cells=cells, share=np.ones((n, joint_path.dof)), cap=np.full(n, np.inf))
 
     def with_share(self, factor: FloatArray | float, cause: str) -> Derating:
         """Copy with acceleration limits multiplied by a factor for a cause."""
@@ -154,7 +146,7 @@ REASONS = {
     "tool": "the speed of the executed tool, which passed the assigned velocity",
     "error": "the contour error",
     "box": "the contour error of robots of the box",
-    "limit": "what drives and plan need of it",
+    "limit": "the requirements of drives and plan",
 }
 
 
@@ -224,10 +216,7 @@ def derated_intervals(
             k = int(np.argmax(share))
             if share[k] > REPORTED:
                 yield DeratedInterval(
-                    what="speed",
-                    cause=cause,
-                    share=float(share[k]),
-                    **location(k, share > LEAST),
+                    what="speed", cause=cause, share=float(share[k]), **location(k, share > LEAST)
                 )
         for cause, remaining in derating.share_by.items():
             share = 1 - remaining
@@ -245,11 +234,7 @@ def derated_intervals(
         for name, factor in factors.items():
             if 1 - factor > REPORTED:
                 yield DeratedInterval(
-                    what=name,
-                    cause="limit",
-                    share=1 - factor,
-                    length=contour,
-                    contour=contour,
+                    what=name, cause="limit", share=1 - factor, length=contour, contour=contour
                 )
 
     return tuple(sorted(intervals(), key=lambda x: -x.share))

@@ -134,7 +134,7 @@ def speed_ratios(case: Case, piece: ContourExecution) -> FloatArray:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Trial:
+class ProgramTrial:
     """A plan of the whole program with its executions on the robot and in corners of the box."""
 
     # The case
@@ -168,7 +168,7 @@ class Trial:
         ]
 
 
-def margins_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> LimitMargins:
+def margins_of(case: Case, trial: ProgramTrial, number: int, plan: Trajectory) -> LimitMargins:
     """Margins of a contour by its plan, its command and its executions."""
     piece, span = trial.pieces[number], trial.trajectory.contour_spans[number]
     path, executed = piece.path, trial.executed
@@ -334,7 +334,7 @@ def _larger_around(t: FloatArray, times: FloatArray, values: FloatArray) -> Floa
     return np.asarray(larger)
 
 
-def _worst_error(case: Case, trial: Trial, number: int) -> FloatArray:
+def _worst_error(case: Case, trial: ProgramTrial, number: int) -> FloatArray:
     """Approximate contour error of the worst robot of the box at all times of a trial [m], (n,).
 
     Joints are independent, so the worst deviations across the path are added joint by joint.

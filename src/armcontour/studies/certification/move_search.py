@@ -68,7 +68,7 @@ class StepSizes(NamedTuple):
     power: float
     # Smallest factor of speed and acceleration per step
     share: float
-    # Whether the common excess of acceleration is derated in all cells at once
+    # Derate the common excess of acceleration in all cells at once
     together: bool
 
 
@@ -93,9 +93,9 @@ class MoveSearch:
     nothing: Derating = field(init=False)
     # Derating, factors and plan of the fastest plan within all limits
     best: tuple[Derating, dict[str, float], Trajectory] | None = None
-    # Whether the search of this contour has ended
+    # The search of this contour has ended
     done: bool = False
-    # Whether a proof has rejected a plan
+    # A proof has rejected a plan
     proving: bool = False
     # Index of the step sizes, trials with them, and all trials
     attempt: int = 0
@@ -207,9 +207,8 @@ def _fastest_rapid(case: Case, step: TracedMove) -> MoveSearch:
             factors = over
     if not candidates:
         raise NotRealizable(
-            f"No rapid keeps its limits when it is executed, after {MAX_RAPIDS} plans of it: its "
-            f"set-points come every {case.run.cycle * 1e3:g} ms; take a shorter command "
-            "interval, or linear interpolation.",
+            f"No executed rapid satisfies its limits after {MAX_RAPIDS} plans, with set-points "
+            f"every {case.run.cycle * 1e3:g} ms: use a shorter cycle, or linear interpolation.",
             limit="joint_acceleration",
         )
     return min(candidates, key=lambda x: x.plan.duration)

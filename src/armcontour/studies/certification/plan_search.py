@@ -24,7 +24,7 @@ from armcontour.studies.certification.limit_margins import (
     KEPT,
     POINTS,
     LimitMargins,
-    Trial,
+    ProgramTrial,
     execute_on_box,
     execute_trial,
     margins_of,
@@ -57,11 +57,7 @@ from armcontour.verification.contour_execution import pieces_of
 MAX_TRIALS = 25
 # Errors grow at least with the third power of speed and acceleration. The best step sizes are not
 # known in advance, so each contour tries all of these.
-STEPS = (
-    StepSizes(1 / 3, 0.7, True),
-    StepSizes(1 / 3, 0.85, True),
-    StepSizes(1 / 4, 0.85, False),
-)
+STEPS = (StepSizes(1 / 3, 0.7, True), StepSizes(1 / 3, 0.85, True), StepSizes(1 / 4, 0.85, False))
 # Relative excess over the optimum above which a certified plan is searched with further steps.
 GAIN = 1e-4
 # If saturation is allowed, the cause of an error can be anywhere before it, so accelerations are
@@ -76,7 +72,7 @@ AIM_STEP = 0.998
 TORQUE_STEP = 1.01
 
 
-def search(case: Case) -> tuple[Trial, list[MoveSearch]]:
+def search(case: Case) -> tuple[ProgramTrial, list[MoveSearch]]:
     """Fastest plan of a program that satisfies the goal, with its proof, and its moves.
 
     Raises NotRealizable if none does; the message names the contour.
@@ -114,7 +110,7 @@ def search(case: Case) -> tuple[Trial, list[MoveSearch]]:
 
 def execute_program(
     case: Case, moves: Sequence[MoveSearch], robots: list[FloatArray] | None = None
-) -> Trial:
+) -> ProgramTrial:
     """Join the plans of all moves, compensate them, and execute the program.
 
     `robots` of the box are executed as rigid bodies; an empty list gets the first ones.
@@ -136,7 +132,7 @@ def execute_program(
             corners, moves[0].parts = worst_corners(case, set_points)
             robots += list(corners[:FIRST_CORNERS])
         box = largest_errors(case, set_points, robots)
-    return Trial(
+    return ProgramTrial(
         case=case,
         trajectory=trajectory,
         set_points=set_points,
@@ -147,7 +143,7 @@ def execute_program(
     )
 
 
-def _rate(case: Case, move: MoveSearch, trial: Trial) -> None:
+def _rate(case: Case, move: MoveSearch, trial: ProgramTrial) -> None:
     """Rate a trial of a contour, and plan its next one."""
     assert move.number is not None
     margins = margins_of(case, trial, move.number, move.plan)
@@ -232,10 +228,7 @@ def _next_attempt(case: Case, move: MoveSearch, *, within: bool, slow: bool = Fa
 
 
 def _reopen(
-    case: Case,
-    move: MoveSearch,
-    margins: LimitMargins,
-    aims: Mapping[str, float] | None = None,
+    case: Case, move: MoveSearch, margins: LimitMargins, aims: Mapping[str, float] | None = None
 ) -> None:
     """Derate a contour further whose plan a proof rejected; `aims` are factors by cause."""
     worst = _record_ratios(case, move, margins)
@@ -254,8 +247,8 @@ def _reopen(
 
 
 def _prove(
-    case: Case, moves: Sequence[MoveSearch], trial: Trial, robots: list[FloatArray]
-) -> Trial | None:
+    case: Case, moves: Sequence[MoveSearch], trial: ProgramTrial, robots: list[FloatArray]
+) -> ProgramTrial | None:
     """Proof of a trial; None if it rejects moves, which are then derated further."""
     contours = [x for x in moves if x.number is not None]
     proven = trial
@@ -285,7 +278,7 @@ def _prove(
     return None if outside else replace(proven, check=checked)
 
 
-def _derate_rapids(case: Case, moves: Sequence[MoveSearch], trial: Trial) -> bool:
+def _derate_rapids(case: Case, moves: Sequence[MoveSearch], trial: ProgramTrial) -> bool:
     """Derate rapids that exceed a joint limit in the whole program; True if there are any."""
     if case.saturated or case.bodies:
         return False
@@ -302,7 +295,7 @@ def _derate_rapids(case: Case, moves: Sequence[MoveSearch], trial: Trial) -> boo
     return outside
 
 
-def _prove_box(case: Case, move: MoveSearch, trial: Trial, robots: list[FloatArray]) -> bool:
+def _prove_box(case: Case, move: MoveSearch, trial: ProgramTrial, robots: list[FloatArray]) -> bool:
     """Execute a contour in corners of the box and on robots drawn from it; reopen it on failure.
 
     The worst robot need not be in a corner. Returns True if all robots satisfy the budget.
@@ -335,7 +328,9 @@ def _prove_box(case: Case, move: MoveSearch, trial: Trial, robots: list[FloatArr
     return True
 
 
-def _execute_box(case: Case, move: MoveSearch, trial: Trial, *, drawn: bool) -> MonteCarloResult:
+def _execute_box(
+    case: Case, move: MoveSearch, trial: ProgramTrial, *, drawn: bool
+) -> MonteCarloResult:
     """Execute a contour in the corners of the box, or on robots drawn from it."""
     assert move.number is not None and case.box is not None
     goal = case.goal
@@ -353,11 +348,7 @@ def _execute_box(case: Case, move: MoveSearch, trial: Trial, *, drawn: bool) -> 
 
 
 def execute_servos(
-    case: Case,
-    set_points: SetPoints,
-    number: int,
-    span: Span,
-    samples: int | None = None,
+    case: Case, set_points: SetPoints, number: int, span: Span, samples: int | None = None
 ) -> MonteCarloResult:
     """Execute a contour on robots of the box with servos; by default in its corners."""
     assert case.box is not None and span.trajectory is not None and span.work is not None

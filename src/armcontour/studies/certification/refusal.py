@@ -48,9 +48,9 @@ def _acceleration(case: Case, move: MoveSearch) -> Reason:
 def _speed(case: Case, move: MoveSearch) -> Reason:
     ratio = move.binds[1]
     text = (
-        "a bound of its speed, or a command outside a joint's range, is exceeded by "
-        f"{ratio - 1:.2g} of it: raise the limit, keep the path further from the ends of the "
-        f"joints' ranges, or take {LONGER}"
+        f"a bound of its speed is exceeded by {ratio - 1:.2g} of it, or a command is outside a "
+        "joint's range: raise the limit, move the path away from the ends of the joints' ranges, "
+        f"or take {LONGER}"
     )
     return text, "speed", 1.0, ratio
 

@@ -63,6 +63,10 @@ def place(
     bound of the duration are not planned; the best place is the same as if all were. Corners of the
     shape free are replaced by arcs.
 
+    >>> found = ac.place(ac.read_job("job.yaml"), processes=1)
+    >>> found.best.values
+    {'x': -0.005}
+
     Args:
         job: The job.
         search: Axes and objective, such as PlaceSearch(over={"x": (-0.1, 0.1, 11)}); by default

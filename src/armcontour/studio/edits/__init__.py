@@ -39,11 +39,6 @@ def changes_of(edit: Mapping[str, Any], state: EditState) -> tuple[Change, ...]:
         raise InvalidInput(f"The edit {do} lacks {error.args[0]}.") from None
 
 
-def _to_waypoints(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Convert the contour of a drawing to points or segments of the job."""
-    return waypoint_changes(state.handles, state.data)
-
-
 EditFunction: TypeAlias = Callable[[Mapping[str, Any], EditState], Sequence[Change]]
 EDITS: dict[Any, EditFunction] = {
     "set": set_value,
@@ -55,7 +50,7 @@ EDITS: dict[Any, EditFunction] = {
     "remove_waypoint": remove_waypoint,
     "corner_tolerance": corner_tolerance,
     "place": place,
-    "to_waypoints": _to_waypoints,
+    "to_waypoints": lambda edit, state: waypoint_changes(state.handles, state.data),
     "obstacle": obstacle,
     "draw": draw,
 }

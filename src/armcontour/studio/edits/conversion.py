@@ -72,8 +72,8 @@ def _only_path(handles: Handles) -> Path:
     path, layer = program.single_path, contours[0].layer
     if path is None:
         raise InvalidInput(
-            f"{handles.file} has rapids, dwells or events besides its contour, which waypoints of "
-            "a job do not have: draw the contour alone."
+            f"{handles.file} has rapids, dwells or events in addition to its contour, which "
+            "waypoints of a job do not have: draw the contour alone."
         )
     if layer in job.process.by_layer:
         raise InvalidInput(
@@ -156,25 +156,22 @@ def _demand(path: Path, i: int) -> dict[str, Any]:
 def _verify(path: Path, written: Mapping[str, Any], handles: Handles) -> None:
     """Refuse waypoints that make another path, such as those of a file with tool orientations."""
     model = read_keys(MappingKeys(PathModel), written, "the waypoints")
-    written_path = path_of(model, FilePath(), handles.job.arm.dimension)
-    assert isinstance(written_path, Path)
-    alike = (
-        len(written_path) == len(path) and abs(written_path.vertices - path.vertices).max() <= SAME
-    )
+    copy = path_of(model, FilePath(), handles.job.arm.dimension)
+    assert isinstance(copy, Path)
+    alike = len(copy) == len(path) and abs(copy.vertices - path.vertices).max() <= SAME
     if not alike:
         raise InvalidInput(
             f"The contour of {handles.file} has segments that are too short to be written as "
             "waypoints of the job."
         )
-    written_orientation, orientation = written_path.orientation, path.orientation
-    if written_orientation is None and orientation is None:
+    copied_orientation, orientation = copy.orientation, path.orientation
+    if copied_orientation is None and orientation is None:
         return
     s = np.linspace(0, 1, 9)
     if (
-        written_orientation is None
+        copied_orientation is None
         or orientation is None
-        or abs(written_orientation(s * written_path.length) - orientation(s * path.length)).max()
-        > SAME
+        or abs(copied_orientation(s * copy.length) - orientation(s * path.length)).max() > SAME
     ):
         raise InvalidInput(
             f"{handles.file} gives the orientation of the tool, which would be lost: write it as "

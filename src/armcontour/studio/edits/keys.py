@@ -49,7 +49,7 @@ def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
         formatted = {k: format_value(x, now.get(k), (*keys, k)) for k, x in value.items()}
         return [Change((*keys, k), formatted.get(k, REMOVE)) for k in {**now, **formatted}]
     if keys == ("arm",) and isinstance(value, str) and isinstance(now, Mapping):
-        # The equipment of the arm stays.
+        # Keep the equipment of the arm.
         new = {"name": REMOVE, "file": REMOVE, **arm_keys(value)}
         return [Change(("arm", key), x) for key, x in new.items()]
     if keys[-2:] == ("corners", "shape"):

@@ -1,5 +1,5 @@
-// The page: the store, the connection, and one module per region. What a person sees and uses first is made before the
-// connection; all else (LATER) is loaded once the first picture is drawn, or somebody does something.
+// The page: store, connection, and one module per region. Regions that are visible first are created before the connection;
+// the others (LATER) are loaded after the first picture, or when the user does something.
 
 import { init as dock } from "./dock.js";
 import { find } from "./dom.js";
@@ -8,27 +8,27 @@ import { init as form } from "./form.js";
 import { init as files } from "./files.js";
 import { init as handles } from "./handles.js";
 import { init as header } from "./header.js";
-import { init as keys } from "./keys.js";
-import { Link } from "./link.js";
-import { init as marks } from "./marks.js";
+import { init as keys } from "./keyboard.js";
+import { Link } from "./connection.js";
+import { init as marks } from "./markers.js";
 import { init as messages, notify } from "./messages.js";
 import { init as pen } from "./pen.js";
 import { init as splitter } from "./splitter.js";
-import { init as start } from "./start.js";
+import { init as start } from "./start_page.js";
 import { Store } from "./state.js";
 import { init as theme } from "./theme.js";
 import { View2d } from "./view2d.js";
 import { init as viewbar } from "./viewbar.js";
 
 /** Regions that show a plan, or are seen once they are opened. */
-const LATER = ["obstacles", "place", "tables", "runs", "textpane", "notes", "arm3d", "charts", "playback", "tasks"];
+const LATER = ["obstacles", "part_handle", "tables", "runs", "textpane", "notes", "arm3d", "charts", "playback", "tasks"];
 const store = new Store();
 const link = new Link(store);
 messages(store, link);
 theme(store);
 const view = new View2d(store);
 const { pointer } = handles(store, link, view);
-/** Buttons of regions that are not there yet, which were pressed. @type {Set<HTMLElement>} */
+/** Buttons of regions not loaded yet that were pressed. @type {Set<HTMLElement>} */
 const pressed = new Set();
 
 /** Make regions; one that fails does not take the others with it. @param {(() => unknown)[]} regions */
@@ -42,7 +42,7 @@ function makeAll(regions) {
   }
 }
 
-/** Load and make the other regions; then what was pressed meanwhile is pressed again. */
+/** Load the other regions, then press the buttons again that were pressed meanwhile. */
 async function makeRest() {
   try {
     const regions = await Promise.all(LATER.map((name) => import(`./${name}.js`)));

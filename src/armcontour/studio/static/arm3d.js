@@ -1,4 +1,4 @@
-// The arm in its cell at the posture of the shown time, drawn by WebGL.
+// 3D view of the arm in its cell at the posture of the shown time (WebGL).
 
 import { Camera, VIEW_NAMES, steer } from "./camera.js";
 import { PAINTS, cellOf, placedAll, pointsOf } from "./cell.js";
@@ -58,7 +58,7 @@ class ArmView {
     this.fitted = "";
     /** @type {Motion | null} */
     this.motion = null;
-    /** Which motion was asked for. */
+    /** Which motion was requested. */
     this.asked = store.options.time;
     /** @type {Frame | null} the newest answer to a question for a posture */
     this.exact = null;
@@ -234,7 +234,7 @@ class ArmView {
   }
 
   /**
-   * See all when the document or the arm is another one, or when it was asked for.
+   * See all when the document or the arm is another one, or when it was requested.
    * @param {Cell} cell
    * @param {import("./kinematics.js").Pose[]} links
    */
@@ -251,7 +251,7 @@ class ArmView {
    */
   noteText(motion) {
     if (this.problem) return this.problem;
-    // Beside the drawing, the sentence is there or in the messages.
+    // Next to the drawing, the sentence is there or in the messages.
     if (this.store.refusal) return this.store.options.stage === "3d" ? this.store.refusal.head.sentence : "";
     if (!motion) return "No motion yet: the arm is at zero.";
     if (this.asked !== motion.of) return "The executed motion is not there yet: this is the planned one.";
@@ -273,7 +273,7 @@ function rendererName() {
 }
 
 /**
- * Whether a full run starts in another configuration.
+ * True if a full run starts in another configuration.
  * @param {Motion} motion
  * @param {number[] | undefined} start joint positions of the full run [rad]
  * @returns {boolean}

@@ -1,4 +1,4 @@
-// The camera of the 3D view: an orbit around a point, without perspective, so that lengths compare.
+// Camera of the 3D view: an orbit around a point with parallel projection, so that lengths compare.
 
 /** @typedef {"oblique"|"top"|"front"|"side"} View */
 
@@ -22,7 +22,7 @@ const INSIDE = 0.6;
 const NEAR_PATH = 0.005;
 const NEAR_ARM = 0.12;
 
-/** Where one looks from: z is up. The camera stays above the floor and within sight of the scene. */
+/** Position of the camera: z is up. It stays above the floor and in sight of the scene. */
 export class Camera {
   constructor() {
     /** @type {[number, number, number]} */
@@ -236,10 +236,10 @@ function pinch(held, event, camera) {
 }
 
 /**
- * What a key does: arrows turn, with Shift they move; + and - zoom.
+ * Handle a key: arrows turn, with Shift they move; + and - zoom.
  * @param {KeyboardEvent} event
  * @param {Camera} camera
- * @returns {boolean} whether it did something
+ * @returns {boolean} true if it did something
  */
 function pressKey(event, camera) {
   if (event.ctrlKey || event.metaKey || event.altKey) return false;

@@ -1,4 +1,4 @@
-// The arm and what stands around it, read from the frame `arm`.
+// Arm and bodies of its cell, from the frame `arm`.
 
 import { Chain, compose, place, poseOf } from "./kinematics.js";
 
@@ -100,7 +100,7 @@ function sizeOf(limbs) {
   return Math.max(0.05, sum);
 }
 
-/** So many points of every body and of the path are looked at. */
+/** Number of sampled points of each body and of the path. */
 const FEW = 150;
 
 /**

@@ -22,7 +22,7 @@ import { fixed } from "./format.js";
  * @property {Curve[]} curves
  * @property {number[]} [limits] values at which lines are drawn
  * @property {[number, number]} [range] that the vertical axis shows at least
- * @property {string} summary what is to be seen, as a sentence
+ * @property {string} summary content as a sentence
  * @property {string} [yUnit] unit of the values, if it changes
  * @property {(u: uPlot) => void} [over] draws on top
  */
@@ -38,7 +38,7 @@ import { fixed } from "./format.js";
 
 const HEIGHT = 152; // px
 
-/** What draws curves; it is loaded when there is something to draw. @type {typeof import("./vendor/uplot.js").default | null} */
+/** Library for curves, loaded when there is something to draw. @type {typeof import("./vendor/uplot.js").default | null} */
 let Plot = null;
 
 /** A chart; it is drawn only while it is in sight. */
@@ -70,7 +70,7 @@ export class Chart {
   }
 
   /**
-   * Show other content.
+   * Replace the content.
    * @param {Content} content
    */
   show(content) {
@@ -130,7 +130,7 @@ export class Chart {
     this.element.dataset.ms = (performance.now() - started).toFixed(1);
   }
 
-  /** Load what draws, and draw what is to be seen by then. */
+  /** Load the library, then draw the current content. */
   async load() {
     if (this.loads) return;
     this.loads = true;

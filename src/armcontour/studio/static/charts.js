@@ -1,17 +1,17 @@
-// The charts: tool speed along the path, what the joints do, and the contour error.
+// Charts: tool speed along the path, joint usage, and contour error.
 
 import { Chart, number, withGaps } from "./chart.js";
 import { RUN_COLOURS, styleOf, themed } from "./colours.js";
 import { rowOf, textOf } from "./format.js";
 import { find } from "./dom.js";
 import { errorsOf } from "./motion.js";
-import { drawStrip, stripOf } from "./strip.js";
-import { largest } from "./strokes.js";
+import { drawStrip, stripOf } from "./limit_strip.js";
+import { largest } from "./polylines.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
 /** @typedef {import("./state.js").Numbers} Numbers */
-/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./connection.js").Link} Link */
 /** @typedef {import("./chart.js").Curve} Curve */
 /** @typedef {import("./chart.js").Content} Content */
 
@@ -61,7 +61,7 @@ class Charts {
     this.error = new Chart("error", { ...overTime, title: "Contour error of the executed tool", y: "Error", unit: "µm" }, byTime);
     this.all = [this.speed, ...this.demands, this.error];
     region.append(...this.all.map((x) => x.element));
-    /** Whether charts are being drawn, and whether something came meanwhile. */
+    /** True if charts are being drawn, and whether something came meanwhile. */
     this.works = false;
     this.again = false;
     this.pause = PAUSE;

@@ -1,5 +1,5 @@
 // Colours of the page: the palette of Okabe and Ito for colour-blind readers, and
-// cividis for heat. What colour tells is always told by a dash or a label too.
+// cividis for heat. Dashes or labels repeat every information of colours.
 
 /** @typedef {{colour: string, dash: number[], label: string}} Style */
 
@@ -7,7 +7,7 @@
 /** Colours, dashes and words, by the same file as in reports. @type {{limits: Looks, verdicts: Looks, runs: string[]}} */
 const PALETTE = await (await fetch("/static/palette.json")).json();
 export const RUN_COLOURS = PALETTE.runs;
-/** Kind of the parts on which no limit binds. */
+/** Kind of the parts on which no limit is active. */
 export const BETWEEN = "between two limits";
 
 /**
@@ -40,7 +40,7 @@ const CIVIDIS = [
 ];
 
 /**
- * Colour of a share from 0 to 1, as cividis; its darkest part is left out on dark ground, its brightest on light ground.
+ * Colour of a share from 0 to 1, as cividis; its darkest part is omitted on dark ground, its brightest on light ground.
  * @param {number} share @param {"light" | "dark"} theme @returns {string}
  */
 export function heat(share, theme) {

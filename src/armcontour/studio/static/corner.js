@@ -1,4 +1,4 @@
-// The tolerance of a rounded corner as a place: the apex of the rounding, on the corner's bisector.
+// Tolerance of a rounded corner as a position: the apex of the rounding on the corner's bisector.
 
 import { mm } from "./format.js";
 
@@ -66,7 +66,7 @@ export function handledOf(picture) {
 }
 
 /**
- * Where a name beside the path is drawn: to its left, or where no handle is.
+ * Where a name next to the path is drawn: to its left, or where no handle is.
  * @param {Point} at px of the path @param {Point} normal to the left, m @param {Point[]} taken px of handles @returns {Point} px
  */
 export function besideHandles([x, y], [nx, ny], taken) {

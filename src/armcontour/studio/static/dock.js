@@ -1,4 +1,4 @@
-// The tabs below the drawing, and which of the views are seen.
+// Tabs below the drawing, and visibility of the views.
 
 import { find, say } from "./dom.js";
 

@@ -1,4 +1,4 @@
-// Small helpers for elements. Text is always set as text: nothing of a file becomes markup.
+// Helpers for elements. Text is set as text, so that no content of a file becomes markup.
 
 import { oncePerFrame } from "./state.js";
 
@@ -19,7 +19,7 @@ export function find(selector, within = document) {
 /**
  * A new element.
  * @template {keyof HTMLElementTagNameMap} K
- * @param {K} tag @param {Record<string, any>} [attributes] "text" is its text, "on..." are listeners, false is left out
+ * @param {K} tag @param {Record<string, any>} [attributes] "text" is its text, "on..." are listeners, false is omitted
  * @param {(Node | string)[]} [children] @returns {HTMLElementTagNameMap[K]}
  */
 export function make(tag, attributes = {}, children = []) {
@@ -41,7 +41,7 @@ export function draw(tag, attributes = {}) {
 }
 
 /**
- * Something to grab in a drawing, with its parts and the round place where it is grabbed.
+ * Something to drag in a drawing, with its parts and the round place where it is grabbed.
  * @param {Record<string, any>} attributes of a slider @param {Element[]} parts @param {number} [radius] px @returns {SVGGElement}
  */
 export function grip(attributes, parts, radius = 12) {

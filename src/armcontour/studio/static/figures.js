@@ -1,4 +1,4 @@
-// The verdict on top, and what it is made of: distance from the drawing, cycle time, clearance, saturation.
+// Verdict and its figures: contour error, cycle time, clearance, saturation.
 
 import { verdictOf } from "./colours.js";
 import { find, make, mark, say } from "./dom.js";
@@ -19,7 +19,7 @@ const ALARMS = {
 };
 
 class Figures {
-  /** @param {Store} store @param {import("./link.js").Link} link */
+  /** @param {Store} store @param {import("./connection.js").Link} link */
   constructor(store, link) {
     this.store = store;
     this.link = link;
@@ -62,7 +62,7 @@ class Figures {
     this.updateChanges();
   }
 
-  /** What to change, each with a button that does it. */
+  /** Proposed changes, each with a button that applies it. */
   updateChanges() {
     const frame = this.store.latest("changes");
     const { share = 0, changes = [], note = "" } = this.store.isCurrent(frame) ? frame?.head : {};
@@ -84,7 +84,7 @@ class Figures {
     this.updateState();
   }
 
-  /** How true the figures are. */
+  /** Accuracy of the figures. */
   updateState() {
     const { store } = this;
     this.region.classList.toggle("stale", store.refusal?.head.tier === 1);
@@ -141,16 +141,16 @@ export function headOf(store) {
   return (store.isCurrent(figures) ? figures : store.latest("picture"))?.head ?? {};
 }
 
-/** Whether a motion is shown, be it the last good one. @param {Store} store @returns {boolean} */
+/** True if a motion is shown, be it the last good one. @param {Store} store @returns {boolean} */
 export function hasMotion(store) {
   const picture = store.latest("picture");
   return picture !== null && picture.head.tier !== "outline";
 }
 
-/** Whether the document, and not one before, has a motion. @param {Store} store */
+/** True if the document, and not one before, has a motion. @param {Store} store */
 const isPlanned = (store) => !store.refusal && hasMotion(store);
 
-/** How true the figures are, in a word. @param {Store} store @returns {string} */
+/** Accuracy of the figures in one word. @param {Store} store @returns {string} */
 function exactnessOf(store) {
   if (store.isOffline) return "not connected";
   if (store.refusal?.head.tier === 1) return hasMotion(store) ? "refused, the last" : "refused";
@@ -158,7 +158,7 @@ function exactnessOf(store) {
   return store.isCurrent(store.latest("figures")) ? "exact" : "preview";
 }
 
-/** @param {Store} store @param {import("./link.js").Link} link */
+/** @param {Store} store @param {import("./connection.js").Link} link */
 export function init(store, link) {
   new Figures(store, link);
 }

@@ -1,15 +1,15 @@
-// Files: open by picker or drop, save, what saving would change, conflicts with the disk, drafts.
+// Files: open by picker or drop, save, show differences, resolve conflicts with the disk, drafts.
 
-import { difference, show } from "./ask.js";
+import { difference, show } from "./dialog.js";
 import { find, give, make, mark } from "./dom.js";
 import { known } from "./form.js";
 import { hasChanges } from "./header.js";
 import { ENDINGS, isLog } from "./logs.js";
 import { notify } from "./messages.js";
-import { chosenArm } from "./start.js";
+import { chosenArm } from "./start_page.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./connection.js").Link} Link */
 
 const LARGEST = 64 * 2 ** 20; // bytes, as the server's limit
 

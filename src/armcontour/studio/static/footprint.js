@@ -1,4 +1,4 @@
-// Obstacles as they are seen from above the plane of the drawing: the hull of their corners.
+// Projection of obstacles onto the plane of the drawing: the hull of their corners.
 
 import { place, poseOf } from "./kinematics.js";
 

@@ -4,13 +4,13 @@
 import { find } from "./dom.js";
 import { isPlain, quantity } from "./format.js";
 import { Gesture } from "./gesture.js";
-import { Ghost, positionOf, STEPS, valueAt } from "./ghost.js";
-import { Entry } from "./parts.js";
+import { Ghost, positionOf, STEPS, valueAt } from "./sweep_preview.js";
+import { Entry } from "./components.js";
 import { computed, html, render, signal, useComputed, useRef, useSignal } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
-/** @typedef {import("./ghost.js").Slider} Slider */
+/** @typedef {import("./connection.js").Link} Link */
+/** @typedef {import("./sweep_preview.js").Slider} Slider */
 /** @typedef {(string | number)[]} Key */
 /**
  * A field, see `files/job_form.py`; `at` is the key of those that are in a group.
@@ -20,14 +20,14 @@ import { computed, html, render, signal, useComputed, useRef, useSignal } from "
  */
 /** @typedef {{f: Field, at: Key, label?: string, row?: Slider}} Props */
 
-/** Where a value is written: a mark beside it, and a sentence. @type {Record<string, [string, string]>} */
+/** Where a value is written: a mark next to it, and a sentence. @type {Record<string, [string, string]>} */
 const FROM = {
   job: ["", "Written for all runs of the job."],
   run: ["run", "Written for this run alone."],
   arm: ["arm", "Of the arm; not written in the job."],
   default: ["", "The default; not written in the job."],
 };
-/** Keys of which a layer that is left out is not run, and of layers. */
+/** Keys of which a layer that is omitted is not run, and of layers. */
 const [READ, BY_LAYER] = ["path.layers", "process.by_layer"];
 /** Keys of mappings by numbers, of waypoints and of tools. */
 const NUMBERED = ["corners.at", "path.tools"];
@@ -91,7 +91,7 @@ function textOf(x) {
   return typeof x === "object" ? JSON.stringify(x) : String(x);
 }
 
-/** What is typed into a field, as it is written in the job. @param {Field} f @param {string} text @returns {any} */
+/** Text of a field as the value in the job. @param {Field} f @param {string} text @returns {any} */
 function readAs(f, text) {
   if (text === "none") return null;
   try {
@@ -114,7 +114,7 @@ function send(at, edits) {
   link.edit([...more.flatMap((x) => x.edits), ...edits]);
 }
 
-/** Whether a change of a key is for the shown run alone. @param {Key} key @returns {boolean} */
+/** True if a change of a key is for the shown run alone. @param {Key} key @returns {boolean} */
 const isOfRun = (key) => forRun.value && form.in_run.includes(key[0]);
 
 /** @param {Key} key @param {any} value */
@@ -135,7 +135,7 @@ const unset = (key) => send(key, [...listed(key), { do: "unset", key }]);
 
 /**
  * Show a refusal at its field. @param {import("./state.js").Frame} frame
- * @returns {boolean} whether there is such a field
+ * @returns {boolean} true if there is such a field
  */
 export function refuseAt({ head: { key, sentence } }) {
   if (!sent) return false;
@@ -161,13 +161,13 @@ function accept() {
 /** @param {string} text */
 const words = (text) => text.charAt(0).toUpperCase() + text.slice(1).replaceAll("_", " ");
 
-/** @param {Field} f @returns {boolean} whether a search finds its own words */
+/** @param {Field} f @returns {boolean} true if a search finds its own words */
 const isNamed = (f) => `${f.name.replaceAll("_", " ")} ${f.name} ${f.label ?? ""} ${f.text ?? ""}`.toLowerCase().includes(wanted.value.toLowerCase());
 
-/** @param {Field} f @returns {boolean} whether a search finds it, or a field in it */
+/** @param {Field} f @returns {boolean} true if a search finds it, or a field in it */
 const isFound = (f) => isNamed(f) || [...(f.fields ?? []), ...(f.items ?? []), ...(f.each ? [f.each] : [])].some(isFound);
 
-/** Whether a field is written, or usual. @param {Field} f @param {Key} key */
+/** True if a field is written, or usual. @param {Field} f @param {Key} key */
 const isSet = (f, key) => writtenAt(key).written !== undefined || Boolean(f.label) || rowAt(key) !== undefined || jointsAt(key).length > 0;
 
 /** @param {{at: Key}} props */
@@ -218,7 +218,7 @@ function One({ f, at, label = f.name }) {
     )}</select>`;
   }
   const slider = row && typeof row.min === "number" && row.min < row.max ? { ...row, key, label: name.toLowerCase() } : null;
-  // A plain number of the file stays one; its unit is told beside it.
+  // A plain number of the file stays one; its unit is reported next to it.
   const unit = isPlain(value) || (f.list && !row) ? (row?.unit ?? f.unit) : "";
   return html`<div class="setting" ref=${place} data-key=${key} data-from=${is} onFocusIn=${() => (help.value = title)}
       onPointerEnter=${() => slider && place.current && ghost.wish(slider, place.current)} onPointerLeave=${() => ghost.leave()}>
@@ -396,7 +396,7 @@ function Form() {
     <p class="help quiet">${help}</p>`;
 }
 
-/** What the page knows of jobs: fields, cells, formats, endings. @type {Promise<any>} */
+/** Fields, cells, formats and endings of jobs. @type {Promise<any>} */
 export const known = fetch("/static/form.json").then((answer) => answer.json());
 
 /** @param {Store} store @param {Link} to */

@@ -1,4 +1,4 @@
-// Numbers as text: fixed decimals, so that they do not jump in width while they change.
+// Numbers as text with fixed decimals, so that their width does not change.
 
 /** Figure that a missing number is shown as. */
 export const NONE = "–";
@@ -45,11 +45,11 @@ export function short(x, digits = 4) {
 const NUMBER = String.raw`[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?`;
 const PLAIN = RegExp(`^${NUMBER}$`);
 
-/** Whether a quantity is written without a unit. @param {string} text @returns {boolean} */
+/** True if a quantity is written without a unit. @param {string} text @returns {boolean} */
 export const isPlain = (text) => PLAIN.test(text);
 
 /**
- * What somebody typed over a quantity: a plain number has the unit that is shown.
+ * What the user typed over a quantity: a plain number has the unit that is shown.
  * @param {string} typed @param {string} shown @param {string} [unit] where nothing with a unit is shown
  * @returns {string}
  */

@@ -1,6 +1,6 @@
-// A gesture: what one drag, or one held arrow key, changes. It is undone in one step.
+// A gesture: all changes of one drag or one held arrow key. It is undone in one step.
 
-/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./connection.js").Link} Link */
 
 /** Browsers hold "pointermove" back for the next frame of the screen; some tell the same at once, too. */
 const MOVED = "onpointerrawupdate" in globalThis ? "pointerrawupdate" : "pointermove";

@@ -7,18 +7,18 @@ import { mm } from "./format.js";
 import { Pointer } from "./pointer.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./connection.js").Link} Link */
 /** @typedef {import("./view2d.js").View2d} View2d */
 /** @typedef {[number, number]} Point */
 /** @typedef {import("./pointer.js").Movable} Movable */
 /**
- * Something to grab: `at` says where it is (metres in the plane, null: not there).
+ * Something to drag: `at` says where it is (metres in the plane, null: not there).
  * @typedef {Movable & {element: SVGGElement, at: () => Point | null, describe: () => void, corner?: () => any}} Handle
  *   `describe` sets what is read aloud; `corner` is the one whose apex it is
  */
 
 // Beyond this number only handles in view are made.
-const MOST_HANDLES = 300;
+const MAX_HANDLES = 300;
 /** No waypoint that is to have the focus. */
 const NOTHING = { index: -1, seq: Infinity, count: 0 };
 
@@ -39,7 +39,7 @@ class Handles {
     view.followers.add(() => this.place());
   }
 
-  /** What can be grabbed may be another now, or elsewhere. @param {import("./state.js").Frame | null} frame */
+  /** What can be dragged may be another now, or elsewhere. @param {import("./state.js").Frame | null} frame */
   answered(frame) {
     this.build();
     this.place();
@@ -88,13 +88,13 @@ class Handles {
     // The view is fitted to the first picture: until then a handle would be elsewhere.
     if (!this.store.latest("picture") && !this.store.refusal) return [];
     const movable = found.waypoints.filter((/** @type {any} */ x) => !x.why_not);
-    return movable.length <= MOST_HANDLES ? movable : movable.filter((/** @type {any} */ x) => this.inView(x.uv)).slice(0, MOST_HANDLES);
+    return movable.length <= MAX_HANDLES ? movable : movable.filter((/** @type {any} */ x) => this.inView(x.uv)).slice(0, MAX_HANDLES);
   }
 
   /** Rounded corners. @returns {any[]} */
   corners() {
     const seen = handledOf(this.store.latest("picture"));
-    return seen.length <= MOST_HANDLES ? seen : seen.filter((/** @type {any} */ x) => this.inView(x.apex)).slice(0, MOST_HANDLES);
+    return seen.length <= MAX_HANDLES ? seen : seen.filter((/** @type {any} */ x) => this.inView(x.apex)).slice(0, MAX_HANDLES);
   }
 
   /** @param {Point} uv @returns {boolean} */
@@ -222,7 +222,7 @@ class Handles {
 
   /** Every handle at its place on the screen. */
   place() {
-    if ((this.store.document?.waypoints?.length ?? 0) > MOST_HANDLES) this.build();
+    if ((this.store.document?.waypoints?.length ?? 0) > MAX_HANDLES) this.build();
     const points = this.waypoints().map(({ role, index }) => isOnPath(role) && this.waypointAt(index));
     const corners = points.flatMap((p) => (p ? [this.pointer.screen(p).map((x) => x.toFixed(1)).join()] : []));
     mark(this.polygon, "points", corners.join(" "));
@@ -242,7 +242,7 @@ class Handles {
 }
 
 /**
- * Whether a waypoint can be inserted before that with a number, be it a new last one.
+ * True if a waypoint can be inserted before that with a number, be it a new last one.
  * @param {any} document @param {number} index @returns {boolean}
  */
 export function insertable({ waypoints }, index) {
@@ -250,7 +250,7 @@ export function insertable({ waypoints }, index) {
   return index > 0 && index <= ends.length && (ends[index]?.divisible ?? true);
 }
 
-/** Whether the path goes through a point; others shape an arc. @param {string} role */
+/** True if the path goes through a point; others shape an arc. @param {string} role */
 export const isOnPath = (role) => role === "point" || role === "end";
 
 /** @param {Store} store @param {Link} link @param {View2d} view @returns {Handles} */

@@ -1,10 +1,10 @@
-// The bar on top: name and state of the file, undo, the shown run.
+// Top bar: name and state of the file, undo, shown run.
 
 import { find, say } from "./dom.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./connection.js").Link} Link */
 
 const ON_DISK = /** @type {Record<string, string>} */ ({
   changed: "changed on disk",
@@ -12,7 +12,7 @@ const ON_DISK = /** @type {Record<string, string>} */ ({
   none: "not yet a file",
 });
 
-/** Whether something would be lost; a drawing that was only looked at is in no job file yet. @param {any} head @returns {boolean} */
+/** True if something would be lost; a drawing that was only looked at is in no job file yet. @param {any} head @returns {boolean} */
 export const hasChanges = (head) => Boolean(head?.dirty && (head.on_disk !== "missing" || head.can_undo));
 
 /** @param {any} head @returns {string} */

@@ -1,6 +1,6 @@
-// What is drawn of the newest frames, kept until its frame, the theme or the wish changes.
+// Cached drawing layers of the newest frames, until the frame, the theme or an option changes.
 
-import { labelsOf, largest, magnified, polyline, startsOf, strokesByHeat, strokesByLimit } from "./strokes.js";
+import { labelsOf, largest, magnified, polyline, startsOf, strokesByHeat, strokesByLimit } from "./polylines.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -25,7 +25,7 @@ export class Layers {
     this.factor = 1;
   }
 
-  /** Whether lines are as fine as they are seen, and all of them are there that are seen. @param {Frame} lines */
+  /** True if lines are as fine as they are seen, and all of them are there that are seen. @param {Frame} lines */
   isFine({ head }) {
     const [left, bottom, right, top] = head.box ?? [-Infinity, -Infinity, Infinity, Infinity];
     const [from, to] = [this.view.toPlane([0, this.view.height]), this.view.toPlane([this.view.width, 0])];

@@ -1,17 +1,17 @@
-// What the lines of the drawing mean, and its scales.
+// Legend of the lines of the drawing, and its scales.
 
 import { heat, styleOf, themed } from "./colours.js";
 import { headOf } from "./figures.js";
 import { mm, short } from "./format.js";
 import { DECADES } from "./layers.js";
-import { SLOW, slowPlaces } from "./marks.js";
+import { SLOW, slowPlaces } from "./markers.js";
 import { scaleBar } from "./viewport.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
 /** @typedef {import("./layers.js").Layers} Layers */
 /**
- * A sample of a line, and what it means; with `corners` it is a mark of this shape. All in px.
+ * A sample of a line and its meaning; with `corners` it is a mark of this shape. All in px.
  * @typedef {{colour: string, dash: number[], width: number, length: number, text: string, corners?: number[][]}} Sample
  */
 /** Shades from one text to another. @typedef {{shades: string[], from: string, to: string}} Shades */
@@ -22,7 +22,7 @@ const SHADES = 24;
 /** @param {string} colour @param {number[]} dash @param {number} width @param {string} text @param {number} [length] @returns {Sample} */
 const sample = (colour, dash, width, text, length = LENGTH) => ({ colour, dash, width, length, text });
 
-/** What takes the time, with its shares. @param {Store} store @returns {Sample[]} */
+/** Shares of the limits in the duration. @param {Store} store @returns {Sample[]} */
 function kindsOf(store) {
   const { kinds } = headOf(store);
   return (kinds?.length ? kinds : [{ kind: "unknown", share: "" }]).map((/** @type {any} */ { kind, share }) => {
@@ -31,7 +31,7 @@ function kindsOf(store) {
   });
 }
 
-/** What colours the path: kinds of limits, or a scale. @param {Store} store @param {Layers} layers @returns {(Sample | Shades)[]} */
+/** Colours of the path: kinds of limits, or a scale. @param {Store} store @param {Layers} layers @returns {(Sample | Shades)[]} */
 function colouringOf(store, layers) {
   const { colour } = store.options;
   const executed = store.refusal ? null : store.latest("executed");

@@ -1,4 +1,4 @@
-// Logs of the robot: which there are, and which of them tasks take.
+// Logs of the robot, and the logs that tasks use.
 
 import { find, make } from "./dom.js";
 import { html, signal } from "./vendor/preact.js";
@@ -18,7 +18,7 @@ const [all, ticked, columns] = [signal(/** @type {string[]} */ ([])), signal(/**
 export const logs = () => all.value.filter((name) => ticked.value.includes(name));
 export const logOptions = () => ({ logs: logs(), columns: columns.value });
 
-/** Whether a file is a log of a robot. @param {File} file @returns {Promise<boolean>} */
+/** True if a file is a log of a robot. @param {File} file @returns {Promise<boolean>} */
 export async function isLog(file) {
   if (!TABLES.test(file.name)) return BAGS.test(file.name);
   const first = (await file.slice(0, 4096).text()).split(/\r?\n/).find((line) => /^\s*[^#\s]/.test(line)) ?? "";
@@ -27,7 +27,7 @@ export async function isLog(file) {
 
 /** Listen to new logs. @param {Store} store @param {() => void} compare */
 export function init(store, compare) {
-  /** Whether set-points were learned since the last log: the next one is of their run. */
+  /** True if set-points were learned since the last log: the next one is of their run. */
   let learned = false;
   const update = () => (all.value = store.document?.logs ?? []);
   store.on("document", update);

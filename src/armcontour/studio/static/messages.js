@@ -1,4 +1,4 @@
-// Sentences of the server: refusals, notices, what failed; and the state of the connection.
+// Messages of the server: refusals, notices, failures; and the state of the connection.
 
 import { find, make, say } from "./dom.js";
 import { hasMotion } from "./figures.js";
@@ -6,7 +6,7 @@ import { refuseAt } from "./form.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./connection.js").Link} Link */
 
 /** Work whose progress is shown here: the start, and that on the newest state, with its name in messages. */
 const OWN = "#";
@@ -45,7 +45,7 @@ class Passing {
   }
 }
 
-/** What could not be done as nothing was shown yet. */
+/** Failures before anything was shown. */
 const early = new Passing();
 
 /** Say that something cannot be done before a path is shown; this goes with the first path. @param {string} sentence */
@@ -87,7 +87,7 @@ export function init(store, link) {
   });
   // A job that is refused has started, too.
   for (const event of ["picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => (work.hidden ||= task === "start" && Boolean(frame)));
-  /** What was refused, until the job is another one. */
+  /** Refusals of the current job. */
   const dropped = new Passing();
   store.on("dropped", (/** @type {any} */ frame) => refuseAt(frame) || dropped.tell(`${frame.head.sentence} Nothing was changed.`));
   let rev = -1;
@@ -97,7 +97,7 @@ export function init(store, link) {
     dropped.clear();
   });
   store.on("notice", (/** @type {any} */ frame) => notify(frame.head.sentence));
-  // What became of a task is said beside its button.
+  // Results of a task are shown next to its button.
   store.on("failed", (/** @type {any} */ { head }) => head.id || notify(head.sentence, "alarm"));
   const state = find("#link-state");
   const banner = make("div", { class: "message alarm" });

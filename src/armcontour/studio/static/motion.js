@@ -1,4 +1,4 @@
-// The motion that is played: joint positions and tool points of the shown run, over time.
+// Played motion: joint positions and tool points of the shown run over time.
 
 import { rowOf } from "./format.js";
 

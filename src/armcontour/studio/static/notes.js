@@ -1,8 +1,8 @@
-// What the server says beside figures: warnings, notes, slow places, where the time goes.
+// Further information of the server: warnings, notes, slow points, time by limit.
 
 import { find, say } from "./dom.js";
 import { headOf } from "./figures.js";
-import { Tabular } from "./parts.js";
+import { Tabular } from "./components.js";
 import { nowAndThen, READING } from "./state.js";
 import { html, render } from "./vendor/preact.js";
 

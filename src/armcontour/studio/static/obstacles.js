@@ -1,6 +1,6 @@
-// Obstacles over the drawing: they are moved, boxes are sized, all by drag or by arrow keys.
+// Obstacles in the drawing: move and resize them by drag or by arrow keys.
 
-import { show } from "./ask.js";
+import { show } from "./dialog.js";
 import { draw, find, grip, make, mark } from "./dom.js";
 import { axesOf, dot, outlineOf, planeOf, standing } from "./footprint.js";
 import { mm } from "./format.js";
@@ -48,7 +48,7 @@ class Obstacles {
     });
   }
 
-  /** A box that stands on the plane beside the part, where no other obstacle is. */
+  /** A box that stands on the plane next to the part, where no other obstacle is. */
   async add() {
     const { box, view } = this.view;
     if (!this.plane || !box) return tellEarly("No obstacle can be added yet: no path has been shown.");
@@ -63,7 +63,7 @@ class Obstacles {
   }
 
   /**
-   * A place beside the part that is no other obstacle's; the arm has most room where it is far from the base.
+   * A place next to the part that is no other obstacle's; the arm has most room where it is far from the base.
    * @param {import("./viewport.js").Box} box of the part, from its middle @param {number} side m @returns {Point} m
    */
   spotBeside({ left, right, bottom, top }, side) {
@@ -196,7 +196,7 @@ class Obstacles {
   }
 }
 
-/** @param {Store} store @param {import("./link.js").Link} _link @param {Pointer} pointer */
+/** @param {Store} store @param {import("./connection.js").Link} _link @param {Pointer} pointer */
 export function init(store, _link, pointer) {
   new Obstacles(store, pointer);
 }

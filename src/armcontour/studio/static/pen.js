@@ -40,10 +40,10 @@ const SHAPES = {
   },
 };
 
-/** Whether shapes can be added to the path. @param {Store} store @returns {boolean} */
+/** True if shapes can be added to the path. @param {Store} store @returns {boolean} */
 export const canDraw = ({ document }) => Boolean(document?.path?.editable) && document.path.kind !== "spline";
 
-/** @param {Store} store @param {import("./link.js").Link} _link @param {Pointer} pointer */
+/** @param {Store} store @param {import("./connection.js").Link} _link @param {Pointer} pointer */
 export function init(store, _link, pointer) {
   const { view } = pointer;
   const ground = draw("rect", { class: "pen", width: "100%", height: "100%", tabindex: 0, role: "slider", "aria-valuenow": 0 });

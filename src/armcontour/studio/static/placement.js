@@ -1,13 +1,13 @@
-// The placement map: how good every place of the part is, under the drawing and in a grid of buttons.
+// Placement map: rating of each position of the part, below the drawing and in a grid of buttons.
 
 import { heat } from "./colours.js";
 import { make, say } from "./dom.js";
 import { fixed, mm, percent, rowOf, seconds, short } from "./format.js";
-import { movedSince, moveTo } from "./moved.js";
+import { movedSince, moveTo } from "./part_motion.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
-/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./connection.js").Link} Link */
 /** @typedef {import("./viewport.js").Viewport} Viewport */
 /** @typedef {[number, number, number]} Shift right, up [m] and turn [rad] in the plane of the picture */
 /** `value` is not finite without a plan: the place is refused, or cannot be better than others. @typedef {{shift: Shift, value: number, refusal: string}} Cell */
@@ -104,7 +104,7 @@ export class PlacementMap {
     say(this.scale, `Colour: ${this.words}`);
   }
 
-  /** What colours and crosses mean. */
+  /** Meaning of colours and crosses. */
   get words() {
     const [low, high] = this.range.map(this.score.text);
     return `${this.score.label}, from ${low} to ${high}; bright is better; crossed: refused; empty: cannot be the best.`;
@@ -164,7 +164,7 @@ export class PlacementMap {
     this.link.edit([moveTo(cell.shift, moved, this.about)]);
   }
 
-  /** Whether the map is under the drawing. */
+  /** True if the map is under the drawing. */
   get isDrawn() {
     return this.shown.checked && this.element.isConnected && this.cells.length > 0 && this.moved !== null;
   }

@@ -1,4 +1,4 @@
-// Playback: moves the shown time, at a chosen rate, and asks for the exact posture where it rests.
+// Playback: moves the shown time at a chosen rate, and requests the exact posture at rest.
 
 import { find } from "./dom.js";
 import { seconds } from "./format.js";
@@ -7,13 +7,13 @@ import { nowAndThen, READING } from "./state.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./connection.js").Link} Link */
 /** @typedef {import("./motion.js").Which} Which */
 
 const RATES = [0.1, 0.25, 0.5, 1, 2, 4];
 /** How far the arrow keys move [share of the duration]; with Shift ten times as far. */
 const STEP = 0.005;
-/** The exact posture is asked for when nothing has changed for so long [ms]. */
+/** The exact posture is requested when nothing has changed for so long [ms]. */
 const REST = 120;
 /** While it plays, numbers change so often at most [ms]. */
 const PLAYING = 60;
@@ -49,7 +49,7 @@ class Playback {
     this.playing = false;
     this.last = 0;
     this.told = 0;
-    /** Whether an answer is awaited, and whether it is out of date. */
+    /** True if an answer is awaited, and whether it is out of date. */
     this.asked = { waits: false, again: false };
     region.addEventListener("keydown", (event) => this.press(event));
     document.addEventListener("visibilitychange", () => document.hidden && this.pause());
@@ -72,7 +72,7 @@ class Playback {
     this.resting = setTimeout(() => !this.playing && this.ask(), REST);
   }
 
-  /** Another time is shown; if it is not the next one, somebody has chosen it. */
+  /** Another time is shown; if it is not the next one, the user has chosen it. */
   follow() {
     if (this.store.time !== this.played) this.pause();
     if (this.playing) return;

@@ -8,7 +8,7 @@ import { notify } from "./messages.js";
 import { oncePerFrame } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./connection.js").Link} Link */
 /** @typedef {import("./view2d.js").View2d} View2d */
 /** @typedef {[number, number]} Point */
 /** A unit of the document, and its size in SI units. @typedef {[string, number]} Unit */
@@ -46,11 +46,11 @@ export class Pointer {
      *   gesture: Gesture, before: import("./state.js").Frame | null} | null}
      */
     this.going = null;
-    /** What was changed and is not yet answered. @type {Map<Movable, {values: number[], seq: number}>} */
+    /** Changes without an answer. @type {Map<Movable, {values: number[], seq: number}>} */
     this.changed = new Map();
     this.follow = oncePerFrame(() => view.place());
     for (const event of ["document", "picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => this.answered(event, frame));
-    // What was not made is not shown.
+    // Discarded changes are not shown.
     store.on("link", (/** @type {any} */ link) => link.state !== "open" && this.changed.size && (this.changed.clear(), this.follow()));
   }
 
@@ -164,7 +164,7 @@ export class Pointer {
     this.place(place);
     const moved = what.moved(by, start, event);
     const round = this.rounded(moved, event, what);
-    // What does not move is not rounded.
+    // Values that do not move are not rounded.
     const values = moved.map((x, k) => (Math.abs(x - start[k]) < SAME ? start[k] : round[k]));
     // Many motions of a pointer stay within one step, so the values do not change.
     if (!this.changed.has(what) || values.some((x, k) => x !== last[k])) this.set(values, event.timeStamp);
@@ -186,7 +186,7 @@ export class Pointer {
     this.tell();
   }
 
-  /** A key of a number, or several. @param {KeyboardEvent} event @returns {boolean} whether it was */
+  /** A key of a number, or several. @param {KeyboardEvent} event @returns {boolean} true if it was */
   type(event) {
     const { going } = this;
     const isKey = /^[-\d.,;x ]$/.test(event.key) && (going?.typed || /[-\d.]/.test(event.key));
@@ -231,7 +231,7 @@ export class Pointer {
     this.label.style.transform = `translate(${Math.max(0, left)}px, ${Math.max(0, top)}px)`;
   }
 
-  /** What the label says: the values, and what they gain. */
+  /** Text of the label: values and their effect. */
   tell() {
     if (!this.going) return;
     const { names, unit, values, typed, before } = this.going;

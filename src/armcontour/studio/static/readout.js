@@ -1,8 +1,8 @@
-// Joint positions and tool as numbers: what the 3D view shows, for those who cannot see it.
+// Joint positions and tool position as numbers, as an alternative to the 3D view.
 
 import { make } from "./dom.js";
 import { fixed, mm, seconds } from "./format.js";
-import { Tabular } from "./parts.js";
+import { Tabular } from "./components.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./cell.js").Cell} Cell */

@@ -1,14 +1,14 @@
-// The runs of the job in a table, with differences of duration and errors to the shown run.
+// Table of runs with differences of duration and errors from the shown run.
 
-import { ask } from "./ask.js";
+import { ask } from "./dialog.js";
 import { find, whileSeen } from "./dom.js";
 import { knownOf } from "./figures.js";
 import { difference, textOf } from "./format.js";
-import { Heads } from "./parts.js";
+import { Heads } from "./components.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./connection.js").Link} Link */
 /** @typedef {Map<string, import("./figures.js").Row>} Known */
 
 const EVENTS = ["document", "picture", "executed", "figures"];

@@ -1,4 +1,4 @@
-// The arm, its cell and the tool's trail in three.js. Drawn only when asked to.
+// Arm, cell and tool trail in three.js. Drawn only on request.
 
 import {
   AxesHelper, BufferAttribute, BufferGeometry, Color, CylinderGeometry, DoubleSide, FrontSide, GridHelper, Group,

@@ -1,4 +1,4 @@
-// The edge of the dock: dragged, or moved with the arrow keys, it gives the drawing more room or less.
+// Splitter between drawing and dock, by drag or by arrow keys.
 
 import { find, make } from "./dom.js";
 import { dragged } from "./gesture.js";

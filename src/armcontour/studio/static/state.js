@@ -1,4 +1,4 @@
-// The store: the newest frames of the server, the shown time, and what the person looks at.
+// The store: the newest frames of the server, the shown time, and what the user looks at.
 // Modules read it, listen to it, and never talk to each other in another way.
 //
 // A picture always has the arrays of a plan; they are empty for a long drawing without one (head.tier "outline").
@@ -11,7 +11,7 @@
 //   time                    listener()                the shown time changed
 //   view                    listener(options)         an option changed, see `ViewOptions`
 //   theme                   listener("light" | "dark")
-//   link                    listener(link state)      see link.js
+//   link                    listener(link state)      see connection.js
 //   underlay                what is drawn under the path changed: listener()
 //   finer                   the drawing needs finer lines: listener({box, px}), metres
 //   ground                  the ground of the drawing was clicked: listener({uv}), metres in the plane
@@ -77,11 +77,11 @@ export class Store {
     this.options = { ...STARTING_OPTIONS };
     /** @type {"light" | "dark"} */
     this.theme = "light";
-    /** What is drawn under the path. @type {Set<Underlay>} */
+    /** Drawn below the path. @type {Set<Underlay>} */
     this.underlays = new Set();
     /** Order of the newest frame with a result, as (revision, seq). */
     this.newest = { rev: -1, seq: -1 };
-    /** Whether there is no connection, so that nothing shown can be called exact. */
+    /** True if there is no connection, so that nothing shown can be called exact. */
     this.isOffline = false;
   }
 
@@ -135,7 +135,7 @@ export class Store {
     if (frame.kind === "picture") for (const name of PLANNED_ARRAYS) frame.arrays[name] ??= new Float32Array(0);
     if (OF_A_RUN.has(frame.kind) || frame.kind === "refusal" || frame.kind === "document") {
       if (this.isOld(frame)) return;
-      // A document that is told again, as its draft is gone, makes no picture of it old.
+      // A document that is reported again, as its draft is gone, makes no picture of it old.
       if (frame.kind !== "document" || frame.rev !== this.newest.rev) this.advance(frame);
     }
     if (frame.kind === "refusal") {
@@ -151,7 +151,7 @@ export class Store {
     this.tell(frame.kind, frame);
   }
 
-  /** Whether a newer frame is already shown. @param {Frame} frame @returns {boolean} */
+  /** True if a newer frame is already shown. @param {Frame} frame @returns {boolean} */
   isOld(frame) {
     if (frame.rev !== this.newest.rev) return frame.rev < this.newest.rev;
     return frame.seq !== null && frame.seq < this.newest.seq;
@@ -160,7 +160,7 @@ export class Store {
   /** @param {Frame} frame */
   advance(frame) {
     const same = frame.rev === this.newest.rev;
-    // A document that is told again, such as when it is saved, makes no picture old.
+    // A document that is reported again, such as when it is saved, makes no picture old.
     const seq = frame.kind === "document" ? null : frame.seq;
     this.newest = { rev: frame.rev, seq: seq ?? (same ? this.newest.seq : -1) };
   }
@@ -187,7 +187,7 @@ export class Store {
   }
 
   /**
-   * Whether a frame answers the same edit as the shown path (a refused edit has no path of its own).
+   * True if a frame answers the same edit as the shown path (a refused edit has no path of its own).
    * @param {Frame | null} frame @returns {boolean}
    */
   isCurrent(frame) {

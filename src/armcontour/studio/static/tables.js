@@ -1,22 +1,22 @@
-// Tables of waypoints and corners: every drag has a way without dragging.
+// Tables of waypoints and corners, as an alternative to dragging.
 
 import { toleranceEdits } from "./corner.js";
 import { find, whileSeen } from "./dom.js";
 import { mm, withUnit } from "./format.js";
 import { insertable } from "./handles.js";
-import { Entry, Heads } from "./parts.js";
+import { Entry, Heads } from "./components.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./connection.js").Link} Link */
 
-const MOST_ROWS = 500;
+const MAX_ROWS = 500;
 const AXES = ["x", "y", "z"];
 const CORNERS = ["(number)", "place mm", "error", "allowed", "radius", "what bounds it"];
 
 /** A table with a sentence above it. @param {{title: string, note: string, columns: string[], rows: any[]}} props */
 const Rows = ({ title, note, columns, rows }) => html`<p class="quiet">${note}</p>
-  ${rows.length > 0 && html`<table><caption class="unseen">${title}</caption><${Heads} names=${columns} /><tbody>${rows.slice(0, MOST_ROWS)}</tbody></table>`}`;
+  ${rows.length > 0 && html`<table><caption class="unseen">${title}</caption><${Heads} names=${columns} /><tbody>${rows.slice(0, MAX_ROWS)}</tbody></table>`}`;
 
 /** @param {Store} store @param {Link} link */
 function waypoints(store, link) {
@@ -38,7 +38,7 @@ function waypoints(store, link) {
   whileSeen(store, region, ["document"], () => {
     if (!store.document) return;
     const { waypoints: points = [], path = {} } = store.document;
-    const few = points.length > MOST_ROWS ? `The first ${MOST_ROWS} of ${points.length} waypoints.` : "";
+    const few = points.length > MAX_ROWS ? `The first ${MAX_ROWS} of ${points.length} waypoints.` : "";
     const units = points.length ? "Plain numbers are metres; 350 mm can be typed as well." : "";
     const note = [few, path.editable ? units : path.why_not, ...(path.notes ?? [])].filter(Boolean).join(" ");
     const row = (/** @type {{written: any[], removable: boolean}} */ { written, removable }, /** @type {number} */ index) => {
@@ -51,7 +51,7 @@ function waypoints(store, link) {
     const columns = ["(number)", ...AXES.slice(0, points[0]?.written.length), "(actions)"];
     render(
       html`${path.convertible && html`<button type="button" onClick=${() => link.edit([{ do: "to_waypoints" }])}>Make waypoints of the drawing</button>`}
-        <${Rows} title="Waypoints" note=${note} columns=${columns} rows=${points.slice(0, MOST_ROWS).map(row)} />`,
+        <${Rows} title="Waypoints" note=${note} columns=${columns} rows=${points.slice(0, MAX_ROWS).map(row)} />`,
       region,
     );
     if (points.length <= inserted.count) return;
@@ -75,7 +75,7 @@ function corners(store, link) {
   whileSeen(store, region, ["picture"], () => {
     const all = store.latest("picture")?.head.corners ?? [];
     const note = all.length ? "" : "This run has no rounded corners: the tool stops at corners, or there are none.";
-    render(html`<${Rows} title="Corners" note=${note} columns=${CORNERS} rows=${all.slice(0, MOST_ROWS).map(row)} />`, region);
+    render(html`<${Rows} title="Corners" note=${note} columns=${CORNERS} rows=${all.slice(0, MAX_ROWS).map(row)} />`, region);
   });
 }
 

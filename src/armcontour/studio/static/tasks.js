@@ -1,17 +1,17 @@
-// Long work by buttons: check, clearance, certificate, placement, sweep, export, report, logs; and what came of it.
+// Tasks by button: check, clearance, certificate, placement, sweep, export, report, logs; and their results.
 
-import { answerOf } from "./answers.js";
+import { answerOf } from "./task_results.js";
 import { Chart } from "./chart.js";
 import { find, give, say } from "./dom.js";
 import { known } from "./form.js";
 import { init as hear, logOptions, Logs, logs } from "./logs.js";
-import { Host, Tabular } from "./parts.js";
+import { Host, Tabular } from "./components.js";
 import { PlacementMap } from "./placement.js";
 import { html, render, signal, useComputed, useEffect, useMemo, useRef, useSignal } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
-/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./connection.js").Link} Link */
 /**
  * One choice of a task; text and numbers by default. Texts are quantities with a unit, which the server reads.
  * @typedef {{name: string, label: string, type?: string, value?: string | number | boolean, choices?: [string, string][], min?: number,
@@ -19,14 +19,14 @@ import { html, render, signal, useComputed, useEffect, useMemo, useRef, useSigna
  */
 /** @typedef {{task: string, title: string, what: string, onLogs?: boolean, choices?: Choice[], options?: (values: Record<string, any>, rows: any) => object}} Task */
 /**
- * What came of a task.
+ * Result of a task.
  * @typedef {{id: string, task: string, title: string, time: string, state: "running" | "done" | "refused" | "cancelled" | "failed",
  *   rev?: number, told?: {steps: string[], share: number | null, eta: number | null}, frame?: Frame, sentence?: string}} Result
  */
 /** A file of the server, which is kept for a while; `open` is an address at which a browser shows it. @typedef {{file: string, name: string, bytes: number, open?: string, label?: string}} Kept */
 
-/** So many results are kept, rows of a table shown at once, and points of a sweep computed. */
-const [MOST_RESULTS, MOST_ROWS, SWEPT] = [12, 200, 15];
+/** Numbers of kept results, of shown table rows, and of sweep points. */
+const [MAX_RESULTS, MAX_ROWS, SWEPT] = [12, 200, 15];
 /** Places to both sides of the part's own; without an entry they are those of the job's key `placement`. @type {Choice[]} */
 const PLACE = [
   { name: "as_job", label: "as in the job (placement)", type: "checkbox", value: true },
@@ -135,14 +135,14 @@ function Outcome({ result: { id, task, title, time, state, told, frame, sentence
       ${frame?.head.file && html`<${Download} file=${frame.head} link=${link} />`}
       ${graphs.filter((x) => x.content.x.length).map((x) => html`<${Graph} key=${x.name} graph=${x} store=${store} />`)}
       ${tables.filter((x) => x.rows.length).map(({ title: of, columns, rows: all, times }) => html`<div class="task-table" tabindex="0" role="group" aria-label=${of ?? "Table"}>
-        <table>${of && html`<caption>${of}</caption>`}<${Tabular} columns=${columns} rows=${all.slice(0, MOST_ROWS).map((row, k) => (times ? [html`<button type="button" title="Show the time of its largest error" onClick=${() => store.setTime(times[k])}>${row[0]}</button>`, ...row.slice(1)] : row))} /></table>
-        ${all.length > MOST_ROWS && html`<p class="quiet">And ${all.length - MOST_ROWS} more rows.</p>`}</div>`)}
+        <table>${of && html`<caption>${of}</caption>`}<${Tabular} columns=${columns} rows=${all.slice(0, MAX_ROWS).map((row, k) => (times ? [html`<button type="button" title="Show the time of its largest error" onClick=${() => store.setTime(times[k])}>${row[0]}</button>`, ...row.slice(1)] : row))} /></table>
+        ${all.length > MAX_ROWS && html`<p class="quiet">And ${all.length - MAX_ROWS} more rows.</p>`}</div>`)}
       ${task === "place" && frame && map.from && results.value.find((x) => x.task === task && x.frame)?.id === id && html`<${Host} element=${map.element} />`}
     </div>
   </article>`;
 }
 
-/** A chart; one over time or along the path has the cursor of all. @param {{graph: import("./answers.js").Graph, store: Store}} props */
+/** A chart; one over time or along the path has the cursor of all. @param {{graph: import("./task_results.js").Graph, store: Store}} props */
 function Graph({ graph: { name, axes, content, time, along }, store }) {
   const place = useRef(/** @type {HTMLElement | null} */ (null));
   useEffect(() => {
@@ -196,7 +196,7 @@ export function init(store, link) {
     const time = new Date().toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" });
     const isSent = link.send({ op: "task", id, task, options }) >= 0;
     const how = /** @type {Partial<Result>} */ (isSent ? { state: "running" } : { state: "failed", sentence: "There is no connection to the server." });
-    results.value = /** @type {Result[]} */ ([{ id, task, title, time, rev: store.latest("document")?.rev, ...how }, ...results.value].slice(0, MOST_RESULTS));
+    results.value = /** @type {Result[]} */ ([{ id, task, title, time, rev: store.latest("document")?.rev, ...how }, ...results.value].slice(0, MAX_RESULTS));
     tell();
     // In a narrow page the results are below the forms.
     requestAnimationFrame(() => region.querySelector(".task-result")?.scrollIntoView({ block: "nearest" }));
@@ -206,7 +206,7 @@ export function init(store, link) {
     const { id, task, kept, verdict } = frame.head;
     const asked = results.value.find((x) => x.id === id);
     if (task === "place" && asked) map.show(frame);
-    // It is drawn as long as the document is the one that it was asked for.
+    // It is drawn as long as the document is the one that it was requested.
     if (task === "measured" && asked) store.put({ ...frame, kind: "measured", rev: asked.rev ?? -1 });
     renew(id, { state: kept === false || verdict === "violated" ? "refused" : "done", frame });
   });

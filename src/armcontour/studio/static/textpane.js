@@ -1,9 +1,9 @@
-// The job file as text: it can be changed by hand, and is sent when it is applied.
+// Text of the job file, which is sent when it is applied.
 
 import { find, make, say } from "./dom.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./connection.js").Link} Link */
 
 const KEPT_AS = "armcontour-typed";
 
@@ -13,17 +13,17 @@ export function init(store, link) {
   const state = make("span", { class: "quiet", role: "status" });
   const apply = make("button", { type: "button", text: "Apply (Ctrl+Enter)", disabled: true });
   const back = make("button", { type: "button", text: "Discard", disabled: true });
-  // The document's text, and how the area had it before somebody typed.
+  // The document's text, and how the area had it before the user typed.
   let text = "";
   let shown = "";
-  /** What was sent and is not answered. @type {string | null} */
+  /** Text sent without an answer. @type {string | null} */
   let sent = null;
   /** What was typed before the page was loaded, after the document that it changes. @type {string[]} */
   let before = JSON.parse(sessionStorage.getItem(KEPT_AS) ?? "[]");
   // The job whose refusal has been shown at its line.
   let marked = "";
   const changed = () => area.value !== shown;
-  // What is typed outlives a reload of the page.
+  // Typed text survives a reload of the page.
   const keep = () => {
     if (changed()) sessionStorage.setItem(KEPT_AS, JSON.stringify([text, area.value]));
     else if (!before.length) sessionStorage.removeItem(KEPT_AS);
@@ -87,7 +87,7 @@ export function init(store, link) {
     update();
     if (!changed()) show(frame.head);
   });
-  // What was refused stays, so that it can be mended.
+  // What was refused stays, so that it can be corrected.
   store.on("dropped", (/** @type {any} */ frame) => {
     if (sent === null) return;
     sent = null;

@@ -1,4 +1,4 @@
-// Light and dark: as the system wishes, or as the person chose here.
+// Light or dark theme, from the system or chosen by the user.
 
 import { find } from "./dom.js";
 

@@ -1,8 +1,8 @@
-// The tool's path in space, in short pieces coloured by the limit that binds there.
+// Tool path in space, in pieces coloured by the active limit.
 
 import { styleOf } from "./colours.js";
 import { indexAt } from "./state.js";
-import { kindAt } from "./strokes.js";
+import { kindAt } from "./polylines.js";
 
 /** @typedef {import("./motion.js").Motion} Motion */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -15,21 +15,21 @@ import { kindAt } from "./strokes.js";
  */
 
 /** More pieces than this are not visible. */
-const MOST_PIECES = 4000;
+const MAX_PIECES = 4000;
 /** The tool needs at most this share of the duration for a piece: the trail follows it closely. */
 const LONGEST = 1 / 400;
 
 /**
  * The trail of a motion.
  * @param {Motion} motion
- * @param {Frame} picture says what binds when
+ * @param {Frame} picture says what is active when
  * @param {"light" | "dark"} theme
  * @returns {Trail}
  */
 export function trailOf(motion, picture, theme) {
   const all = [...runsOf(motion, picture)].sort((a, b) => motionTime(a) - motionTime(b));
   const count = all.reduce((sum, x) => sum + x.times.length - 1, 0);
-  const step = Math.max(1, Math.ceil(count / MOST_PIECES));
+  const step = Math.max(1, Math.ceil(count / MAX_PIECES));
   const found = new Pieces(motion.duration * LONGEST);
   const known = new Map();
   for (const { points, times, rapid } of all) {

@@ -1,10 +1,10 @@
-// The drawing: a canvas for what is long, an SVG over it for what is grabbed; pan, zoom, fit.
+// Drawing: a canvas for lines, an SVG over it for handles; pan, zoom, fit.
 
 import { themed } from "./colours.js";
 import { draw, find, make, mark } from "./dom.js";
 import { rowOf } from "./format.js";
 import { Layers } from "./layers.js";
-import { Painter } from "./paint.js";
+import { Painter } from "./canvas.js";
 import { nowAndThen, oncePerFrame, READING } from "./state.js";
 import { boxOf, Viewport } from "./viewport.js";
 
@@ -16,7 +16,7 @@ const MANY = 12_000;
 const REST = 130; // ms
 // A pointer that moves less has clicked.
 const CLICK = 4; // px
-const MOST_MEASURES = 3000;
+const MAX_MEASURES = 3000;
 
 export class View2d {
   /** @param {Store} store */
@@ -31,9 +31,9 @@ export class View2d {
     this.layers = new Layers(store, this.view);
     this.painter = new Painter(store, this.layers);
     this.fitted = "";
-    /** Whether all is shown, as it stays when the region is resized. */
+    /** True if all is shown, as it stays when the region is resized. */
     this.isFitted = false;
-    /** Whether something of the newest picture is in the view. */
+    /** True if something of the newest picture is in the view. */
     this.isSeen = false;
     /** Centre of the shown picture in the plane [m]. @type {[number, number] | null} */
     this.centre = null;
@@ -51,10 +51,10 @@ export class View2d {
     this.measured = {};
     this.measures = 0;
     this.redraw = oncePerFrame(() => this.drawNow());
-    /** What finer lines were asked for last. */
+    /** Last request of finer lines. */
     this.asked = "";
     this.refine = nowAndThen(READING, () => this.askFiner());
-    /** Whether an answer was drawn since the last frame of the screen. */
+    /** True if an answer was drawn since the last frame of the screen. */
     this.isFresh = false;
     this.listen();
   }
@@ -100,7 +100,7 @@ export class View2d {
 
   /** A part that was moved out of the view, by a map of places or by typing, is shown again. */
   follow() {
-    // What is dragged is where the pointer is.
+    // A dragged handle follows the pointer.
     if (this.overlay.querySelector(".dragging")) return;
     const wasSeen = this.isSeen;
     this.isSeen = this.seesPart();
@@ -209,7 +209,7 @@ export class View2d {
     store.tell("finer", wish);
   }
 
-  /** Whether the picture takes long to draw. */
+  /** True if the picture takes long to draw. */
   get large() {
     const arrays = this.store.latest("picture")?.arrays;
     return arrays ? arrays.path.length + arrays.objective.length > MANY : false;
@@ -234,7 +234,7 @@ export class View2d {
     context.drawImage(image, x - wide / 2, y - high / 2, wide, high);
   }
 
-  /** What is drawn, for tests and for measuring. */
+  /** Drawn content, for tests and measurements. */
   tell() {
     const { store, region } = this;
     const picture = store.latest("picture");
@@ -263,7 +263,7 @@ export class View2d {
       if (!frame.asked) continue;
       performance.measure(`drawn ${frame.kind}`, { start: frame.asked, detail: frame.seq });
       this.measures += 1;
-      if (this.measures % MOST_MEASURES === 0) performance.clearMeasures();
+      if (this.measures % MAX_MEASURES === 0) performance.clearMeasures();
     }
   }
 

@@ -1,4 +1,4 @@
-// The bar over the drawing: what colours the path, how far errors are magnified, the pen, fit and zoom; and the legend.
+// Toolbar of the drawing: colour of the path, magnification of errors, pen, fit, zoom and legend.
 
 import { find, make } from "./dom.js";
 import { legendOf, scalesOf } from "./legend.js";
@@ -78,7 +78,7 @@ export function init(store, view) {
     shown = now;
     render(html`${entries.map((entry) => html`<span><${Entry} entry=${entry} /></span>`)}`, legend);
     render(html`${lengths.map((entry) => html`<span class="scale"><${Entry} entry=${entry} /></span>`)}`, scales);
-    // Lines that the legend has needed stay: the drawing above does not change its size with every limit that binds.
+    // Lines that the legend has needed stay: the drawing above does not change its size with every limit that is active.
     if (innerWidth !== wide) legend.style.minHeight = "";
     wide = innerWidth;
     legend.style.minHeight = `${legend.offsetHeight}px`;

@@ -1,4 +1,4 @@
-// What part of the drawing's plane is on the screen: metres relative to the drawing's centre <-> pixels.
+// Visible part of the drawing's plane: metres relative to the drawing's centre <-> pixels.
 
 /** @typedef {[number, number]} Point */
 /** @typedef {{left: number, right: number, bottom: number, top: number}} Box */

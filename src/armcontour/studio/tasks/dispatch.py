@@ -116,11 +116,7 @@ def do(task: str, request: Mapping[str, Any], progress: Progress) -> PageFrame:
     """Run a task; refusals of exact figures are a result, those of other tasks an error."""
     if task not in TASKS:
         raise InvalidInput(f"There is no task {task!r}: there are {', '.join(TASKS)}.")
-    task_request = Request(**request, progress=progress)
-    named = [FilePath(y) for y in task_request.named]
-    with (
-        reading_below(map(FilePath, task_request.allowed), named)
-        if task_request.allowed
-        else nullcontext()
-    ):
-        return TASKS[task](task_request)
+    full = Request(**request, progress=progress)
+    named = [FilePath(x) for x in full.named]
+    with reading_below(map(FilePath, full.allowed), named) if full.allowed else nullcontext():
+        return TASKS[task](full)

@@ -159,13 +159,11 @@ def check(request: Request) -> PageFrame:
         for y in result.uses
     ]
     verdict = {"kept": "All limits are kept.", "violated": "A limit is exceeded."}
-    sentence = (
-        verdict.get(result.verdict, "The check cannot decide if all limits are kept.") + most_used
-    )
+    sentence = verdict.get(result.verdict, "The check cannot decide if all limits are kept.")
     return PageFrame(
         "result",
         {
-            **{"run": plan.run.name, "verdict": result.verdict, "sentence": sentence},
+            **{"run": plan.run.name, "verdict": result.verdict, "sentence": sentence + most_used},
             **{"table": [("Limit", "Used", "Value", "Allowed", "At", "Verdict"), *rows]},
             **{"states": result.states, "not_judged": [_words(y) for y in result.not_judged]},
         },

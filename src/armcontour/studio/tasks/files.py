@@ -59,7 +59,7 @@ def certify(request: Request) -> PageFrame:
     header = {
         **{
             "run": certificate.run.name,
-            "sentence": f"{verdict(data)} It holds for: {certificate.model}.",
+            "sentence": f"{verdict(data)} It is valid for: {certificate.model}.",
         },
         **{"notes": [*data.notes, *data.warnings], "certificate": plain(data)},
     }
@@ -74,10 +74,8 @@ def export(request: Request) -> PageFrame:
     from armcontour.files.exports.template import SHIPPED, describe_program, ending_of
     from armcontour.jobs import analog_outputs
 
-    format_class, source = (
-        format_named(str(request.option("format", "csv"))),
-        request.option("of", "set_points"),
-    )
+    format_class = format_named(str(request.option("format", "csv")))
+    source = request.option("of", "set_points")
     if source == "learned":
         study = learn_from_logs(request)
         plan = replace(study.plan, set_points=study.lesson)

@@ -1,7 +1,6 @@
-"""Tasks on logs of the robot: plan against measured, servos of the joints, next set-points.
+"""Tasks on logs of the robot: comparison with the plan, identification, learning.
 
-The option `logs` names the logs of successive runs, each of the set-points that the logs before it
-teach; `columns` names columns as `read_log` takes them.
+The option `logs` names the logs of successive runs; `columns` is as in `read_log`.
 """
 
 from __future__ import annotations
@@ -84,7 +83,7 @@ def read_logs(request: Request, *, commanded: bool = False) -> list[Any]:
     try:
         return [read_run_log(y, names, columns=columns, commanded=commanded) for y in request.logs]
     except InvalidInput as error:
-        # Messages name the log without the folder in which it is kept.
+        # Messages name the log without its folder.
         raise InvalidInput(str(error).replace(f"{FilePath(request.logs[0]).parent}/", "")) from None
 
 

@@ -70,11 +70,7 @@ class PairClearance:
         return self.low >= self.margin
 
     def later(self, by: float) -> PairClearance:
-        """Return the same result with all times shifted [s].
-
-        Args:
-            by: The time [s].
-        """
+        """Return the same result with all times shifted by a time [s]."""
         first = None if self.first_time is None else self.first_time + by
         return replace(self, t=self.t + by, first_time=first)
 
@@ -154,9 +150,11 @@ class Clearance(Result):
         """
         if self.satisfied:
             return
-        first = self.too_near[0]
+        first, *others = self.too_near
+        names = list_some([f"{x.second} and {x.first}" for x in others], 5)
         raise Collision(
-            f"{first}, and may not come nearer than {number(first.margin, 'm')}{self._others()}: "
+            f"{first}, and may not come nearer than {number(first.margin, 'm')}"
+            f"{f' (also {names})' if others else ''}: "
             "move the part, the obstacle or the start posture, or allow them to touch.",
             t=first.first_time,
             point=first.points[1].tolist(),
@@ -164,11 +162,6 @@ class Clearance(Result):
             needed=first.margin,
             allowed=first.high,
         )
-
-    def _others(self) -> str:
-        """Names of further pairs that violate their margins, for a message."""
-        names = [f"{x.second} and {x.first}" for x in self.too_near[1:]]
-        return f" (also {list_some(names, 5)})" if names else ""
 
     def to_data(self) -> Data:
         """The verdict, and the pairs, sorted by distance above the margin."""
@@ -227,18 +220,13 @@ class Clearance(Result):
             return "Clear: there is no pair of bodies that could touch."
         assert self.low is not None
         clear = "Clear of the cell, but below the base" if self.below else "Clear"
-        bounds = "; ".join(
-            f"{x.second} and {x.first} {number(self._lowest(x.kind), 'm')}" for x in others
-        )
+        low = {k: min(x.low for x in self.pairs if x.kind == k) for k in {x.kind for x in others}}
+        bounds = "; ".join(f"{x.second} and {x.first} {number(low[x.kind], 'm')}" for x in others)
         verdict = (
             f"{clear}: nothing comes nearer than {figure(self.to_data()['low'])} at any time; "
             f"{first.second} and {first.first} are nearest, {first.place}."
         )
         return f"{verdict} Bounds of other kinds: {bounds}." if bounds else verdict
-
-    def _lowest(self, kind: str) -> float:
-        """Proven lower bound of the distances of a kind [m]."""
-        return min(x.low for x in self.pairs if x.kind == kind)
 
     @property
     def below_base(self) -> str | None:
@@ -321,7 +309,7 @@ class Cell:
         below = self.below(motion, resolution)
         if self._distances is None:
             return Clearance(pairs=(), left_out=self.left_out, below=below)
-        search = _Search(motion, self.pairs, self._distances, resolution)
+        search = _ClearanceSearch(motion, self.pairs, self._distances, resolution)
         search.run()
         results = sorted(search.results(), key=lambda x: x.low - x.margin)
         return Clearance(
@@ -340,21 +328,21 @@ class Cell:
         """
         if self._heights is None or self.stays_above(motion):
             return ()
-        search = _Search(motion, self._mounting, self._heights, resolution)
+        search = _ClearanceSearch(motion, self._mounting, self._heights, resolution)
         search.run()
         pairs = (x for x in search.results() if x.high < x.margin)
         return tuple(sorted(pairs, key=lambda x: x.high))
 
     @checked
     def stays_above(self, motion: Motion) -> bool:
-        """Whether all links stay above the mounting plane of the base; True without one.
+        """True if all links stay above the mounting plane of the base; True without one.
 
         Args:
             motion: The motion.
         """
         if self._heights is None:
             return True
-        return _Search(motion, self._mounting, self._heights, np.inf).run()
+        return _ClearanceSearch(motion, self._mounting, self._heights, np.inf).run()
 
     def smallest_distances(self, q: FloatArray) -> dict[str, FloatArray]:
         """Smallest distance of every kind of pair at joint positions, (n,) each [m].
@@ -374,7 +362,7 @@ class Cell:
         }
 
     def fits(self, motion: Motion) -> bool:
-        """Whether a motion satisfies all margins and no link goes below the base.
+        """True if a motion satisfies all margins and no link goes below the base.
 
         Args:
             motion: The motion.
@@ -382,31 +370,23 @@ class Cell:
         return self.stays_above(motion) and self.keeps(motion)
 
     def keeps(self, motion: Motion) -> bool:
-        """Whether a motion satisfies all margins; faster than `check`.
+        """True if a motion satisfies all margins; faster than `check`.
 
         Args:
             motion: The motion.
         """
         if self._distances is None:
             return True
-        return _Search(motion, self.pairs, self._distances, np.inf).run()
+        return _ClearanceSearch(motion, self.pairs, self._distances, np.inf).run()
 
 
 @lru_cache(maxsize=CELLS)
 def cell_of(arm: Arm, scene: Scene | None) -> Cell:
-    """The cell of an arm and a scene, from a cache.
-
-    Args:
-        arm: The arm, with the shapes of its links.
-        scene: Obstacles and margins; by default none, with the default margins.
-
-    Raises:
-        InvalidInput: As `check_clearance`.
-    """
+    """The cell of an arm and a scene, from a cache; by default without obstacles."""
     return Cell(arm, Scene() if scene is None else scene)
 
 
-class _Search:
+class _ClearanceSearch:
     """Search for the smallest distances of pairs, to an accuracy `resolution` per kind [m]."""
 
     def __init__(
@@ -495,7 +475,8 @@ class _Search:
                 (travelled[0][goes_on], travelled[1][goes_on]),
                 (distance[0][goes_on], distance[1][goes_on]),
             )
-            count = _count_pieces(len(pair))
+            # A round with few windows has constant costs.
+            count = next((n for n, windows in FEW.items() if len(pair) <= windows), 2)
             # Ends of the pieces of each window, in columns.
             shares = np.arange(count + 1) / count
             edges = begin[:, None] + (end - begin)[:, None] * shares
@@ -574,8 +555,3 @@ class _Search:
             return self._motion(t)
         executed = self._motion
         return interpolate(t, executed.t, executed.q)
-
-
-def _count_pieces(windows: int) -> int:
-    """Number of pieces per window: a round with few windows has constant costs."""
-    return next((n for n, most in FEW.items() if windows <= most), 2)

@@ -49,12 +49,12 @@ def record(arm, servo, q, *, every=4, noise=NOISE, seed=0, **options):
     set_points = SetPoints(cycle=CYCLE, q=q, trajectory=plan, method="none")
     limits = ac.Limits(joint_torque=np.full(arm.dof, 1e4))
     plant = ac.RigidBodyPlant(arm, servo, limits, noise=noise, seed=seed, **options)
-    done = ac.simulate(set_points, plant)
+    execution = ac.simulate(set_points, plant)
     n = int((len(q) - 1) * CYCLE / 1e-3) + 1
-    t = done.t[:n:every]
+    t = execution.t[:n:every]
     command = np.stack([np.interp(t, set_points.t, x) for x in q.T], axis=1)
     shaken = np.random.default_rng(seed + 1000).normal(0, noise, (len(t), arm.dof))
-    return Log(t=t, command=command, measured=done.q[:n:every] + shaken, source="run.csv")
+    return Log(t=t, command=command, measured=execution.q[:n:every] + shaken, source="run.csv")
 
 
 def planar(armature):

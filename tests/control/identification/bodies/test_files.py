@@ -63,7 +63,7 @@ def test_what_is_written_is_what_jobs_take(folder):
 
 def test_options_that_cannot_be_used(folder):
     out = folder / "other"
-    for given, message in (
+    for options, message in (
         ({"arm": "ur5e", "model": "second"}, "--model is for joints without an arm"),
         ({"arm": "ur5e", "drive_cycle": "1"}, "--drive-cycle: '1' has no unit"),
         ({"arm": "ur5e", "gravity": "half"}, "gravity .*must be"),
@@ -74,7 +74,7 @@ def test_options_that_cannot_be_used(folder):
         ({"arm": "panda", "out": out}, "has 6 joints .* but the arm has 7"),
     ):
         with pytest.raises(InvalidInput, match=message):
-            identify_files([folder / "run.csv"], IdentifyOptions(**given))
+            identify_files([folder / "run.csv"], IdentifyOptions(**options))
     assert not out.exists()
     with pytest.raises(InvalidInput, match="has no key servo"):
         read_servo(folder / "arm.yaml", 6)

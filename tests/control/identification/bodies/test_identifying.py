@@ -7,7 +7,7 @@ import pytest
 
 import armcontour as ac
 from armcontour import identify_bodies
-from armcontour.control.identification.bodies.body_model import Model
+from armcontour.control.identification.bodies.body_model import RobotUnknowns
 from armcontour.control.identification.bodies.log_grid import Gridded
 from armcontour.control.identification.bodies.output_error import attempt, derivatives
 from armcontour.core.errors import InvalidInput
@@ -52,42 +52,45 @@ def log(arm, nominal):
 
 
 @pytest.fixture(scope="module")
-def found(log, nominal):
+def identification(log, nominal):
     return identify_bodies(log, nominal, nominal_servo())
 
 
-def deviations(found):
+def deviations(identification):
     """True values less estimates, in standard deviations, by names."""
     joints = {
         f"{name} {j}": (getattr(joint, name), true[j])
         for name, true in (("kp", KP), ("viscous", VISCOUS), ("coulomb", COULOMB))
-        for j, joint in enumerate(found.joints)
+        for j, joint in enumerate(identification.joints)
     }
-    center = {f"center {i}": (x, [0.02, 0.0, 0.05][i]) for i, x in enumerate(found.payload_center)}
+    center = {
+        f"center {i}": (x, [0.02, 0.0, 0.05][i])
+        for i, x in enumerate(identification.payload_center)
+    }
     common = {
-        "mass": (found.payload_mass, 2.0),
-        "armature": (found.armature, 1.0),
-        "dead time": (found.dead_time, 6e-3),
+        "mass": (identification.payload_mass, 2.0),
+        "armature": (identification.armature, 1.0),
+        "dead time": (identification.dead_time, 6e-3),
     }
     return {k: (true - x.value) / x.sd for k, (x, true) in (joints | center | common).items()}
 
 
-def test_the_identified_robot_is_within_its_standard_deviations(found, nominal):
-    assert found.determined and found.open == ()
-    assert found.gravity == "nominal"
-    off = np.array(list(deviations(found).values()))
-    assert np.abs(off).max() < 4.5
-    assert 0.3 < np.sqrt(np.mean(off**2)) < 1.7
-    assert found.payload_mass.value == pytest.approx(2.0, rel=0.01)
-    np.testing.assert_allclose([x.coulomb.value for x in found.joints], COULOMB, rtol=0.02)
-    np.testing.assert_allclose([x.rms for x in found.joints], NOISE, rtol=0.15)
-    chain = found.arm.chain
+def test_the_identified_robot_is_within_its_standard_deviations(identification, nominal):
+    assert identification.determined and identification.open == ()
+    assert identification.gravity == "nominal"
+    deviations_in_sigma = np.array(list(deviations(identification).values()))
+    assert np.abs(deviations_in_sigma).max() < 4.5
+    assert 0.3 < np.sqrt(np.mean(deviations_in_sigma**2)) < 1.7
+    assert identification.payload_mass.value == pytest.approx(2.0, rel=0.01)
+    np.testing.assert_allclose([x.coulomb.value for x in identification.joints], COULOMB, rtol=0.02)
+    np.testing.assert_allclose([x.rms for x in identification.joints], NOISE, rtol=0.15)
+    chain = identification.arm.chain
     np.testing.assert_allclose(chain.coulomb, COULOMB, rtol=0.02)
     np.testing.assert_allclose(chain.viscous, VISCOUS, rtol=0.3)
-    assert chain.payload.mass == found.payload_mass.value
+    assert chain.payload.mass == identification.payload_mass.value
     np.testing.assert_allclose(chain.payload.center, [0.02, 0, 0.05], atol=2e-3)
     np.testing.assert_allclose(chain.armature, 0.1, rtol=0.05)
-    servo = found.servo_model()
+    servo = identification.servo_model()
     assert (servo.kv == 150.0).all()
     np.testing.assert_allclose(servo.kp, KP, rtol=5e-3)
     assert (servo.inertia == Drives(arm=nominal, servo=nominal_servo()).inertia).all()
@@ -99,7 +102,7 @@ def test_the_identified_robot_is_within_its_standard_deviations(found, nominal):
 def test_derivatives_are_those_of_the_simulated_motion(log, nominal):
     """By central differences, at values that are neither nominal nor true."""
     short = log.between(0.0, 2.5)
-    model = Model(
+    model = RobotUnknowns(
         arm=nominal, servo=nominal_servo().for_joints(6), keep_kv=True, gravity="nominal", lag=1e-4
     )
     values = np.array(model.nominal)
@@ -122,29 +125,29 @@ def test_derivatives_are_those_of_the_simulated_motion(log, nominal):
 
 
 def test_without_a_nominal_servo_friction_is_kept_and_gains_are_found(log, nominal):
-    found = identify_bodies(log, nominal, options=NOMINAL)
-    assert found.determined
+    fit = identify_bodies(log, nominal, options=NOMINAL)
+    assert fit.determined
     inertia = Drives(arm=nominal, servo=nominal_servo()).inertia
-    damping = inertia * found.servo_model().kv
+    damping = inertia * fit.servo_model().kv
     np.testing.assert_allclose(damping, inertia * 150.0 + VISCOUS, rtol=0.01)
-    np.testing.assert_allclose(damping * found.servo_model().kp, inertia * 150.0 * KP, rtol=0.01)
-    assert not np.any(found.arm.chain.viscous)
-    np.testing.assert_allclose([x.coulomb.value for x in found.joints], COULOMB, rtol=0.02)
+    np.testing.assert_allclose(damping * fit.servo_model().kp, inertia * 150.0 * KP, rtol=0.01)
+    assert not np.any(fit.arm.chain.viscous)
+    np.testing.assert_allclose([x.coulomb.value for x in fit.joints], COULOMB, rtol=0.02)
 
 
-def test_what_joints_at_rest_do_not_tell_stays_nominal(arm, nominal):
+def test_parameters_of_joints_at_rest_stay_nominal(arm, nominal):
     servo = nominal_servo().replace(kp=KP)
     log = record(arm, servo, set_points(1, 2.2, joints=(0, 1, 2, 3, 4)), every=8)
-    found = identify_bodies(log, nominal, nominal_servo(), LOADED)
-    assert not found.determined
-    wrist = found.joints[5]
+    fit = identify_bodies(log, nominal, nominal_servo(), LOADED)
+    assert not fit.determined
+    wrist = fit.joints[5]
     assert wrist.kp.value == pytest.approx(25.0, rel=1e-12) and not wrist.kp.determined
-    assert "coulomb of wrist_3_joint" in found.open
-    assert found.joints[0].kp.determined
-    assert found.servo_model().kp[5] == pytest.approx(25.0, rel=1e-12)
+    assert "coulomb of wrist_3_joint" in fit.open
+    assert fit.joints[0].kp.determined
+    assert fit.servo_model().kp[5] == pytest.approx(25.0, rel=1e-12)
     # The other joints shake it less than its friction: how strong that is, nobody knows.
-    assert found.arm.chain.coulomb[5] == 0.0
-    blind = dataclasses.replace(found, gains_known=False)
+    assert fit.arm.chain.coulomb[5] == 0.0
+    blind = dataclasses.replace(fit, gains_known=False)
     with pytest.raises(InvalidInput, match="does not determine k"):
         blind.servo_model()
 
@@ -154,8 +157,8 @@ def changed(log, **changes):
 
 
 def of_joints(log, columns, names=()):
-    kept = {"command": log.command[:, columns], "measured": log.measured[:, columns]}
-    return changed(log, joint_names=names, **kept)
+    columns_kept = {"command": log.command[:, columns], "measured": log.measured[:, columns]}
+    return changed(log, joint_names=names, **columns_kept)
 
 
 def test_logs_that_do_not_fit_the_arm_are_refused(log, nominal):
@@ -200,24 +203,22 @@ def test_joints_are_put_in_the_order_of_the_arm(log, nominal):
     assert arrange_joints(numbered, [f"joint {k}" for k in range(1, 7)]) is numbered
 
 
-def test_at_rest_nothing_is_told(nominal):
+def test_logs_at_rest_determine_nothing(nominal):
     t = np.arange(0, 3.0, 8e-3)
     still = np.tile(HOME, (len(t), 1))
     noise = np.random.default_rng(0).normal(0, NOISE, still.shape)
     log = Log(t=t, command=still, measured=still + noise)
-    found = identify_bodies(log, nominal, nominal_servo())
-    assert not any(x.determined for joint in found.joints for x in joint.estimates)
-    np.testing.assert_allclose(found.servo_model().kp, 25.0, rtol=1e-12)
+    fit = identify_bodies(log, nominal, nominal_servo())
+    assert not any(x.determined for joint in fit.joints for x in joint.estimates)
+    np.testing.assert_allclose(fit.servo_model().kp, 25.0, rtol=1e-12)
 
 
-def test_a_planar_arm_without_gravity_tells_no_more_than_the_scale_allows():
+def test_a_planar_arm_without_gravity_determines_parameters_up_to_a_scale():
     """Without gravity and drive inertias, only ratios of torques are told: a gain stays nominal."""
-    found, coulomb = planar(0.0)
-    first = found.joints[0].kp
+    fit, coulomb = planar(0.0)
+    first = fit.joints[0].kp
     assert not first.determined and first.value == pytest.approx(25.0, rel=1e-12)
-    ratios = np.array([x.coulomb.value for x in found.joints]) * 26.0 / 25.0 / coulomb
+    ratios = np.array([x.coulomb.value for x in fit.joints]) * 26.0 / 25.0 / coulomb
     np.testing.assert_allclose(ratios, 1.0, rtol=0.005)
-    assert "payload_center_z" in found.open and found.payload_center[2].value == 0.0
-    np.testing.assert_allclose(
-        found.joints[1].kp.value / found.servo_model().kp[0], 24 / 26, rtol=5e-3
-    )
+    assert "payload_center_z" in fit.open and fit.payload_center[2].value == 0.0
+    np.testing.assert_allclose(fit.joints[1].kp.value / fit.servo_model().kp[0], 24 / 26, rtol=5e-3)

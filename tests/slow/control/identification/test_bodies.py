@@ -35,30 +35,28 @@ def log(nominal):
 
 def test_exchanged_columns_explain_nothing(log, nominal):
     order = [0, 1, 5, 3, 4, 2]
-    kept = {"command": log.command[:, order], "measured": log.measured[:, order]}
-    wrong = dataclasses.replace(log, **kept).between(0, 2.5)
+    signals = {"command": log.command[:, order], "measured": log.measured[:, order]}
+    wrong = dataclasses.replace(log, **signals).between(0, 2.5)
     with pytest.raises(ac.InvalidInput, match="explains"):
         identify_bodies(wrong, nominal, nominal_servo(), NOMINAL)
 
 
 def test_drive_inertias_set_the_scale_of_a_planar_arm():
-    found, coulomb = planar(0.05)
-    assert found.joints[0].kp.determined
-    assert "payload_center_z" in found.open and found.payload_center[2].value == 0.0
-    ratios = np.array([x.coulomb.value for x in found.joints]) / coulomb
+    fit, coulomb = planar(0.05)
+    assert fit.joints[0].kp.determined
+    assert "payload_center_z" in fit.open and fit.payload_center[2].value == 0.0
+    ratios = np.array([x.coulomb.value for x in fit.joints]) / coulomb
     np.testing.assert_allclose(ratios, 1.0, rtol=0.15)
-    np.testing.assert_allclose(
-        found.joints[1].kp.value / found.servo_model().kp[0], 24 / 26, rtol=5e-3
-    )
+    np.testing.assert_allclose(fit.joints[1].kp.value / fit.servo_model().kp[0], 24 / 26, rtol=5e-3)
 
 
 def test_a_search_that_does_not_come_to_rest_determines_nothing(log, nominal, monkeypatch):
     monkeypatch.setattr("armcontour.control.identification.bodies.output_error.REST", 1e-12)
     monkeypatch.setattr("armcontour.control.identification.bodies.output_error.EXPLAINS", -np.inf)
-    found = identify_bodies(log.between(0, 2.1), nominal, nominal_servo(), NOMINAL)
-    assert not any(x.determined for joint in found.joints for x in joint.estimates)
-    assert any("did not converge in kp of joint 1" in x for x in found.notes)
-    np.testing.assert_allclose(found.servo_model().kp, 25.0, rtol=1e-12)
+    fit = identify_bodies(log.between(0, 2.1), nominal, nominal_servo(), NOMINAL)
+    assert not any(x.determined for joint in fit.joints for x in joint.estimates)
+    assert any("did not converge in kp of joint 1" in x for x in fit.notes)
+    np.testing.assert_allclose(fit.servo_model().kp, 25.0, rtol=1e-12)
 
 
 def test_logs_add_up(nominal):
@@ -67,6 +65,6 @@ def test_logs_add_up(nominal):
         record(true_arm(nominal), servo, set_points(k, 2.2, joints=joints), every=8)
         for k, joints in ((2, (0, 1, 2)), (3, (3, 4, 5)))
     ]
-    found = identify_bodies(logs, nominal, nominal_servo(), LOADED)
-    assert not [x for x in found.open if x.startswith(("kp", "coulomb"))]
-    assert len(found.logs) == 2
+    fit = identify_bodies(logs, nominal, nominal_servo(), LOADED)
+    assert not [x for x in fit.open if x.startswith(("kp", "coulomb"))]
+    assert len(fit.logs) == 2

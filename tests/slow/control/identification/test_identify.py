@@ -12,7 +12,7 @@ TRUTH = {"kp": 25.0, "kv": 150.0, "delay": 12.3e-3}
 
 def test_standstill_changes_nothing():
     """A joint that is shaken for 20 s, and stands still while the others are."""
-    found = []
+    joints = []
     for standstill in (0.0, 100.0):
         t = np.arange(round((20 + standstill) / 4e-3)) * 4e-3
         shaken = np.minimum(t, 20.0)
@@ -27,8 +27,8 @@ def test_standstill_changes_nothing():
         (joint,) = identify(Log(t=t, command=u, measured=y)).joints
         for x, value in zip(joint.estimates, (20.0, 72.2, 11e-3), strict=True):
             assert x.determined and abs(x.value - value) < 4.5 * x.sd
-        found.append(joint)
-    assert found[1].share == pytest.approx(found[0].share, rel=0.2)
+        joints.append(joint)
+    assert joints[1].share == pytest.approx(joints[0].share, rel=0.2)
 
 
 def test_a_ramp_of_an_arm_determines_nothing():
@@ -49,7 +49,7 @@ def test_noise_that_is_not_white_widens_the_intervals():
     t = np.arange(6000) * 1e-3
     u = 2e-2 * multisine(t, 25.0, 1)
     q = move(t, u, **TRUTH)
-    found = []
+    deviations = []
     for width in (1, 30):
         noise = 1e-4 * np.random.default_rng(4).normal(size=len(t))
         slow = np.convolve(noise, np.ones(width) / np.sqrt(width), "same")
@@ -57,5 +57,5 @@ def test_noise_that_is_not_white_widens_the_intervals():
             Log(t=t, command=u, measured=q + slow), ac.ServoFit(model="second")
         ).joints[0]
         assert abs(joint.kp.value - 25) < 4.5 * joint.kp.sd
-        found.append(joint.kp.sd)
-    assert found[1] > 3 * found[0]
+        deviations.append(joint.kp.sd)
+    assert deviations[1] > 3 * deviations[0]

@@ -46,17 +46,17 @@ def test_a_real_robot_is_predicted_or_refused():
     good = np.array([x.written and not x.note for x in both.joints])
     assert good[[0, 3]].all() and not good[1:3].any()
     for log in logs:
-        found = both.predict(log)
-        assert (found.rms <= 0.3 * found.tracking_rms)[good].all()
+        prediction = both.predict(log)
+        assert (prediction.rms <= 0.3 * prediction.tracking_rms)[good].all()
     # Weak models of other axes are written: without gravity the contour is better than without.
     assert both.judgement.programs == 2 and both.judgement.ratio < 0.7
     assert both.servo_model().doubt
     for log, other in (logs, logs[::-1]):
         one = ac.identify(log)
-        found = one.predict(other)
+        prediction = one.predict(other)
         # From one program: never worse than no model on the other one, at joints and at the tool.
-        assert (found.rms <= found.tracking_rms * (1 + 1e-9)).all()
-        use = found.used.all(axis=1)
+        assert (prediction.rms <= prediction.tracking_rms * (1 + 1e-9)).all()
+        use = prediction.used.all(axis=1)
         lag = other.measured - other.command
-        ratio = contour_error(other, found.errors, use) / contour_error(other, lag, use)
+        ratio = contour_error(other, prediction.errors, use) / contour_error(other, lag, use)
         assert ratio < 0.7 and one.judgement.programs == 1 and one.servo_model().doubt

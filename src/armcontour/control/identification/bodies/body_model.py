@@ -26,7 +26,7 @@ LEAST_MASS = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Model:
+class RobotUnknowns:
     """The nominal robot and the unknowns."""
 
     arm: Arm

@@ -8,7 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.control.identification.bodies.body_model import CENTER, LEAST_MASS, SHIFT, Model
+from armcontour.control.identification.bodies.body_model import (
+    CENTER,
+    LEAST_MASS,
+    SHIFT,
+    RobotUnknowns,
+)
 from armcontour.control.identification.bodies.log_grid import Gridded, noise_of
 from armcontour.control.identification.estimates import LOGARITHMIC
 from armcontour.control.identification.least_squares import (
@@ -65,7 +70,7 @@ MOVES = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trial:
+class SimulatedLogs:
     """The simulated motion of every log, and its difference from the measured motion."""
 
     values: FloatArray  # Values of the unknowns
@@ -88,7 +93,7 @@ class Trial:
 class OutputError:
     """Unknowns with the smallest errors."""
 
-    trial: Trial  # The motion with these values
+    trial: SimulatedLogs  # The motion with these values
     free: BoolArray  # Unknowns that were sought; the others are nominal
     # Derivatives of the simulated positions in multiples of `scatter`, (samples, dof, unknowns).
     jacobian: FloatArray
@@ -103,8 +108,11 @@ class OutputError:
 
 
 def attempt(
-    model: Model, grids: list[Gridded], values: FloatArray, before: Trial | None = None
-) -> Trial:
+    model: RobotUnknowns,
+    grids: list[Gridded],
+    values: FloatArray,
+    before: SimulatedLogs | None = None,
+) -> SimulatedLogs:
     """Simulate all logs with some values of the unknowns."""
     drives, delay = model.drives(values), float(values[-1])
     motions, residuals = [], []
@@ -120,10 +128,10 @@ def attempt(
         )
         motions.append(motion)
         residuals.append(grid.measured - grid.sampled(motion.q))
-    return Trial(values=values, motions=tuple(motions), residuals=tuple(residuals))
+    return SimulatedLogs(values=values, motions=tuple(motions), residuals=tuple(residuals))
 
 
-def derivatives(model: Model, grids: list[Gridded], trial: Trial) -> FloatArray:
+def derivatives(model: RobotUnknowns, grids: list[Gridded], trial: SimulatedLogs) -> FloatArray:
     """Derivatives of the positions by the unknowns at all samples, (samples, dof, unknowns)."""
     parts = []
     for grid, motion in zip(grids, trial.motions, strict=True):
@@ -136,7 +144,11 @@ def derivatives(model: Model, grids: list[Gridded], trial: Trial) -> FloatArray:
 
 
 def fit(
-    model: Model, grids: list[Gridded], values: FloatArray, free: BoolArray, near: float = NEAR
+    model: RobotUnknowns,
+    grids: list[Gridded],
+    values: FloatArray,
+    free: BoolArray,
+    near: float = NEAR,
 ) -> OutputError:
     """Fit the free unknowns by bounded least squares, each joint weighted by its scatter."""
     # A reduction of the sum of squares by less than the share `near` ends the search.
@@ -147,7 +159,7 @@ def fit(
     trial, ends = attempt(model, grids, values), ~free
     scatter = trial.scatter
 
-    def move(unknowns: FloatArray) -> Trial:
+    def move(unknowns: FloatArray) -> SimulatedLogs:
         nonlocal trial
         if (unknowns != trial.values[free]).any():
             values = trial.values.copy()
@@ -188,7 +200,7 @@ def fit(
     )
 
 
-def allowed(model: Model, values: FloatArray) -> FloatArray:
+def allowed(model: RobotUnknowns, values: FloatArray) -> FloatArray:
     """Standard deviations up to which each unknown is determined, (unknowns,)."""
     drives, mass = model.drives(values), float(model.value(values, "payload_mass")[0])
     j = model.joints
@@ -204,14 +216,14 @@ def allowed(model: Model, values: FloatArray) -> FloatArray:
     return np.where(model.are(*CENTER), AWAY * mass, deviations)
 
 
-def moved(model: Model, grids: list[Gridded]) -> BoolArray:
+def moved(model: RobotUnknowns, grids: list[Gridded]) -> BoolArray:
     """Unknowns except those of joints that no log moves, (unknowns,)."""
     # A joint that only moves due to others shows that friction holds it, but not how large it is.
     ranges = np.max([np.ptp(x.log.command, axis=0) for x in grids], axis=0)
     return np.asarray((model.joints < 0) | (ranges > MOVES)[model.joints])
 
 
-def seen(model: Model, grids: list[Gridded], values: FloatArray) -> BoolArray:
+def seen(model: RobotUnknowns, grids: list[Gridded], values: FloatArray) -> BoolArray:
     """Unknowns that the logs would determine if there were only the noise of the encoders."""
     jacobian = derivatives(model, grids, attempt(model, grids, values))
     scaled = jacobian / noise_of(grids)[:, None]
@@ -222,7 +234,9 @@ def seen(model: Model, grids: list[Gridded], values: FloatArray) -> BoolArray:
     return determined(model, precision, moved(model, grids), limit)
 
 
-def determined(model: Model, precision: Precision, free: BoolArray, limit: FloatArray) -> BoolArray:
+def determined(
+    model: RobotUnknowns, precision: Precision, free: BoolArray, limit: FloatArray
+) -> BoolArray:
     """Mask of determined unknowns: the worst become nominal until all others are determined."""
     # free (unknowns,), limit (unknowns,).
     free = free.copy()
@@ -238,13 +252,13 @@ def determined(model: Model, precision: Precision, free: BoolArray, limit: Float
     return free
 
 
-def with_mass(model: Model, free: BoolArray) -> BoolArray:
+def with_mass(model: RobotUnknowns, free: BoolArray) -> BoolArray:
     """Mask without the centre of a payload whose mass is neither unknown nor nominal."""
     has_mass = free[model.are("payload_mass")] | (model.load.mass > LEAST_MASS)
     return ~model.are(*CENTER) | has_mass
 
 
-def doubts(model: Model, grids: list[Gridded], fit: OutputError) -> FloatArray:
+def doubts(model: RobotUnknowns, grids: list[Gridded], fit: OutputError) -> FloatArray:
     """Bias of the unknowns, to first order, due to two assumptions of the model, (unknowns,)."""
     # It is the change of the estimates if commands had their corners between the samples instead of
     # at them, or held set-points came one interval earlier, and if the drives' cycle were longer by
@@ -268,7 +282,9 @@ def doubts(model: Model, grids: list[Gridded], fit: OutputError) -> FloatArray:
     return shift
 
 
-def choose_model(models: list[Model], grids: list[Gridded]) -> tuple[Model, Trial]:
+def choose_model(
+    models: list[RobotUnknowns], grids: list[Gridded]
+) -> tuple[RobotUnknowns, SimulatedLogs]:
     """The model whose gravity feed-forward leaves the smallest errors, and its motion."""
     best, failure = None, ExecutionError("it cannot be simulated.")
     for model in models:
@@ -289,7 +305,7 @@ def choose_model(models: list[Model], grids: list[Gridded]) -> tuple[Model, Tria
 
 
 def fit_determined(
-    model: Model, grids: list[Gridded], values: FloatArray
+    model: RobotUnknowns, grids: list[Gridded], values: FloatArray
 ) -> tuple[OutputError, BoolArray]:
     """The fit of the unknowns that the logs determine; the others stay nominal."""
     # Returns the fit, and the unknowns in which the search did not converge.
@@ -308,7 +324,7 @@ def fit_determined(
         free = accepted & with_mass(model, accepted)
 
 
-def check_fit(grids: list[Gridded], trial: Trial) -> FloatArray:
+def check_fit(grids: list[Gridded], trial: SimulatedLogs) -> FloatArray:
     """Share of the mean square lag behind the commands that the model explains, (dof,)."""
     errors = np.zeros(grids[0].log.dof)
     lags, ranges = 0 * errors, 0 * errors

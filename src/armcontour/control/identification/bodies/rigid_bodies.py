@@ -11,7 +11,12 @@ from armcontour.control.identification.bodies.body_identification import (
     BodyIdentification,
     BodyJoint,
 )
-from armcontour.control.identification.bodies.body_model import CENTER, LEAST_MASS, OF_JOINTS, Model
+from armcontour.control.identification.bodies.body_model import (
+    CENTER,
+    LEAST_MASS,
+    OF_JOINTS,
+    RobotUnknowns,
+)
 from armcontour.control.identification.bodies.log_grid import Gridded
 from armcontour.control.identification.bodies.output_error import (
     POSITIVE,
@@ -95,7 +100,7 @@ def identify_bodies(
     try:
         check_logs(every, arm)
         models = [
-            Model(arm=arm, servo=guess, keep_kv=servo is not None, gravity=x, lag=lag)
+            RobotUnknowns(arm=arm, servo=guess, keep_kv=servo is not None, gravity=x, lag=lag)
             for x in (GRAVITIES if options.gravity is None else [options.gravity])
         ]
         report(Step(("gravity",)))
@@ -122,7 +127,7 @@ def identify_bodies(
 
 
 def _describe(
-    model: Model,
+    model: RobotUnknowns,
     grids: list[Gridded],
     fit: OutputError,
     restless: BoolArray,
@@ -168,7 +173,7 @@ def _describe(
     )
 
 
-def identified(model: Model, values: FloatArray) -> tuple[Arm, ServoModel]:
+def identified(model: RobotUnknowns, values: FloatArray) -> tuple[Arm, ServoModel]:
     """The arm and the servo for values of the unknowns."""
     # Negative viscous friction is moved to K_v, because only the sum of both has an effect.
     drives, viscous = model.drives(values), model.viscous(values)
@@ -187,7 +192,7 @@ def identified(model: Model, values: FloatArray) -> tuple[Arm, ServoModel]:
 
 
 def _list_estimates(
-    model: Model, grids: list[Gridded], fit: OutputError
+    model: RobotUnknowns, grids: list[Gridded], fit: OutputError
 ) -> list[dict[str, Estimate]]:
     """Estimates of the robot and of each joint by name; undetermined parameters are nominal."""
     precision, doubt = fit.precision, doubts(model, grids, fit)
@@ -222,7 +227,7 @@ def _list_estimates(
 
 
 def _list_notes(
-    model: Model, values: FloatArray, restless: BoolArray, delays: tuple[float, float]
+    model: RobotUnknowns, values: FloatArray, restless: BoolArray, delays: tuple[float, float]
 ) -> tuple[str, ...]:
     """Notes on the fit, as sentences."""
     notes = []

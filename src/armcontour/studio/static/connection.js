@@ -1,13 +1,13 @@
-// The connection to the server: says hello with the token, sends messages, hands frames to the store.
+// Connection to the server: sends the token and messages, passes frames to the store.
 // Edits are kept to a few in flight and one pending, so that no queue grows while a handle is dragged. The server leaves
 // out all but the newest: it always goes on with where the pointer is now, and never waits for the page to draw.
 
-import { unpack } from "./wire.js";
+import { unpack } from "./page_frame.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /**
  * State of the connection, told as the event `link`: "starting", "open", "lost" (it is tried again) or
- * "refused" (it is not); `sentence` is what a person reads, `busy` whether an edit has no answer yet.
+ * "refused" (it is not); `sentence` is what the user reads, `busy` whether an edit has no answer yet.
  * @typedef {{state: "starting" | "open" | "lost" | "refused", sentence: string, busy: boolean}} LinkState
  */
 /** @typedef {Record<string, any> & {op: string}} Message */
@@ -16,12 +16,12 @@ const KEPT_AS = "armcontour-token";
 const FIRST_WAIT = 250; // ms
 const LONGEST_WAIT = 4000;
 // Edits without an answer at once; the screen may be faster than the server.
-const MOST_IN_FLIGHT = 3;
+const MAX_IN_FLIGHT = 3;
 // An edit without an answer for this long no longer holds back the next one.
 const ANSWER_WITHIN = 2000;
 const REFUSED = "Open the address that `armcontour studio` printed last; it may be pasted into this tab.";
 
-/** Whether the address has a token: other hashes are places in the page. */
+/** True if the address has a token: other hashes are places in the page. */
 const hasToken = () => /^#[0-9a-f]{32}$/.test(location.hash);
 
 /** The token of the address, which is then removed from it; or the one kept in this tab. @returns {string | null} */
@@ -96,7 +96,7 @@ export class Link {
    * Send an edit, or keep it while too many have no answer; a later one of the same gesture replaces one that waits.
    * @param {object[]} edits all changes since the gesture's start
    * @param {{gesture?: number, final?: boolean, at?: number}} [how] without: a gesture of its own; `at` is
-   *   when the person moved (the event's time stamp)
+   *   when the user moved (the event's time stamp)
    */
   edit(edits, { gesture = this.newGesture(), final = true, at = performance.now() } = {}) {
     if (this.state.state !== "open") return;
@@ -104,17 +104,17 @@ export class Link {
     const last = this.pending.at(-1);
     if (last && last.gesture === gesture) this.pending.pop();
     this.pending.push(message);
-    if (this.inFlight.length < MOST_IN_FLIGHT || final) this.flush();
+    if (this.inFlight.length < MAX_IN_FLIGHT || final) this.flush();
   }
 
-  /** Back to what it was before the gesture. */
+  /** Revert the gesture. */
   cancelGesture() {
     this.pending = [];
     this.post({ op: "cancel_gesture" });
   }
 
   /**
-   * A request of the server beside the connection, with the token.
+   * A request of the server next to the connection, with the token.
    * @param {string} path @param {RequestInit} [init] @returns {Promise<Response>}
    */
   request(path, init = {}) {

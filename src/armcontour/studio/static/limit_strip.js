@@ -1,4 +1,4 @@
-// The strip of binding limits under a chart over arc length.
+// Strip of active limits below a chart over arc length.
 
 import { BETWEEN, styleOf, themed } from "./colours.js";
 
@@ -9,7 +9,7 @@ import { BETWEEN, styleOf, themed } from "./colours.js";
 const HEIGHT = 9; // px
 
 /**
- * Parts of the path along which one limit binds.
+ * Parts of the path along which one limit is active.
  * @param {Numbers} s arc lengths [m], (n,)
  * @param {Numbers} binding index among the limits, (n,)
  * @param {{name: string, kind: string}[]} limits

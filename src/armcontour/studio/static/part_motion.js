@@ -1,4 +1,4 @@
-// How a part was moved in its plane between two pictures.
+// Motion of the part in its plane between two pictures.
 
 /** @typedef {import("./state.js").Frame} Frame */
 /** @typedef {{by: [number, number], turn: number}} Move a turn [rad] about the origin, then a shift [m] */

@@ -1,11 +1,11 @@
-// What the results of tasks say: sentences, tables and charts, from the headers and arrays of the server.
+// Results of tasks: sentences, tables and charts from the headers and arrays of the server.
 
 import { RUN_COLOURS, themed } from "./colours.js";
 import { withGaps } from "./chart.js";
 import { rowOf, textOf } from "./format.js";
 import { errorsOf } from "./motion.js";
 import { along } from "./state.js";
-import { largest } from "./strokes.js";
+import { largest } from "./polylines.js";
 
 /** @typedef {import("./state.js").Frame} Frame */
 /** @typedef {import("./chart.js").Axes} Axes */
@@ -19,7 +19,7 @@ const KINDS = /** @type {Record<string, string>} */ ({
 });
 
 /**
- * What a result says.
+ * Content of a result.
  * @param {string} task
  * @param {Frame} frame
  * @param {import("./state.js").Store} store

@@ -1,4 +1,4 @@
-// The dialog of questions: a name, a choice, a text to look at.
+// Modal dialogs: a name, a choice, or a text.
 
 import { find, make } from "./dom.js";
 
@@ -24,7 +24,7 @@ export function show(title, content, buttons) {
   dialog.showModal();
   return new Promise((resolve) => {
     const closed = () => {
-      // That an earlier question was closed is told late: this one may be open by then.
+      // That an earlier question was closed is reported late: this one may be open by then.
       if (dialog.open && form.isConnected) return;
       dialog.removeEventListener("close", closed);
       resolve(answer);

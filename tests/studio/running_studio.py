@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from queue import SimpleQueue
 from threading import Thread
 
-from tests.studio.talking import NoLane
+from tests.studio.session_pages import RecordingTaskWorker
 from websockets.sync.client import connect
 
 from armcontour.studio import connection as module
@@ -30,17 +30,17 @@ class Running:
 
     def request(self, method, path, body=b"", *, token="", **headers):
         """Send a request as the page does, but for some headers; None leaves one out."""
-        own = {
+        headers_of_page = {
             "Host": self.host,
             "Origin": None if method == "GET" else self.base,
             "X-Armcontour": None if method == "GET" else "1",
             "Authorization": None if token is None else f"Bearer {token or self.token}",
         }
-        own |= {name.replace("_", "-"): x for name, x in headers.items()}
+        headers_of_page |= {name.replace("_", "-"): x for name, x in headers.items()}
         connection = http.client.HTTPConnection("127.0.0.1", self.port)
         try:
             connection.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
-            for name, value in own.items():
+            for name, value in headers_of_page.items():
                 if value is not None:
                     connection.putheader(name, value)
             if body:
@@ -54,8 +54,8 @@ class Running:
     def upload(self, name, content):
         """Open a file as the page does; returns the status and the sentence of a refusal."""
         status, _, body = self.request("POST", f"/open?name={name}", content)
-        told = json.loads(body) if body.startswith(b"{") else {}
-        return status, told.get("sentence", "")
+        reply = json.loads(body) if body.startswith(b"{") else {}
+        return status, reply.get("sentence", "")
 
     @contextmanager
     def page(self):
@@ -67,9 +67,14 @@ class Running:
     @contextmanager
     def socket(self, **how):
         """A socket that has said nothing yet; the page's, but for some options."""
-        own = {"origin": self.base, "max_size": None, "compression": None, "proxy": None}
-        own |= {"ping_interval": None, "open_timeout": None, "close_timeout": None}
-        with connect(f"ws://{self.host}/socket", **own | how) as socket:
+        connection_options = {
+            "origin": self.base,
+            "max_size": None,
+            "compression": None,
+            "proxy": None,
+        }
+        connection_options |= {"ping_interval": None, "open_timeout": None, "close_timeout": None}
+        with connect(f"ws://{self.host}/socket", **connection_options | how) as socket:
             yield socket
 
 
@@ -89,8 +94,8 @@ class Page:
         """The next frame of some kinds that answers a message, or a later one."""
         while True:
             frame = PageFrame.unpack(self.socket.recv())
-            given = frame.header.get("seq")
-            if frame.kind in kinds and (seq is None or (given is not None and given >= seq)):
+            number = frame.header.get("seq")
+            if frame.kind in kinds and (seq is None or (number is not None and number >= seq)):
                 return frame
 
     def edit(self, *edits):
@@ -107,24 +112,24 @@ def running(file, *, make=module.open_session, **how):
         make: Makes the session, as `open_session`.
         **how: Of `serve`.
     """
-    found = SimpleQueue()
+    addresses = SimpleQueue()
 
     def work():
         try:
             serve(
-                lambda say: make(file, say=say, slow=NoLane),
-                announce=found.put,
-                opened=found.put,
+                lambda say: make(file, send=say, task_worker=RecordingTaskWorker),
+                announce=addresses.put,
+                opened=addresses.put,
                 **how,
             )
         finally:
             # A server that does not start leaves nobody waiting.
-            found.put(None)
-            found.put(None)
+            addresses.put(None)
+            addresses.put(None)
 
     thread = Thread(target=work)
     thread.start()
-    address, session_host = found.get(), found.get()
+    address, session_host = addresses.get(), addresses.get()
     try:
         yield Running(address, session_host)
     finally:

@@ -1,4 +1,4 @@
-// The handle that moves and turns the part as a whole.
+// Handle that moves and rotates the whole part.
 
 import { draw, grip, mark } from "./dom.js";
 import { short } from "./format.js";
@@ -60,7 +60,7 @@ class PlaceHandle {
     return Math.atan2(Math.sin(turn), Math.cos(turn));
   }
 
-  /** What is read aloud. @param {number[]} by @param {number} turn */
+  /** Text for screen readers. @param {number[]} by @param {number} turn */
   describe(by, turn) {
     const text = `moved by ${short(1000 * by[0])} and ${short(1000 * by[1])} mm, turned by ${short((turn * 180) / Math.PI)}°`;
     for (const element of [this.mover, this.turner]) mark(element, "aria-valuetext", text);
@@ -84,7 +84,7 @@ class PlaceHandle {
   }
 }
 
-/** @param {Store} store @param {import("./link.js").Link} _link @param {Pointer} pointer */
+/** @param {Store} store @param {import("./connection.js").Link} _link @param {Pointer} pointer */
 export function init(store, _link, pointer) {
   new PlaceHandle(store, pointer);
 }

@@ -1,9 +1,9 @@
-// Parts of the page that several regions render.
+// Components that several regions render.
 
 import { html, useLayoutEffect, useRef } from "./vendor/preact.js";
 
 /**
- * A line of text that is sent as typed. What somebody types stays when the document changes; what was sent is shown as
+ * A line of text that is sent as typed. What the user types stays when the document changes; what was sent is shown as
  * the document has it. Escape takes the document's text back.
  * @param {{value: string, send: (text: string) => void, [attribute: string]: any}} props
  */

@@ -1,13 +1,13 @@
-// The keyboard: everything that the mouse does. In fields, keys belong to the field.
+// Keyboard control of everything that the mouse does. In fields, keys belong to the field.
 
 import { find, make } from "./dom.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./connection.js").Link} Link */
 /** @typedef {import("./view2d.js").View2d} View2d */
 
 const TABS = ["charts", "runs", "waypoints", "corners", "tasks", "text", "notes"];
-/** What the help says. @type {[string, [string, string][]][]} */
+/** Content of the help. @type {[string, [string, string][]][]} */
 const HELP = [
   ["Drawing", [
     ["drag, arrow keys", "move a handle in steps of 1 mm or 1°, a small tolerance by half its first digit; with Alt 0.01, with Shift 10"],
@@ -40,7 +40,7 @@ const HELP = [
   ]],
 ];
 
-/** Whether keys belong to the element: text is typed there. @param {EventTarget | null} target */
+/** True if keys belong to the element: text is typed there. @param {EventTarget | null} target */
 function isField(target) {
   if (!(target instanceof HTMLElement)) return false;
   return (

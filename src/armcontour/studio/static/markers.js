@@ -11,8 +11,8 @@ import { along, indexAt } from "./state.js";
 /** @typedef {import("./view2d.js").View2d} View2d */
 
 const NEAR = 14; // px
-const MOST_MARKS = 60;
-// A slow place is told of so near to it.
+const MAX_MARKS = 60;
+// Distance at which a slow point shows its text.
 const BESIDE = 0.002; // m
 /** Corners of the mark of a slow place, and lines of the cross at the place of a refusal [px]. */
 export const SLOW = [[0, -5], [5, 4], [-5, 4]];
@@ -136,7 +136,7 @@ class Marks {
     return best;
   }
 
-  /** A box beside a place, within the region. @param {HTMLElement} box @param {number} x @param {number} y */
+  /** A box next to a place, within the region. @param {HTMLElement} box @param {number} x @param {number} y */
   put(box, x, y) {
     const { width, height } = this.view.view;
     const left = x + 16 + box.offsetWidth > width ? x - 16 - box.offsetWidth : x + 16;
@@ -149,7 +149,7 @@ class Marks {
 const slowest = (picture) => (picture?.head.shortfalls ?? []).filter((/** @type {any} */ x) => x.kind === "slowest");
 
 /** Places that are slower than they were to be, as many as are marked. @param {Frame | null} picture */
-export const slowPlaces = (picture) => slowest(picture).slice(0, MOST_MARKS);
+export const slowPlaces = (picture) => slowest(picture).slice(0, MAX_MARKS);
 
 /** Squared distance to a piece of a polyline. @param {number} u @param {number} v @param {Numbers} points @param {number} k */
 function squaredDistance(u, v, points, k) {
@@ -176,7 +176,7 @@ export function pointOf(picture, t, s) {
 }
 
 /**
- * What happens at a point of the path: where, when, how fast, and why not faster.
+ * Values at a point of the path: position, time, speed, active limit.
  * @param {Frame} picture @param {number} i @returns {string}
  */
 function sentenceAt(picture, i) {

@@ -1,4 +1,4 @@
-// The long lines of a picture as ways in metres, one per colour: made once per picture, drawn many times.
+// Lines of a picture as paths in metres, one per colour: created once per picture, drawn often.
 
 import { BETWEEN, heat, styleOf } from "./colours.js";
 
@@ -10,7 +10,7 @@ import { BETWEEN, heat, styleOf } from "./colours.js";
 
 const SHADES = 16;
 // Dashes cost more than the line itself: long paths are drawn without.
-const MOST_DASHED = 6000;
+const MAX_DASHED = 6000;
 const SIGNS = /** @type {Record<string, string>} */ ({
   velocity: "v",
   acceleration: "a",
@@ -61,7 +61,7 @@ export function startsOf(picture) {
 }
 
 /**
- * Kind of the limit that binds from a point on; "unknown" where nothing is known of limits.
+ * Kind of the limit that is active from a point on; "unknown" where nothing is known of limits.
  * @param {Frame} picture @param {number} i @returns {string}
  */
 export function kindAt(picture, i) {
@@ -84,7 +84,7 @@ export function strokesByLimit(picture, theme) {
   );
   return [...found].map(([k, way]) => {
     const { colour, dash } = styleOf(kinds[k], theme);
-    return { path: way, colour, dash: path.length > 2 * MOST_DASHED ? [] : dash };
+    return { path: way, colour, dash: path.length > 2 * MAX_DASHED ? [] : dash };
   });
 }
 
@@ -109,7 +109,7 @@ export function strokesByHeat(points, values, most, theme, starts, shareOf = sam
 }
 
 /**
- * Short names of limits beside the parts on which they bind, such as a2 for the acceleration of joint 2.
+ * Short names of limits next to the parts on which they are active, such as a2 for the acceleration of joint 2.
  * @param {Frame} picture @returns {Label[]}
  */
 export function labelsOf(picture) {

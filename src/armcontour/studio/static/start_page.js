@@ -1,11 +1,11 @@
-// The start page: arms by picture, jobs to begin with, a file, and what was opened before.
+// Start page: arms, new jobs, files, and recent files.
 
 import { draw, find, make } from "./dom.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./connection.js").Link} Link */
 
-/** Where a job is that an earlier session has not saved. */
+/** Location text of an unsaved job of an earlier session. */
 const UNSAVED = "not saved";
 
 /** The arm that is chosen, while the start page is shown. @returns {string} */

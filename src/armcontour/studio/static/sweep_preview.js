@@ -1,11 +1,11 @@
-// What a slider would be worth: cycle time and contour error over its range, from a sweep in the background.
+// Cycle time and contour error over the range of a slider, from a sweep in the background.
 
 import { find, make } from "./dom.js";
 import { mm, quantity, seconds } from "./format.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./link.js").Link} Link */
+/** @typedef {import("./connection.js").Link} Link */
 /** @typedef {import("./state.js").Numbers} Numbers */
 /**
  * A quantity with a usual range, as `fields.py` gives it, with its key and label.
@@ -74,7 +74,7 @@ export class Ghost {
     }, AFTER);
   }
 
-  /** While a slider is held no sweep begins: it would take a processor from what the person is waiting for. @param {boolean} isHeld */
+  /** While a slider is held no sweep begins: it would take a processor from what the user is waiting for. @param {boolean} isHeld */
   hold(isHeld) {
     this.isHeld = isHeld;
     if (isHeld) clearTimeout(this.timer);
@@ -110,7 +110,7 @@ export class Ghost {
       this.box,
     );
     find("main").append(this.box);
-    // Beside its slider: nothing moves under the pointer.
+    // Next to its slider: nothing moves under the pointer.
     const { top, left } = element.getBoundingClientRect();
     this.box.style.top = `${Math.round(Math.min(top, window.innerHeight - this.box.offsetHeight - 8))}px`;
     this.box.style.left = `${Math.round(Math.max(8, left - this.box.offsetWidth - 16))}px`;

@@ -26,11 +26,11 @@ def figure(header, name):
     return {x["name"]: x["value"] for x in header["rows"]}[name]
 
 
-class NoLane:
-    """A slow lane in which nothing happens; `NoLane.last` is the newest one."""
+class RecordingTaskWorker:
+    """A task worker that records its tasks and does nothing; `last` is the newest one."""
 
     def __init__(self, deliver):
-        NoLane.last = self
+        RecordingTaskWorker.last = self
         self.deliver, self.given, self.cancelled = deliver, [], []
 
     def submit(self, id, task, request):
@@ -43,8 +43,8 @@ class NoLane:
         pass
 
 
-class AtOnce:
-    """A fast lane that works where it is asked to; newer work comes before anything rests."""
+class ImmediateWorker:
+    """A preview worker that works in the calling thread; newer work comes before any rest."""
 
     rests = False
 
@@ -58,24 +58,24 @@ class AtOnce:
         pass
 
 
-class Held(AtOnce):
-    """A fast lane that does nothing by itself; `Held.last` is the newest one."""
+class ManualWorker(ImmediateWorker):
+    """A preview worker that only records its works; `last` is the newest one."""
 
     def __init__(self, deliver):
         super().__init__(deliver)
-        Held.last, self.works = self, []
+        ManualWorker.last, self.works = self, []
 
     def submit(self, work):
         self.works.append(work)
 
 
-class Resting(AtOnce):
-    """A fast lane in which everything rests at once."""
+class RestingWorker(ImmediateWorker):
+    """A preview worker without newer work."""
 
     rests = True
 
 
-class Tab:
+class SessionPage:
     """A page that keeps what it hears."""
 
     def __init__(self, session):
@@ -106,7 +106,13 @@ def kinds(frames):
     return [x.kind for x in frames]
 
 
-def session_of(file, fast=AtOnce, rest=NEVER):
+def session_of(file, preview_worker=ImmediateWorker, rest=NEVER):
     document = Document.open(file)
     previewer = CoarsePlanner(document.folder)
-    return Session(document, previewer, fast=fast, slow=NoLane, rest_time=rest)
+    return Session(
+        document,
+        previewer,
+        preview_worker=preview_worker,
+        task_worker=RecordingTaskWorker,
+        rest_time=rest,
+    )

@@ -1,8 +1,8 @@
-// Draws the layers on a canvas, in the order in which they lie over each other.
+// Drawing of the layers on a canvas, from back to front.
 
 import { themed } from "./colours.js";
 import { besideHandles, beyond, handledOf } from "./corner.js";
-import { bandOf } from "./strokes.js";
+import { bandOf } from "./polylines.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */

@@ -1,0 +1,52 @@
+"""The paper's job on drives of LinuxCNC's HAL: their law, kinematics and distances, in NumPy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+# Largest acceleration of a drive [rad/s²], gains [1/s], cycle of the thread [s].
+LIMIT, KP, KV, CYCLE = 0.72, 25.0, 150.0, 1e-3
+# Links and base of the arm [m], corners of the path [m], corner error [m].
+BASE, FIRST, SECOND = 0.135, 0.250, 0.215
+POINTS = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
+TOLERANCE = 5e-3
+
+
+def follow(command: np.ndarray) -> np.ndarray:
+    """Joint positions that two `pid` and two `integ` per joint make of commands [rad], (n, dof)."""
+    q, v, found = command[0].copy(), np.zeros(command.shape[1]), []
+    for u in command:
+        found.append(q.copy())
+        v = v + CYCLE * np.clip(KV * (KP * (u - q) - v), -LIMIT, LIMIT)
+        q = q + CYCLE * v
+    return np.array(found)
+
+
+def tool(q: np.ndarray) -> np.ndarray:
+    """Positions of the tool [m], (n, 2)."""
+    a, b = q[:, 0], q[:, 0] + q[:, 1]
+    x = BASE + FIRST * np.sin(a) + SECOND * np.sin(b)
+    return np.column_stack([x, FIRST * np.cos(a) + SECOND * np.cos(b)])
+
+
+def distances(points: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
+    """Distances from the path with a corner error [m]; 0 for sharp corners, (n,)."""
+    best, begin = np.full(len(points), np.inf), POINTS[0]
+    for a, b, c in zip(POINTS[:-2], POINTS[1:-1], POINTS[2:], strict=True):
+        u, v = (b - a) / np.linalg.norm(b - a), (c - b) / np.linalg.norm(c - b)
+        half = np.arccos(u @ v) / 2
+        radius = tolerance / (1 / np.cos(half) - 1)
+        start, end = b - u * radius * np.tan(half), b + v * radius * np.tan(half)
+        inwards = (v - u) / np.linalg.norm(v - u)
+        centre = b + inwards * radius / np.cos(half)
+        from_centre = points - centre
+        size = np.linalg.norm(from_centre, axis=1)
+        within = from_centre @ -inwards >= size * np.cos(half)
+        best = np.minimum(best, np.where(within, np.abs(size - radius), np.inf))
+        best, begin = np.minimum(best, _from_line(points, begin, start)), end
+    return np.minimum(best, _from_line(points, begin, POINTS[-1]))
+
+
+def _from_line(points: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    share = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)[:, None]
+    return np.asarray(np.linalg.norm(points - a - share * (b - a), axis=1))

@@ -1,0 +1,272 @@
+"""Interpolation laws of robot controllers: the commands that they send for points of a trajectory.
+
+Plants, checks and the command line share `CONTROLLERS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Checked, checked
+from armcontour.core.quantities import Choice, Frequency
+from armcontour.core.quintics import evaluate, quintic, solve_banded
+from armcontour.motion.execution import check_cycle
+from armcontour.motion.laws import Law
+from armcontour.motion.trajectory import Trajectory
+
+# Intervals of regular points may differ by this fraction: times are printed with 6 to 12 digits.
+REGULAR = 1e-4
+# Times this near to a cycle, in cycles, are on the cycle.
+ON_CYCLE = 1e-6
+# Largest number of commands: half an hour at 1 kHz. A check of more takes gigabytes.
+MOST_COMMANDS = 2_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class InterpolatedLaw(Law):
+    """Polynomials of degree 5 or less between points.
+
+    Args:
+        breaks: Times of the points, from 0 [s], (n + 1,).
+        coefficients: Coefficients of powers of the time since the start of an interval over its
+            length, (n, 6, dof).
+    """
+
+    breaks: FloatArray
+    coefficients: FloatArray
+
+    def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
+        """Joint positions or a derivative."""
+        width = self.breaks[i + 1] - self.breaks[i]
+        return evaluate(self.coefficients[i], width, t - self.breaks[i], order)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CommandCurve(Checked):
+    """The curve through or near points from which a controller takes its commands.
+
+    Args:
+        controller: Name of the controller in `CONTROLLERS`.
+        law: Name of the interpolation, such as "quintics".
+        curve: The curve, from its own time 0.
+        origin: Time of the curve at which the first point is due [s].
+        lag: Time by which the controller sends the curve later than its points are due [s].
+        ahead: Number of cycles by which the controller sends its commands earlier.
+    """
+
+    controller: str
+    law: str
+    curve: Trajectory
+    origin: float = 0.0
+    lag: float = 0.0
+    ahead: int = 0
+
+    def __call__(self, t: FloatArray, order: int = 0) -> FloatArray:
+        """Positions of the curve or a derivative, (n, dof); constant before and after it.
+
+        Args:
+            t: Times since the first point is due [s], (n,).
+            order: Order of the derivative.
+        """
+        inside = np.clip(t + self.origin, 0.0, self.curve.duration)
+        values = self.curve(inside, order)
+        if order:
+            values[inside != t + self.origin] = 0.0
+        return values
+
+    @checked
+    def commands(self, rate: Frequency) -> tuple[FloatArray, FloatArray]:
+        """Times at which the controller sends commands [s], (n,), and commands [rad], (n, dof).
+
+        Times count from the start of the trajectory in the controller. The first command and the
+        last two are those of the arm at rest.
+
+        Args:
+            rate: Rate of the controller [1/s].
+
+        Raises:
+            InvalidInput: The cycle is no cycle of a controller, or there are too many commands.
+        """
+        cycle = 1.0 / rate
+        check_cycle(cycle)
+        delay = self.lag - self.ahead * cycle
+        last = np.ceil((self.curve.duration - self.origin + delay) / cycle - ON_CYCLE)
+        if last > MOST_COMMANDS:
+            raise InvalidInput(
+                f"At {rate:g} Hz the trajectory has {last:.0f} commands, but {MOST_COMMANDS} are "
+                "the limit: give a lower rate, or a part of the trajectory."
+            )
+        t = np.arange(-self.ahead - 1, int(last) + 2) * cycle
+        # Controllers have times in ns, so a command at a point is not one before it.
+        return np.asarray(t, dtype=np.float64), self(np.round(t - delay, 9))
+
+
+class Controller(NamedTuple):
+    """A controller: its title, and the function that gives the curve for points."""
+
+    title: str
+    interpolate: Callable[[_Points], Mapping[str, Any]]
+
+
+class _Points(NamedTuple):
+    """Times from 0 [s], (n,), positions and known derivatives, (n, dof)."""
+
+    t: FloatArray
+    q: FloatArray
+    dq: FloatArray | None
+    ddq: FloatArray | None
+
+    @property
+    def interval(self) -> float:
+        """Length of the first interval [s]."""
+        return float(self.t[1])
+
+
+def _jtc(points: _Points) -> Mapping[str, Any]:
+    """Quintics, cubics or lines, as the points have accelerations, velocities or neither."""
+    q, dq, ddq = points.q, points.dq, points.ddq
+    if dq is None and ddq is not None:
+        raise InvalidInput("joint_trajectory_controller takes no accelerations without velocities.")
+    if dq is None:
+        return _fields("lines", points.t, _powers(q[:-1], np.diff(q, axis=0)))
+    if ddq is None:
+        return _fields("cubics", points.t, _cubics(points.t, q, dq))
+    begin, end = ([x[k] for x in (q, dq, ddq)] for k in (slice(None, -1), slice(1, None)))
+    return _fields("quintics", points.t, quintic(np.diff(points.t), begin, end))
+
+
+def _jtc_spline(points: _Points) -> Mapping[str, Any]:
+    """The clamped cubic spline through positions; points with velocities are not changed."""
+    if points.dq is not None:
+        return _jtc(points)
+    v = _spline_velocities(points.t, points.q)
+    return _fields("clamped spline", points.t, _cubics(points.t, points.q, v))
+
+
+def _jtc_none(points: _Points) -> Mapping[str, Any]:
+    """In every interval its end; the arm rests at the first point before."""
+    t = np.append(0.0, points.t + points.interval)
+    return {**_fields("next point", t, _powers(points.q)), "origin": points.interval}
+
+
+def _linuxcnc(points: _Points) -> Mapping[str, Any]:
+    """The uniform cubic B-spline whose control points are the points.
+
+    A queue of four, filled with the first point and at the end with the last one, starts the
+    interval two points before the newest.
+    """
+    intervals = np.diff(points.t)
+    irregular = np.abs(intervals - points.interval) > REGULAR * points.interval
+    # The last point of an exported plan may be due earlier; a queue takes it in its next cycle.
+    if irregular[:-1].any() or intervals[-1] > (1 + REGULAR) * points.interval:
+        raise InvalidInput(
+            "LinuxCNC takes points at regular times, but those of the trajectory are "
+            f"{intervals.min():g} s to {intervals.max():g} s apart."
+        )
+    x = np.concatenate([points.q[:1], points.q[:1], points.q, points.q[-1:], points.q[-1:]])
+    way, step = (x[:-2] + 4 * x[1:-1] + x[2:]) / 6, (x[2:] - x[:-2]) / (2 * points.interval)
+    t = np.arange(len(way), dtype=np.float64) * points.interval
+    law = _fields("uniform B-spline", t, _cubics(t, way, step))
+    return {**law, "origin": points.interval, "lag": 2 * points.interval}
+
+
+def _hold(points: _Points) -> Mapping[str, Any]:
+    """The newest point."""
+    t = np.append(points.t, 2 * points.t[-1] - points.t[-2])
+    return _fields("held", t, _powers(points.q))
+
+
+CONTROLLERS: Mapping[str, Controller] = MappingProxyType(
+    {
+        "jtc": Controller("joint_trajectory_controller of ROS 2", _jtc),
+        "jtc_spline": Controller("the same with positions_upsampling", _jtc_spline),
+        "jtc_none": Controller("the same with interpolation_method: none", _jtc_none),
+        "linuxcnc": Controller("LinuxCNC's cubic interpolation (cubic.c)", _linuxcnc),
+        "hold": Controller("a controller that holds the newest point", _hold),
+    }
+)
+NAMES = tuple(CONTROLLERS)
+
+
+@checked
+def interpolate_points(points: Any, controller: Annotated[str, Choice(NAMES)]) -> CommandCurve:
+    """The curve from which a controller takes its commands between points.
+
+    | controller | interpolation | commands |
+    |---|---|---|
+    | `jtc` | quintics, cubics or lines, as the points have derivatives | one cycle ahead |
+    | `jtc_spline` | of positions: the clamped cubic spline; else as `jtc` | one cycle ahead |
+    | `jtc_none` | the next point | one cycle ahead |
+    | `linuxcnc` | the uniform cubic B-spline | two intervals of the points later |
+    | `hold` | the newest point | when it is due |
+
+    Sources: `trajectory.cpp` and `joint_trajectory_controller.cpp` of ros2_controllers 6.9.0
+    (94e74de), `cubic.c` of LinuxCNC 2.9.
+
+    Args:
+        points: An object with increasing times `t` [s], (n,), and joint positions `q` [rad], (n,
+            dof); optionally with `dq` [rad/s] and `ddq` [rad/s²].
+        controller: Name of the controller.
+
+    Raises:
+        InvalidInput: There are fewer than two points, or the controller does not take them.
+    """
+    t = _column(points, "t", (None,))
+    q = None if t is None else _column(points, "q", (len(t), None))
+    if t is None or q is None:
+        raise InvalidInput("Points of a controller must have times t and joint positions q.")
+    if len(t) < 2 or not (np.diff(t) > 0).all():
+        raise InvalidInput("A controller interpolates two or more points at increasing times.")
+    derivatives = {x: _column(points, x, q.shape) for x in ("dq", "ddq")}
+    given = _Points(t=np.round(t - t[0], 9), q=q, **derivatives)
+    law = CONTROLLERS[controller].interpolate(given)
+    return CommandCurve(controller=controller, ahead=int(controller.startswith("jtc")), **law)
+
+
+def _column(points: Any, name: str, shape: tuple[int | None, ...]) -> FloatArray | None:
+    """Finite numbers of a shape; None without them."""
+    values = getattr(points, name, None)
+    return (
+        None if values is None else checks.shaped(name, checks.check_numbers(name, values), shape)
+    )
+
+
+def _fields(law: str, t: FloatArray, coefficients: FloatArray) -> dict[str, Any]:
+    """Fields of `CommandCurve`."""
+    polynomials = InterpolatedLaw(breaks=t, coefficients=coefficients)
+    return {"law": law, "curve": Trajectory(laws=(polynomials,), method=law)}
+
+
+def _powers(*powers: FloatArray) -> FloatArray:
+    """Coefficients of polynomials, (n, 6, dof)."""
+    coefficients = np.zeros((len(powers[0]), 6, powers[0].shape[1]))
+    for k, x in enumerate(powers):
+        coefficients[:, k] = x
+    return coefficients
+
+
+def _cubics(t: FloatArray, q: FloatArray, dq: FloatArray) -> FloatArray:
+    """Coefficients of cubics with positions and velocities at both ends, (n, 6, dof)."""
+    width = np.diff(t)[:, None]
+    step, begin, end = np.diff(q, axis=0), dq[:-1] * width, dq[1:] * width
+    return _powers(q[:-1], begin, 3 * step - 2 * begin - end, begin + end - 2 * step)
+
+
+def _spline_velocities(t: FloatArray, q: FloatArray) -> FloatArray:
+    """Velocities at the points of the cubic spline that is at rest at both ends, (n, dof)."""
+    v, inverse = np.zeros_like(q), 1 / np.diff(t)
+    if len(t) > 2:
+        slopes = 3 * np.diff(q, axis=0) * inverse[:, None] ** 2
+        right = np.ascontiguousarray(slopes[:-1] + slopes[1:])
+        bands = np.stack([2 * (inverse[:-1] + inverse[1:]), inverse[1:]], axis=1)
+        solve_banded(bands, right)
+        v[1:-1] = right
+    return v

@@ -1,0 +1,240 @@
+"""Check of the commands that a controller sends for points of a trajectory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Annotated
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import checked
+from armcontour.core.quantities import Choice, Frequency, NotNegative, Quantity, Tolerance
+from armcontour.core.render import Result, number
+from armcontour.core.result import VERDICT, Data, Row, Table
+from armcontour.core.text import joint_label
+from armcontour.geometry import Path
+from armcontour.motion import Trajectory
+from armcontour.motion.controller_laws import CONTROLLERS, NAMES, CommandCurve, interpolate_points
+from armcontour.program import Program
+from armcontour.robot import Arm, Limits, resolve_limits
+from armcontour.robot.limit_use import use_of
+from armcontour.verification.limit_verdict import VERDICTS, LimitUse
+from armcontour.verification.trajectory_check import PathDeviation, TimeSamples, check
+
+# Times per interval of a law at which its distance is computed, and the number of them in all above
+# which there are fewer: the peak of a smooth error is 0.3 % higher at most with 32.
+PLACES, MOST_TIMES = 32, 400_000
+# Interpolations whose velocity jumps at points.
+IN_STEPS = ("lines", "held", "next point")
+# Ratio above which the points themselves, and not the interpolation, exceed a limit.
+FAR_ABOVE = 1.5
+# Fraction by which commands may exceed a limit: interpolation adds as much to a valid plan with
+# limited jerk.
+COMMAND_TOLERANCE = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CommandCheck(Result):
+    """The result of `check_commands`.
+
+    Args:
+        controller: Name of the controller.
+        law: Its interpolation of these points.
+        rate: Its rate [1/s].
+        uses: Uses of the limits by the commands: velocities are differences over a cycle,
+            accelerations second differences.
+        deviation: Largest distance of the tool from the reference at the same time [m].
+        deviation_time: Its time, from the first point on [s].
+        joint_deviation: Largest distance of a joint from the reference [rad].
+        reference: Name of the reference.
+        acceleration: Largest acceleration of the interpolation over the limit; NaN if its
+            velocity jumps, or without a limit.
+        own_acceleration: Largest second difference of the points over the limit.
+        path_deviation: Largest distance from the path; None without a path.
+        advice: How to reduce accelerations that exceed the limit; empty if none does.
+    """
+
+    controller: str
+    law: str
+    rate: float
+    uses: tuple[LimitUse, ...]
+    deviation: float
+    deviation_time: float
+    joint_deviation: float
+    reference: str
+    acceleration: float
+    own_acceleration: float
+    path_deviation: PathDeviation | None
+    advice: str
+
+    @property
+    def verdict(self) -> str:
+        """The verdict on the commands: "violated", "cannot tell" or "kept"."""
+        return max((x.verdict for x in self.uses), key=VERDICTS.index, default="kept")
+
+    def __getitem__(self, name: str) -> LimitUse:
+        """The use of one limit, by its name."""
+        return next(x for x in self.uses if x.name == name)
+
+    def to_data(self) -> Data:
+        """The verdict, the distances, and the use of every limit."""
+        title, at = CONTROLLERS[self.controller].title, number(self.rate, "Hz")
+        far = self.path_deviation
+        path = f"at t = {number(far.t, 's')}, s = {number(far.s, 'm')}" if far else ""
+        distance = far.distance if far else None
+        time = f"from {self.reference}, at t = {number(self.deviation_time, 's')}"
+        return Data(
+            "Commands",
+            (
+                Row("verdict", self.verdict, "", "verdict", f"{title} at {at}", VERDICT),
+                *(Row(x, getattr(self, x)) for x in ("controller", "reference")),
+                Row("rate", self.rate, "Hz"),
+                Row("law", self.law, "", "interpolation"),
+                # Without the plan, quintics and cubics are their own reference.
+                Row("deviation", self.deviation, "m", "deviation" * (self.deviation > 0), time),
+                Row("deviation_time", self.deviation_time, "s"),
+                Row("joint_deviation", self.joint_deviation, "rad"),
+                Row("path_deviation", distance, "m", "distance from path", path),
+                Row("acceleration", self.acceleration, "1", "acceleration of the interpolation"),
+                Row("own_acceleration", self.own_acceleration, "1", "acceleration of the points"),
+            ),
+            (Table.from_rows("limits", [x.to_data().rows for x in self.uses]),),
+            notes=(self.advice,) if self.advice else (),
+        )
+
+
+@checked
+def check_commands(
+    points: TimeSamples,
+    arm: Arm,
+    controller: Annotated[str, Choice(NAMES)],
+    rate: Frequency,
+    limits: Limits | None = None,
+    path: Path | Program | None = None,
+    *,
+    reference: Trajectory | None = None,
+    deviation: Tolerance | None = None,
+    orientation_deviation: Annotated[float, Quantity("rad", sign="positive")] | None = None,
+    tolerance: NotNegative = COMMAND_TOLERANCE,
+) -> CommandCheck:
+    """Check a trajectory as a controller interpolates it.
+
+    Velocities and accelerations of joints and tool are differences of the commands at the
+    controller's rate. Jerk is not checked. Distances are those of the interpolation at any time,
+    without the delay of the controller.
+
+    Args:
+        points: The trajectory, as in `armcontour.motion.controller_laws.interpolate_points`.
+        arm: The arm.
+        controller: Name of the controller.
+        rate: Its rate [1/s].
+        limits: Limits instead of those of the arm.
+        path: The path or program that the tool should follow.
+        reference: The motion that was sampled; by default the quintics, cubics or the clamped
+            spline through the points.
+        deviation: Largest distance of the tool from the path [m].
+        orientation_deviation: Largest angle from the required tool orientation [rad].
+        tolerance: Fraction by which commands may exceed a limit.
+
+    Raises:
+        InvalidInput: The controller does not take these points, or they are not of this arm.
+    """
+    curve = interpolate_points(points, controller)
+    if (dof := curve.curve.dof) != arm.dof:
+        raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but the trajectory {dof}.")
+    bounds = resolve_limits("check_commands", arm, limits)
+    commanded = _commands(curve, rate)
+    smooth = bounds.replace(joint_jerk=None, tool_jerk=None, path_jerk=None)
+    uses = check(commanded, arm, smooth, path, tolerance=tolerance).uses
+    times = _times(points)
+    far = None
+    if path is not None:
+        fine = SimpleNamespace(t=times, q=curve(times))
+        followed = check(
+            fine, arm, Limits.only(), path,
+            deviation=deviation, orientation_deviation=orientation_deviation, tolerance=tolerance,
+        )  # fmt: skip
+        uses, far = uses + followed.uses, followed.path_deviation
+    # Without the plan, its derivatives at the points are the best that is known.
+    best = interpolate_points(points, "jtc_spline")
+    ideal = reference or best.curve
+    q, exact = curve(times), ideal(np.minimum(times, ideal.duration))
+    distance = np.linalg.norm(arm.tool_position(q) - arm.tool_position(exact), axis=1)
+    found = CommandCheck(
+        controller=controller,
+        law=curve.law,
+        rate=rate,
+        uses=uses,
+        deviation=float(distance.max()),
+        deviation_time=float(times[np.argmax(distance)]),
+        joint_deviation=float(np.abs(q - exact).max()),
+        reference="the plan" if reference else f"{best.law} through the points",
+        acceleration=_law_acceleration(curve, bounds, times),
+        own_acceleration=float(_second_differences(points, bounds).max()),
+        path_deviation=far,
+        advice="",
+    )
+    return replace(found, advice=_advise(found, points, bounds, arm))
+
+
+def _commands(curve: CommandCurve, rate: float) -> TimeSamples:
+    """The commands of a controller as samples."""
+    t, q = curve.commands(rate)
+    return SimpleNamespace(t=t, q=q)
+
+
+def _times(points: TimeSamples) -> FloatArray:
+    """Times at the points and between them, from the first point on [s], (n,)."""
+    t = np.round(np.asarray(points.t) - points.t[0], 9)
+    count = int(np.clip(MOST_TIMES // len(t), 2, PLACES))
+    inside = t[:-1, None] + np.arange(count) / count * np.diff(t)[:, None]
+    return np.append(inside.ravel(), t[-1])
+
+
+def _law_acceleration(curve: CommandCurve, limits: Limits, t: FloatArray) -> float:
+    """Largest acceleration of an interpolation over its limit; NaN if its velocity jumps."""
+    if curve.law in IN_STEPS or limits.joint_acceleration is None:
+        return np.nan
+    inside = np.clip(t + curve.origin, 0.0, curve.curve.duration)
+    sides = (curve.curve(inside, 2, side=x) for x in ("left", "right"))
+    return max(float(use_of("joint_acceleration", limits, x).ratio.max()) for x in sides)
+
+
+def _second_differences(points: TimeSamples, limits: Limits) -> FloatArray:
+    """Second differences of the points over the limit of acceleration, (dof,)."""
+    t, q = np.asarray(points.t), np.asarray(points.q)
+    if limits.joint_acceleration is None or len(t) < 3:
+        return np.full(q.shape[1], np.nan)
+    mean = np.diff(np.diff(q, axis=0) / np.diff(t)[:, None], axis=0)
+    mean *= 2 / (t[2:] - t[:-2])[:, None]
+    return use_of("joint_acceleration", limits, mean).largest
+
+
+def _advise(found: CommandCheck, points: TimeSamples, limits: Limits, arm: Arm) -> str:
+    """A sentence on commands whose accelerations exceed the limit; empty if none does."""
+    use = next((x for x in found.uses if x.name == "joint_acceleration"), None)
+    if use is None or use.joint is None or use.verdict != "violated":
+        return ""
+    joint, at = joint_label(use.joint + 1, arm.joint_names), number(found.rate, "Hz")
+    needed = f"{number(use.ratio, '1')} of its acceleration limit at {at}"
+    if found.own_acceleration > FAR_ABOVE:
+        return (
+            f"The velocity of the points changes in steps: joint {joint} needs {needed}. No "
+            "interpolation is much gentler; a limit of jerk (limits: joint_jerk) or a reserve "
+            "reduces this."
+        )
+    if found.law in IN_STEPS:
+        smooth = _commands(interpolate_points(points, "jtc_spline"), found.rate)
+        spline = _second_differences(smooth, limits).max()
+        return (
+            f"The velocity of {found.law} changes in steps at the points: joint {joint} needs "
+            f"{needed}. With velocities and accelerations at the points (--derivatives 2) it needs "
+            f"{number(spline, '1')}; one point per cycle needs less, too."
+        )
+    return (
+        f"Between the points, the {found.law} of joint {joint} need {needed}: one point per cycle, "
+        "a limit of jerk or a reserve reduces this."
+    )

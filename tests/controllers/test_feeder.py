@@ -1,0 +1,151 @@
+"""The lines of a feeder, with a device of pure Python and without a clock."""
+
+import io
+
+import pytest
+
+from armcontour.controllers.devices.feeder import Feeder
+
+
+class Device:
+    """Takes `at_once` rows per loop, and measures the commands of the loop before."""
+
+    def __init__(self, at_once=2):
+        self.at_once, self.written, self.calls, self.new = at_once, [], [], []
+
+    def start(self):
+        self.calls.append("start")
+
+    def room(self):
+        return self.at_once
+
+    def write(self, k, row):
+        self.written.append((k, row))
+        self.new.append((len(self.written), k, row, row))
+
+    def is_done(self):
+        return True
+
+    def samples(self):
+        new, self.new = self.new, []
+        return new
+
+    def finish(self):
+        self.calls.append("finish")
+
+
+class Bench:
+    """A feeder without processes."""
+
+    def __init__(self, record, **device):
+        self.device, self.out = Device(**device), io.StringIO()
+        self.feeder = Feeder(self.device, str(record), self.out)
+
+    def send(self, *lines):
+        self.feeder.take("".join(f"{x}\n" for x in lines).encode())
+
+    def loop(self, times=1):
+        for _ in range(times):
+            self.feeder.feed()
+            self.feeder.report()
+
+    @property
+    def events(self):
+        return [x for x in self.out.getvalue().splitlines() if not x.startswith("s")]
+
+    @property
+    def commands(self):
+        return [row[0] for _, row in self.device.written]
+
+
+@pytest.fixture
+def bench(tmp_path):
+    made = Bench(tmp_path / "samples.txt")
+    yield made
+    made.feeder.record.close()
+
+
+def rows(*values):
+    return [f"P {x} 0.0" for x in values]
+
+
+MOTION = ["M", *rows(*range(10)), "E"]
+
+
+def test_a_motion_is_played_and_recorded(bench, tmp_path):
+    bench.send(*MOTION)
+    bench.loop(3)
+    assert not bench.device.written, "nothing moves before G"
+    bench.send("G")
+    bench.loop(5)
+    assert bench.commands == list(range(10))
+    assert bench.device.calls == ["start", "finish"] and bench.events == ["D"]
+    bench.feeder.record.flush()
+    lines = (tmp_path / "samples.txt").read_text().splitlines()
+    assert lines[3] == "4 3 3.0 0.0 3.0 0.0"
+    assert [f"s {x}" for x in lines] == [
+        x for x in bench.out.getvalue().splitlines() if x.startswith("s")
+    ]
+
+
+def test_lines_arrive_in_pieces(bench):
+    data = "".join(f"{x}\n" for x in [*MOTION, "G"]).encode()
+    for k in range(len(data)):
+        bench.feeder.take(data[k : k + 1])
+    bench.loop(5)
+    assert bench.commands == list(range(10))
+
+
+def test_a_stop_waits_until_it_is_wanted(bench):
+    bench.send(*MOTION, "T 6", *rows(60, 61), "E", "G")
+    bench.loop(2)
+    bench.send("S")
+    bench.loop(3)
+    assert bench.commands == [0, 1, 2, 3, 4, 5, 60, 61]
+    assert bench.events == ["X 6", "D"]
+
+
+def test_the_earliest_stop_that_is_not_too_late_is_taken(bench):
+    bench.send(*MOTION, *(y for k in (2, 8, 4) for y in (f"T {k}", *rows(10 * k), "E")), "G")
+    bench.loop(2)  # four rows are sent: 2 is too late
+    bench.send("S")
+    bench.loop(3)
+    assert bench.commands == [0, 1, 2, 3, 40] and bench.events == ["X 4", "D"]
+
+
+def test_a_stop_that_comes_later_is_taken_then(bench):
+    bench.send(*MOTION, "G", "S")
+    bench.loop(2)
+    bench.send("T 5", *rows(50), "E")
+    bench.loop(2)
+    assert bench.commands == [0, 1, 2, 3, 4, 50]
+
+
+def test_without_a_stop_the_motion_is_played_to_its_end(bench):
+    bench.send(*MOTION, "G", "S")
+    bench.loop(5)
+    assert bench.commands == list(range(10)) and bench.events == ["D"]
+
+
+@pytest.mark.parametrize("how", ["sender", "reader", "quit"])
+def test_a_lost_end_takes_the_next_stop(bench, how):
+    bench.send(*MOTION, "T 6", *rows(60), "E", "G")
+    bench.loop()
+    if how == "quit":
+        bench.send("Q")
+    else:
+        getattr(bench.feeder, f"lose_{how}")()
+    bench.loop(4)
+    assert bench.commands == [0, 1, 2, 3, 4, 5, 60]
+    assert bench.feeder.quitting and not bench.feeder.playing
+    assert bench.events == {"quit": ["X 6", "D"], "sender": ["V", "X 6", "D"], "reader": []}[how]
+    if how == "reader":
+        bench.feeder.out.close()
+
+
+def test_stops_are_of_one_motion(bench):
+    bench.send(*MOTION, "T 6", *rows(60), "E", "G")
+    bench.loop(5)
+    bench.send("M", *rows(1, 2, 3), "E", "G", "S")
+    bench.loop(2)
+    assert bench.commands[10:] == [1, 2, 3] and bench.events == ["D", "D"]

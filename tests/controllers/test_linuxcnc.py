@@ -1,0 +1,234 @@
+"""LinuxCNC's HAL with simulated drives; skipped where it is not installed.
+
+Every motion takes its time, so there are few of them: `python -m soak playing` has many.
+"""
+
+import json
+import os
+import pty
+import shutil
+import subprocess
+import sys
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from soak.hal_drives import CYCLE, follow
+from soak.hal_drives import LIMIT as ACCELERATION
+
+import armcontour as ac
+from armcontour.controllers import LinuxCNC, Motion, Stop, play
+from armcontour.core.errors import ControllerRefused, InvalidInput
+
+needs_linuxcnc = pytest.mark.skipif(
+    shutil.which("halcmd") is None, reason="needs the Debian package linuxcnc-uspace"
+)
+POINTS = [(0.350, 0.100), (0.370, 0.117), (0.385, 0.100)]
+SERVO = ac.ServoModel(kp=25.0, kv=150.0)
+JOB = """
+name: line
+arm: pmk3s
+path: {points: [[0.350, 0.100], [0.370, 0.117], [0.385, 0.100]]}
+corners: {tolerance: 2 mm}
+limits: {speed: 0.15 m/s, centripetal_acceleration: 0.09 m/s²}
+servo: {kp: 25 1/s, kv: 150 1/s}
+runs: {only: {cycle: 4 ms}}
+"""
+# Makes standard input the terminal of the process, so that Ctrl-C there interrupts it.
+ON_TERMINAL = """
+import fcntl, runpy, sys, termios
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+runpy.run_module("armcontour", run_name="__main__", alter_sys=True)
+"""
+HAL = """
+loadrt threads name1=servo period1=1000000
+loadrt streamer depth=4000 cfg=fff
+loadrt sampler depth=8000 cfg=fffff
+newsig armcontour-enable bit
+net cycle streamer.0.pin.0 => sampler.0.pin.0
+net joint-1 streamer.0.pin.1 => sampler.0.pin.1
+net joint-2 streamer.0.pin.2 => sampler.0.pin.2
+"""
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory):
+    file = tmp_path_factory.mktemp("job") / "job.yaml"
+    file.write_text(JOB, encoding="utf-8")
+    return ac.read_job(file)
+
+
+@pytest.fixture(scope="module")
+def planned(job):
+    return ac.run(job).runs["only"]
+
+
+def controller(**changes):
+    return LinuxCNC(**{"servo": SERVO, "accelerations": ACCELERATION, **changes})
+
+
+def commands(set_points):
+    """Set-points at the thread's cycles by lines, and a rest."""
+    t = np.arange(0, set_points.cycle * (len(set_points.q) - 1), CYCLE)
+    times = np.arange(len(set_points.q)) * set_points.cycle
+    q = np.column_stack([np.interp(t, times, x) for x in set_points.q.T])
+    return np.concatenate([q, np.repeat(set_points.q[-1:], 300, axis=0)])
+
+
+@needs_linuxcnc
+def test_a_motion_is_that_of_our_simulation(job, planned):
+    u = commands(planned.set_points)
+    with controller() as on:
+        on.connect(job.arm, u[0])
+        assert np.array_equal(on.position(), u[0])
+        record = on.stream(Motion(q=u))
+        assert np.abs(on.position() - u[-1]).max() < 1e-12
+    assert record.faithful, record.notes
+    assert record.stopped is None and np.array_equal(record.command[: len(u)], u)
+    np.testing.assert_allclose(record.measured[: len(u)], follow(u), rtol=0, atol=1e-12)
+    # HAL integrates by steps. That is the exact motion of other gains, half a cycle further on.
+    factor = 1 + float(SERVO.kp) * CYCLE / 2
+    servo = ac.ServoModel(
+        kp=SERVO.kp / factor, kv=SERVO.kv * factor, interpolation="linear", drive_cycle=CYCLE
+    )
+    set_points = replace(planned.set_points, q=u, cycle=CYCLE)
+    limits = job.arm.limits.replace(joint_acceleration=ACCELERATION)
+    done = ac.simulate(set_points, ac.ServoPlant(job.arm, servo, limits))
+    k = np.rint((done.t - done.t[0]) / CYCLE).astype(int)
+    whole = (np.abs(done.t - done.t[0] - k * CYCLE) < 1e-9) & (k < len(u))
+    expected = done.q[whole] + done.dq[whole] * CYCLE / 2
+    tools = (job.arm.tool_position(x) for x in (record.measured[k[whole]], expected))
+    assert np.linalg.norm(np.subtract(*tools), axis=1).max() < 1e-9  # 1e-6 mm
+
+
+@needs_linuxcnc
+def test_a_stop_and_a_following_error_end_at_rest_on_the_path(job):
+    asked = play(job, controller(), execute=True, speed_factor=1.0, wanted=Later(3))
+    weak = controller(servo=SERVO.replace(kp=15.0))
+    errs = play(job, weak, execute=True, speed_factor=1.0, band=3e-3)
+    for played, distance in ((asked, 5e-6), (errs, 2e-3)):
+        record = played.record
+        assert (
+            record.stopped is not None
+            and len(record.t) * CYCLE < played.plan.trajectory.duration + 1.0
+        )
+        assert np.abs(np.diff(record.measured[-20:], axis=0)).max() < 1e-4 * CYCLE
+        ends = (record.measured[-1], record.command[-1])
+        assert np.abs(np.subtract(*ends)).max() < 1e-6
+        tool = job.arm.tool_position(record.measured)
+        path = ac.round_corners(ac.Path.polyline(POINTS), tolerance=2e-3)
+        assert path.project(tool).distance.max() < distance
+    assert any("from its predicted position" in x for x in errs.record.notes)
+
+
+class Later:
+    """False at first, then True: a stop that is requested during the motion."""
+
+    def __init__(self, calls):
+        self.calls = calls
+
+    def __call__(self):
+        self.calls -= 1
+        return self.calls < 0
+
+
+@needs_linuxcnc
+def test_a_dry_run_moves_nothing(job):
+    played = play(job, controller(), speed_factor=1.0)
+    assert played.record is None and played.distance == 0.0
+    assert not played.to_data()["executed"].value
+
+
+@needs_linuxcnc
+def test_a_wrong_start_and_swapped_joints_are_refused(job, planned, refuses):
+    u = commands(planned.set_points)
+    with controller() as on:
+        on.connect(job.arm, u[0] + [0.0, 0.01])
+        refuses(lambda: on.stream(Motion(q=u)), ControllerRefused, "Joint 2", joint=1, needed=0.01)
+        refuses(lambda: on.stream(Motion(q=u[:, ::-1])), ControllerRefused, "Joint")
+
+
+def test_limits_above_those_of_the_drives_are_refused(job, refuses):
+    weak = controller(accelerations=[0.72, 0.7])
+    refuses(
+        lambda: play(job, weak, execute=True, speed_factor=1.0),
+        ControllerRefused,
+        *("joint 2", "0.72", "0.7"),
+        joint=1,
+        needed=0.72,
+        allowed=0.7,
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("joint-1 streamer.0.pin.1", "joint-2 streamer.0.pin.1", ["joint 1", "joint-2"]),
+        ("cfg=fff\n", "cfg=ffff\n", ["streamer", "4 floats", "cfg=fff"]),
+        ("cfg=fffff\n", "cfg=ffffff\n", ["sampler", "6 floats"]),
+        ("newsig armcontour-enable bit", "", ["armcontour-enable"]),
+    ],
+)
+def test_a_hal_file_of_other_joints_is_refused(job, tmp_path, refuses, old, new, words):
+    file = tmp_path / "machine.hal"
+    file.write_text(HAL, encoding="utf-8")
+    played = play(job, LinuxCNC(file), speed_factor=1.0)
+    assert played.record is None and played.distance is None
+    assert "#" + old not in HAL
+    file.write_text(HAL.replace(old, new), encoding="utf-8")
+    refuses(lambda: play(job, LinuxCNC(file), speed_factor=1.0), ControllerRefused, *words)
+
+
+@pytest.mark.parametrize("servo", [{"dead_time": 2e-3}, {"ki": 10.0}, {"friction": 1e-3}])
+def test_a_servo_that_is_not_simulated_is_refused(job, servo, refuses):
+    on = controller(servo=SERVO.replace(**servo))
+    refuses(lambda: play(job, on, speed_factor=1.0), InvalidInput, *servo)
+
+
+def test_stops_are_checked():
+    with pytest.raises(InvalidInput):
+        Stop(k=-1, q=np.zeros((2, 2)))
+
+
+def test_without_a_terminal_nothing_is_executed(tmp_path):
+    (tmp_path / "job.yaml").write_text(JOB, encoding="utf-8")
+    words = ["play", str(tmp_path / "job.yaml"), "--on", "linuxcnc", "--execute"]
+    done = subprocess.run(
+        [sys.executable, "-m", "armcontour", *words],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 10
+    assert "terminal" in done.stderr and "nothing moves" in done.stderr
+
+
+@needs_linuxcnc
+def test_ctrl_c_on_a_terminal_stops(tmp_path):
+    (tmp_path / "job.yaml").write_text(JOB, encoding="utf-8")
+    words = ["play", "job.yaml", "--on", "linuxcnc", "--execute", "--speed-factor", "100 %"]
+    own, other = pty.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-c", ON_TERMINAL, *words, "--out", "out"],
+        cwd=tmp_path,
+        stdin=other,
+        stdout=other,
+        stderr=other,
+        start_new_session=True,
+    ) as process:
+        os.close(other)
+        printed = b""
+        for awaited, answer in ((b"Type PMK-3s", b"PMK-3s\n"), (b"playing", b"\x03")):
+            while awaited not in printed:
+                printed += os.read(own, 1000)
+            printed = b""
+            os.write(own, answer)
+        with suppress(OSError):  # the other end is closed
+            while data := os.read(own, 1000):
+                printed += data
+    os.close(own)
+    assert process.returncode == 1, printed
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["completed"] in (False, None)
