@@ -66,6 +66,9 @@ class Stopper:
         self.set_points, self.servo, self.options = set_points, servo, options
         self.arm, self.cycle = arm, cycle
         self.q = commands_at(set_points, cycle, servo.interpolation)
+        # Learned set-points of a robot with more dead time than its model are earlier than those of
+        # the compensation by whole cycles, but they are the same rows.
+        self._start_time: float | None = None
         self._planned = self._commands(set_points.trajectory)
 
     def __call__(self, k: int) -> Stop:
@@ -76,7 +79,8 @@ class Stopper:
         """
         plan, foresight = self.set_points.trajectory, FORESIGHT
         while foresight <= LONGEST_FORESIGHT:
-            t = k * self.cycle + self.set_points.start_time
+            assert self._start_time is not None
+            t = k * self.cycle + self._start_time
             t += float(np.max(self.servo.dead_time)) + foresight * self.set_points.cycle
             if t >= plan.duration:
                 return Stop(k=k, q=self.q[min(k, len(self.q) - 1) :])
@@ -95,7 +99,9 @@ class Stopper:
         set_points = unchecked_set_points(
             trajectory, self.servo, self.options, cycle=cycle, arm=self.arm
         )
-        if abs(set_points.start_time - self.set_points.start_time) > SAME * cycle:
+        if self._start_time is None:
+            self._start_time = set_points.start_time
+        if abs(set_points.start_time - self._start_time) > SAME * cycle:
             raise NotRealizable("The set-points of a stop start at another time than the plan's.")
         return commands_at(set_points, self.cycle, self.servo.interpolation)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -150,49 +151,97 @@ def play(
     """
     if speed_factor > 1:
         raise InvalidInput(f"speed_factor is at most 1, but {speed_factor:g}.")
-    chosen = choose_run(job, run_name, "played")
-    played_job = replace(job, runs=(at_speed(chosen, job, speed_factor),))
-    planned = run(played_job, progress=progress).runs[chosen.name]
+    played_job, planned = plan_played(job, run_name, speed_factor, progress=progress)
     if set_points is not None:
         _check_same_plan(set_points, planned, speed_factor)
-    else:
-        set_points = planned.set_points
-    servo, options, arm = job.servo, planned.run.compensation, job.arm
-    stopper = Stopper(set_points, servo, options, arm, on.cycle)
-    limits = resolve_limits("play", arm, planned.run.limits)
-    checks = tuple(on.check(arm, limits, stopper.q))
     if planned.kept is False:
         raise ControllerRefused(
-            f"The simulation of run {chosen.name} is not within its limits or accuracy: see "
+            f"The simulation of run {planned.run.name} is not within its limits or accuracy: see "
             "armcontour run."
         )
-    motion = Motion(
-        q=stopper.q,
-        next_stop=stopper,
-        predicted=None if band is None else _predicted(planned, stopper.q, on.cycle),
-        band=np.inf if band is None else band,
+    return perform(
+        played_job,
+        planned,
+        on,
+        set_points=set_points,
+        execute=execute,
+        speed_factor=speed_factor,
+        watch=None if band is None else (_predicted(planned, on.cycle), band),
+        wanted=wanted,
+        progress=progress,
     )
+
+
+def plan_played(
+    job: Job,
+    run_name: str | None,
+    speed_factor: float = 1.0,
+    reserve: float = RESERVE,
+    progress: Progress | None = None,
+) -> tuple[Job, RunResult]:
+    """The job with one run as it is played, and the plan of this run."""
+    chosen = choose_run(job, run_name, "played")
+    played_job = replace(job, runs=(at_speed(chosen, job, speed_factor, reserve),))
+    return played_job, run(played_job, progress=progress).runs[chosen.name]
+
+
+def perform(
+    job: Job,
+    planned: RunResult,
+    on: Controller,
+    *,
+    set_points: SetPoints | None = None,
+    execute: bool = False,
+    speed_factor: float = 1.0,
+    watch: tuple[FloatArray, float] | None = None,
+    wanted: Callable[[], bool] = lambda: False,
+    progress: Progress | None = None,
+) -> Played:
+    """Play the set-points of a plan, or learned ones; other arguments as of `play`."""
+    # watch: expected positions at the cycles of the controller until rest [rad], (n, dof), and the
+    # largest difference of a joint from them before the motion is stopped [rad].
+    points = planned.set_points if set_points is None else set_points
+    options, arm, limits = planned.run.compensation, job.arm, limits_of(job, planned)
+    stopper = Stopper(points, job.servo, options, arm, on.cycle)
+    motion = Motion(q=stopper.q, next_stop=stopper)
+    if watch is not None:
+        expected, band = watch
+        k = np.minimum(np.arange(len(stopper.q)), len(expected) - 1)
+        motion = replace(motion, predicted=expected[k], band=band)
     played = Played(
-        job=played_job,
+        job=job,
         plan=planned,
         controller=on.name,
         speed_factor=speed_factor,
-        checks=checks,
+        checks=tuple(on.check(arm, limits, stopper.q)),
         distance=None,
     )
+    return perform_motion(played, motion, on, execute, wanted, progress)
+
+
+def perform_motion(
+    played: Played,
+    motion: Motion,
+    on: Controller,
+    execute: bool,
+    wanted: Callable[[], bool],
+    progress: Progress | None,
+) -> Played:
+    """Connect, move to the start, and play a motion."""
     if not execute and not on.observes:
         return played
-    tell = subprogress(progress, chosen.name)
+    job, tell = played.job, subprogress(progress, played.plan.run.name)
     with on:
         tell(Step(("connecting",)))
-        on.connect(arm, motion.q[0])
+        on.connect(job.arm, motion.q[0])
         distance = float(np.abs(on.position() - motion.q[0]).max())
         played = replace(played, distance=distance)
         if not execute or wanted():
             return played
         if distance > START:
             tell(Step(("moving to the start",)))
-            approach = approach_of(played_job, limits, on.position(), motion.q[0], on.cycle)
+            limits = limits_of(job, played.plan)
+            approach = approach_of(job, limits, on.position(), motion.q[0], on.cycle)
             on.stream(approach, wanted)
             if wanted():
                 return played
@@ -200,7 +249,12 @@ def play(
         return replace(played, record=on.stream(motion, wanted))
 
 
-def at_speed(chosen: Run, job: Job, factor: float) -> Run:
+def limits_of(job: Job, planned: RunResult) -> Limits:
+    """Limits of a run."""
+    return resolve_limits("play", job.arm, planned.run.limits)
+
+
+def at_speed(chosen: Run, job: Job, factor: float, reserve: float = RESERVE) -> Run:
     """The run at a share of its speed, with a reserve."""
     limits = resolve_limits("play", job.arm, chosen.limits)
     scaled = {
@@ -208,7 +262,7 @@ def at_speed(chosen: Run, job: Job, factor: float) -> Run:
         for name, power in POWERS.items()
         if getattr(limits, name) is not None
     }
-    timing = replace(chosen.timing, reserve=max(chosen.timing.reserve, RESERVE))
+    timing = replace(chosen.timing, reserve=max(chosen.timing.reserve, reserve))
     return replace(chosen, limits=chosen.limits.replace(**scaled), timing=timing)
 
 
@@ -225,7 +279,7 @@ def approach_of(
     trajectory = plan(line, job.arm, limits.of_joints, Optimal(reserve=RESERVE))
     q = trajectory.sample(cycle).q
     set_points = SetPoints(cycle=cycle, q=q, trajectory=trajectory, method="none")
-    servo = ServoModel(kp=1.0, order="first")
+    servo = ServoModel(order="delay")
     stopper = Stopper(set_points, servo, NoCompensation(), job.arm, cycle)
     return Motion(q=stopper.q, next_stop=stopper)
 
@@ -256,9 +310,10 @@ def _check_same_plan(set_points: SetPoints, planned: RunResult, factor: float) -
         raise InvalidInput("The set-points are of another plan than that of the job.")
 
 
-def _predicted(planned: RunResult, q: FloatArray, cycle: float) -> FloatArray:
-    """Simulated joint positions at the cycles of a motion [rad], (n, dof)."""
+def _predicted(planned: RunResult, cycle: float) -> FloatArray:
+    """Simulated joint positions at the cycles of a controller [rad], (n, dof)."""
     executed = planned.execution
     assert executed is not None
-    t = planned.set_points.start_time + np.arange(len(q)) * cycle
+    begin = planned.set_points.start_time
+    t = begin + np.arange(math.ceil((executed.t[-1] - begin) / cycle) + 1) * cycle
     return np.column_stack([np.interp(t, executed.t, x) for x in executed.q.T])

@@ -1,0 +1,126 @@
+"""Motions that excite all joints, for identification: sums of sines about a position."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from armcontour.control.compensation import NoCompensation
+from armcontour.controllers.commands import Stopper
+from armcontour.controllers.controller import Motion
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import ControllerRefused
+from armcontour.jobs.alternatives import clearance_of
+from armcontour.jobs.job import Job
+from armcontour.motion import JointPath, PathLaw, Rates, SetPoints, Trajectory
+from armcontour.robot import Limits
+from armcontour.robot.limit_use import States
+from armcontour.robot.servo import ServoModel
+
+# Duration, and time in which the motion begins and in which it ends [s].
+DURATION, FADING = 12.0, 2.0
+# Frequencies of the first joint [Hz]; those of joint j are j times DETUNED higher, so that joints
+# do not move alike.
+FREQUENCIES, DETUNED = (0.31, 0.83, 1.9, 3.7), 0.037
+# Largest amplitude [rad], and share of the limits that is used.
+AMPLITUDE, SHARE = 0.1, 0.6
+# Times of the motion that are checked [s].
+STEP = 2e-3
+# Number of times that the amplitude is halved near an obstacle.
+HALVINGS = 4
+# Limits of the joints: those that scale with the amplitude, and others.
+OF_JOINTS = (
+    *("joint_velocity", "joint_acceleration", "joint_jerk"),
+    *("joint_lower", "joint_upper", "joint_torque"),
+)
+
+
+def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
+    """A motion about the begin of a trajectory, within limits and clear of arm and cell.
+
+    Args:
+        job: The job.
+        limits: Limits of arm and tool.
+        base: A plan of the arm with these limits.
+        cycle: Cycle of the controller [s].
+
+    Raises:
+        ControllerRefused: The begin is too near to a limit or to an obstacle.
+    """
+    start, size = base(0.0), 1.0
+    low, high = limits.joint_lower, limits.joint_upper
+    room = np.full(len(start), AMPLITUDE)
+    for bound, sign in ((low, -1), (high, 1)):
+        if bound is not None:
+            room = np.minimum(room, SHARE * sign * (bound - start))
+    t = np.arange(0.0, DURATION + STEP / 2, STEP)
+    columns = _sines(len(start), t)
+    columns = [x * (np.maximum(room, 0.0) / np.abs(columns[0]).max(axis=0)) for x in columns]
+    if (np.ptp(columns[0], axis=0) == 0).any():
+        j = int(np.ptp(columns[0], axis=0).argmin())
+        raise ControllerRefused(f"Joint {j + 1} begins at the end of its range.", joint=j)
+    # Each joint first, so that a slow one does not slow down the others; then the tool.
+    tool = limits.replace(**dict.fromkeys(OF_JOINTS))
+    for some in (*(Limits.only(**{x: getattr(limits, x)}) for x in OF_JOINTS[:3]), tool):
+        states = States(job.arm, [columns[0] + start, *columns[1:]])
+        for use in states.uses(some):
+            ratio = use.ratio.max(axis=0)
+            columns = [x * np.minimum(SHARE / np.maximum(ratio, 1e-9), 1.0) for x in columns]
+    for _ in range(HALVINGS):
+        scaled = [size * x for x in columns]
+        trajectory = _trajectory(base, t, scaled, start)
+        states = States(job.arm, [scaled[0] + start, *scaled[1:]])
+        clearance = clearance_of(job, trajectory)
+        within = all((x.ratio <= 1).all() for x in states.uses(limits))
+        if within and (clearance is None or clearance.satisfied):
+            q = trajectory.sample(cycle).q
+            points = SetPoints(cycle=cycle, q=q, trajectory=trajectory, method="none")
+            stopper = Stopper(points, ServoModel(order="delay"), NoCompensation(), job.arm, cycle)
+            return Motion(q=stopper.q, next_stop=stopper)
+        size /= 2
+    reason = clearance.sentence if within and clearance is not None else "a limit is active."
+    raise ControllerRefused(f"The joints cannot be excited about the begin of the run: {reason}")
+
+
+def _sines(dof: int, t: FloatArray) -> list[FloatArray]:
+    """Position of each joint and three derivatives, of one amplitude, from rest to rest."""
+    x = np.clip(np.minimum(t, t[-1] - t) / FADING, 0.0, 1.0)
+    sign = np.where(t < t[-1] / 2, 1.0, -1.0)
+    inside = ((x > 0) & (x < 1)) / FADING
+    fade = (
+        x**4 * (35 - x * (84 - x * (70 - 20 * x))),
+        140 * x**3 * (1 - x) ** 3 * inside * sign,
+        420 * x**2 * (1 - x) ** 2 * (1 - 2 * x) * inside / FADING,
+        840 * x * (1 - x) * (1 - 5 * x + 5 * x**2) * inside / FADING**2 * sign,
+    )
+    columns = [np.zeros((len(t), dof)) for _ in range(4)]
+    for j in range(dof):
+        for k, frequency in enumerate(FREQUENCIES):
+            w = 2 * np.pi * frequency * (1 + DETUNED * j)
+            # The higher ones are smaller, so that all have equal accelerations about.
+            a, phase = 1 / w**1.5, w * t + 2.0 * j + 1.3 * k
+            sine = [a * w**n * np.sin(phase + n * np.pi / 2) for n in range(4)]
+            columns[0][:, j] += fade[0] * sine[0]
+            columns[1][:, j] += fade[1] * sine[0] + fade[0] * sine[1]
+            columns[2][:, j] += fade[2] * sine[0] + 2 * fade[1] * sine[1] + fade[0] * sine[2]
+            columns[3][:, j] += (
+                fade[3] * sine[0]
+                + 3 * fade[2] * sine[1]
+                + 3 * fade[1] * sine[2]
+                + fade[0] * sine[3]
+            )
+    return columns
+
+
+def _trajectory(
+    base: Trajectory, t: FloatArray, columns: list[FloatArray], start: FloatArray
+) -> Trajectory:
+    """Samples of a motion as a trajectory with the limits of a plan."""
+    states = (columns[0] + start, columns[1], columns[2])
+    begin = (states[0][:-1], states[1][:-1], states[2][:-1])
+    end = (states[0][1:], states[1][1:], states[2][1:])
+    path = JointPath.hermite(t, begin, end)
+    ones, zeros = np.ones(len(t) - 1), np.zeros(len(t) - 1)
+    law = PathLaw(joint_path=path, breaks=t, s=t, rates=Rates(ones, zeros, zeros, zeros))
+    return replace(base, laws=(law,), path=None, stretches=(), spans=(), events=())

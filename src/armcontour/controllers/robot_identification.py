@@ -1,0 +1,186 @@
+"""`identify_on`: identify the servos of a robot from motions of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armcontour.control.compensation import NoCompensation
+from armcontour.control.identification import Identification, Prediction, ServoFit, identify
+from armcontour.controllers.controller import Controller
+from armcontour.controllers.excitation import excite
+from armcontour.controllers.player import Played, limits_of, perform, perform_motion, plan_played
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import checked
+from armcontour.core.progress import Progress, Step, subprogress
+from armcontour.core.quantities import Reserve
+from armcontour.core.render import Result
+from armcontour.core.result import FIRST, VERDICT, Data, Row
+from armcontour.jobs.job import Job, choose_run
+from armcontour.jobs.job_result import RunResult
+from armcontour.motion import Log
+from armcontour.robot import Limits
+
+# Reserve of the run that is identified: its commanded accelerations should not saturate.
+GENTLE = 0.2
+# A joint moves enough if it uses this share of its acceleration limit.
+ENOUGH = 0.25
+# Names of the motions, also of their logs.
+RUN, EXCITATION = "run", "excitation"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RobotIdentification(Result):
+    """Motions of a robot, and its identified servos.
+
+    Args:
+        played: The motions by their names, `run` and `excitation`: the run without compensation,
+            and a motion that excites all joints, if the run does not.
+        resting: Names of the joints that the run hardly moves.
+        fit: The identified servos; None in a dry run, or if a motion was stopped.
+        prediction: The run as the identified servos predict it.
+    """
+
+    played: dict[str, Played]
+    resting: tuple[str, ...]
+    fit: Identification | None = None
+    prediction: Prediction | None = None
+
+    @property
+    def logs(self) -> dict[str, Log]:
+        """Logs of the motions that were played to their ends, by name."""
+        return {
+            name: replace(x.log, source=name)
+            for name, x in self.played.items()
+            if x.record is not None and x.record.stopped is None
+        }
+
+    @property
+    def stopped(self) -> bool:
+        """Whether a motion was stopped, or not begun."""
+        records = [x.record for x in self.played.values()]
+        executed = any(x is not None for x in records)
+        return executed and any(x is None or x.stopped is not None for x in records)
+
+    def to_data(self) -> Data:
+        """The motions, and the servos if they are identified."""
+        first = self.played[RUN]
+        rows = [
+            *first.to_data().rows,
+            Row("excitation", EXCITATION in self.played, "", "with excitation", level=FIRST),
+            Row("resting", self.resting),
+            Row("stopped", self.stopped, "", "stopped", level=VERDICT),
+        ]
+        notes = []
+        if self.resting:
+            notes = [
+                f"The run moves {', '.join(self.resting)} too little: all joints are excited "
+                "about its begin, too."
+            ]
+        title = f"Identification on {first.controller}"
+        return Data(title, tuple(rows), notes=tuple(notes))
+
+
+@checked
+def identify_on(
+    job: Job,
+    on: Controller,
+    *,
+    run_name: str | None = None,
+    reserve: Reserve = GENTLE,
+    execute: bool = False,
+    options: ServoFit | None = None,
+    wanted: Callable[[], bool] = lambda: False,
+    progress: Progress | None = None,
+) -> RobotIdentification:
+    """Play a run of a job without compensation, and identify the servos of the robot from it.
+
+    If a joint uses less than a quarter of its acceleration limit in this run, or if the run does
+    not determine all servos, a second motion moves all joints about the begin of the run: sums of
+    sines of 12 s, within the limits, clear of the arm itself and of its cell.
+
+    Args:
+        job: The job.
+        on: The controller, not connected.
+        run_name: The run; by default the only one.
+        reserve: Smallest reserve of its plan.
+        execute: Whether the robot moves; otherwise the motions are planned and compared only.
+        options: Options of the identification; by default with the arm of the job.
+        wanted: Called often during a motion; True stops it on its path.
+        progress: Called with the steps.
+
+    Raises:
+        InvalidInput: The drives may have saturated.
+        ControllerRefused: The controller differs from the plan, or joints cannot be excited.
+        ControllerLost: The controller failed during a motion.
+    """
+    chosen = choose_run(job, run_name, "identified")
+    plain = replace(chosen, compensation=NoCompensation(), accuracy=None)
+    played_job, planned = plan_played(
+        replace(job, runs=(plain,)), None, reserve=reserve, progress=progress
+    )
+    limits, tell = limits_of(played_job, planned), subprogress(progress, chosen.name)
+    resting = _resting(planned, limits, on.cycle)
+    result = RobotIdentification(played={}, resting=resting)
+
+    def play_run() -> Played:
+        return perform(played_job, planned, on, execute=execute, wanted=wanted, progress=progress)
+
+    def play_excitation() -> Played:
+        motion = excite(played_job, limits, planned.trajectory, on.cycle)
+        bare = replace(result.played[RUN], record=None)
+        return perform_motion(bare, motion, on, execute, wanted, progress)
+
+    def fit_of(logs: dict[str, Log]) -> Identification:
+        tell(Step(("identifying",)))
+        fit = identify(
+            list(logs.values()),
+            ServoFit(kinematics=job.arm) if options is None else options,
+            progress=progress,
+        )
+        _refuse_saturated(fit, limits)
+        return fit
+
+    motions = {RUN: play_run, EXCITATION: play_excitation}
+    if not resting:
+        del motions[EXCITATION]
+    for name, play_one in motions.items():
+        result = replace(result, played={**result.played, name: play_one()})
+        if execute and result.stopped:
+            return result
+    if not execute:
+        return result
+    fit = fit_of(result.logs)
+    if not resting and any(x.note or not x.kp.determined for x in fit.joints):
+        names = tuple(x.name for x in fit.joints if x.note or not x.kp.determined)
+        result = replace(result, resting=names)
+        result = replace(result, played={**result.played, EXCITATION: play_excitation()})
+        if result.stopped:
+            return result
+        fit = fit_of(result.logs)
+    return replace(result, fit=fit, prediction=fit.predict(result.logs[RUN]))
+
+
+def _resting(planned: RunResult, limits: Limits, cycle: float) -> tuple[str, ...]:
+    """Names of the joints that a plan moves too little for an identification."""
+    ddq = np.abs(planned.trajectory.sample(cycle).ddq).max(axis=0)
+    low, high = limits.acceleration_bounds(len(ddq))
+    fastest = np.minimum(-low, high)
+    names = planned.arm.joint_names
+    return tuple(x for x, moves in zip(names, ddq >= ENOUGH * fastest, strict=True) if not moves)
+
+
+def _refuse_saturated(fit: Identification, limits: Limits) -> None:
+    """Refuse logs in which drives may have saturated: models of such logs may be wrong."""
+    for j, joint in enumerate(fit.joints):
+        limit = joint.servo.acceleration_limit
+        if not joint.saturation and not np.isfinite(limit):
+            continue
+        said = joint.saturation or f"{joint.name} may saturate at {limit:.3g} rad/s²."
+        raise InvalidInput(
+            f"The commanded acceleration exceeds what the drives give: {said} Its servo is not "
+            "identified from such a log: take a larger reserve, or lower limits of the run.",
+            joint=j,
+        )

@@ -1,0 +1,269 @@
+"""`learn_on`: play a run on a robot again and again, and learn from each log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armcontour.control.learning import LearningResult
+from armcontour.controllers.commands import commands_at
+from armcontour.controllers.controller import Controller, PlayedMotion
+from armcontour.controllers.player import Played, perform, plan_played
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import ControllerRefused, InvalidInput
+from armcontour.core.fields import checked
+from armcontour.core.progress import Progress, Step, subprogress
+from armcontour.core.quantities import AngularDistance, Reserve
+from armcontour.core.render import Result, number
+from armcontour.core.result import FIRST, VERDICT, Data, Row
+from armcontour.jobs.job import Job
+from armcontour.jobs.job_result import RunResult
+from armcontour.jobs.run_learning import LearningStudy, learn_run
+from armcontour.motion import Log, SetPoints
+
+# Smallest reserve of the plan by default: corrections need acceleration, and a servo that saturates
+# does not respond to them as learning expects.
+CORRECTIONS = 0.2
+RUNS = 4
+# A later run is stopped where a joint deviates from the plan by this multiple of the largest
+# deviation in the best run before it, but not by less than LEAST [rad].
+RUNAWAY, LEAST = 3.0, 1e-3
+# Number of times that a motion is played which the machine disturbed.
+ATTEMPTS = 3
+# Commands of a log, and the set-points of its run, are equal within this [rad].
+SAME = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RobotLearning(Result):
+    """Runs of a robot, and what was learned from them.
+
+    Args:
+        job: The job with the run as it is played.
+        plan: Plan and set-points before learning.
+        played: The last motion, or what would move; None before the first one.
+        logs: Logs of the runs, in order.
+        lesson: Result of learning, with the set-points of the next run; None before the first run.
+        ended: Why no further run follows; empty if one may follow.
+    """
+
+    job: Job
+    plan: RunResult
+    played: Played | None = None
+    logs: tuple[Log, ...] = ()
+    lesson: LearningResult | None = None
+    ended: str = ""
+
+    @property
+    def best(self) -> LearningResult | None:
+        """The lesson with the set-points to produce with: those of the best run."""
+        lesson = self.lesson
+        if lesson is None or lesson.finished:
+            return lesson
+        return replace(lesson, q=lesson.runs[lesson.best].q)
+
+    @property
+    def study(self) -> LearningStudy | None:
+        """The runs for a report; None before the first run."""
+        return None if self.best is None else LearningStudy(
+            job=self.job, plan=self.plan, lesson=self.best
+        )  # fmt: skip
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the last motion was stopped on request, or not begun."""
+        return self.ended == STOPPED
+
+    def to_data(self) -> Data:
+        """The runs, and why they ended."""
+        count, first = len(self.logs), self.played
+        rows = [Row("runs", count, "", "runs", self.ended, VERDICT)]
+        if first is not None:
+            rows += [x for x in first.to_data().rows if x.name not in ("executed", "completed")]
+        if self.lesson is not None:
+            rows.append(Row("errors", [x.rms for x in self.lesson.runs], "m", "errors, RMS"))
+            rows.append(
+                Row("best", self.lesson.remaining, "m", f"run {self.lesson.best + 1}", level=FIRST)
+            )
+        rows.append(Row("ended", self.ended))
+        return Data(f"Learning of run {self.plan.run.name}", tuple(rows))
+
+
+STOPPED = "stopped on request"
+
+
+class RobotLearner:
+    """Learning of a run on a robot, one run after the other; arguments as of `learn_on`.
+
+    Attributes:
+        result: The runs so far.
+    """
+
+    def __init__(
+        self,
+        job: Job,
+        on: Controller,
+        *,
+        run_name: str | None = None,
+        runs: int = RUNS,
+        reserve: float = CORRECTIONS,
+        execute: bool = False,
+        band: float | None = None,
+        wanted: Callable[[], bool] = lambda: False,
+        progress: Progress | None = None,
+    ) -> None:
+        played_job, plan = plan_played(job, run_name, reserve=reserve, progress=progress)
+        self.on, self.runs, self.execute, self.band = on, runs, execute, band
+        self.wanted, self.progress = wanted, progress
+        self.result = RobotLearning(job=played_job, plan=plan)
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether another run follows."""
+        return not self.result.ended and len(self.result.logs) < self.runs
+
+    @property
+    def set_points(self) -> SetPoints:
+        """Set-points of the next run."""
+        return self.result.lesson or self.result.plan.set_points
+
+    def resume(self, logs: Sequence[Log]) -> None:
+        """Learn from logs of earlier runs.
+
+        Raises:
+            InvalidInput: A log is one of other set-points.
+        """
+        for log in logs:
+            self._check_commands(log)
+            self._learn_from(log)
+
+    def run_next(self) -> None:
+        """Play the next run, and learn from it."""
+        for _ in range(ATTEMPTS):
+            played = perform(
+                self.result.job,
+                self.result.plan,
+                self.on,
+                set_points=self.set_points,
+                execute=self.execute,
+                watch=self._watch(),
+                wanted=self.wanted,
+                progress=self.progress,
+            )
+            self.result = replace(self.result, played=played)
+            record = played.record
+            if not self.execute or record is None or record.stopped is not None or record.faithful:
+                break
+        if not self.execute:
+            self.result = replace(self.result, ended="dry run")
+        elif record is None or (record.stopped is not None and self.wanted()):
+            self.result = replace(self.result, ended=STOPPED)
+        elif record.stopped is not None:
+            self._go_back(record)
+        else:
+            name = f"run {len(self.result.logs) + 1}"
+            self._learn_from(replace(played.log, source=name))
+
+    def _learn_from(self, log: Log) -> None:
+        """Learn from the log of the next run."""
+        result, before = self.result, self.result.lesson
+        subprogress(self.progress)(Step((f"learning from {log.source}",)))
+        lesson = learn_run(result.job, result.plan, self.set_points, log)
+        ended = lesson.reason if lesson.finished else ""
+        if before is not None and lesson.setbacks > before.setbacks and not ended:
+            ended = f"{log.source} was worse than run {lesson.best + 1}"
+            lesson = _end(lesson, ended)
+        self.result = replace(result, logs=(*result.logs, log), lesson=lesson, ended=ended)
+
+    def _go_back(self, record: PlayedMotion) -> None:
+        """End learning after a motion that was stopped as it deviated too far."""
+        reason, lesson = " ".join(record.notes), self.result.lesson
+        if lesson is None:
+            raise ControllerRefused(f"The first run was stopped on its path: {reason}")
+        ended = f"run {len(self.result.logs) + 1} was stopped on its path: {reason}"
+        self.result = replace(self.result, lesson=_end(lesson, ended), ended=ended)
+
+    def _watch(self) -> tuple[FloatArray, float] | None:
+        """Expected positions, and the deviation that stops a run."""
+        points, plan = self.set_points, self.result.plan
+        lesson = self.result.lesson
+        if lesson is None and self.band is None:
+            return None
+        band = np.inf if self.band is None else self.band
+        if lesson is not None:
+            largest = float(np.abs(lesson.runs[lesson.best].error).max())
+            band = min(band, max(RUNAWAY * largest, LEAST))
+        cycle = self.on.cycle
+        end = plan.trajectory.duration - points.start_time
+        t = points.start_time + np.arange(round(end / cycle) + 1) * cycle
+        return plan.trajectory.with_rests(np.asarray(t, dtype=float)), band
+
+    def _check_commands(self, log: Log) -> None:
+        """Refuse a log whose commands are not the set-points of the next run."""
+        q = commands_at(self.set_points, self.on.cycle, self.result.job.servo.interpolation)
+        n = min(len(q), len(log.command))
+        same = log.dof == q.shape[1] and abs(log.interval - self.on.cycle) < SAME * self.on.cycle
+        differs = float(np.abs(log.command[:n] - q[:n]).max()) if same else np.inf
+        if differs > SAME:
+            by = f", by up to {number(differs, 'rad')}" if same else ""
+            raise InvalidInput(
+                f"{log.source} is a log of other set-points than those of run "
+                f"{len(self.result.logs) + 1}{by}: the job has changed since. Begin again in "
+                "another folder."
+            )
+
+
+def _end(lesson: LearningResult, reason: str) -> LearningResult:
+    """The lesson with the set-points of its best run, finished."""
+    best = lesson.runs[lesson.best]
+    return replace(lesson, q=best.q, predicted=best.rms, finished=True, reason=reason)
+
+
+@checked
+def learn_on(
+    job: Job,
+    on: Controller,
+    *,
+    run_name: str | None = None,
+    runs: int = RUNS,
+    reserve: Reserve = CORRECTIONS,
+    execute: bool = False,
+    logs: Sequence[Log] = (),
+    band: AngularDistance | None = None,
+    wanted: Callable[[], bool] = lambda: False,
+    progress: Progress | None = None,
+) -> RobotLearning:
+    """Play a run on a robot, learn from its log, and repeat this with the learned set-points.
+
+    It ends when nothing repeats any more, and goes back to the set-points of the best run when a
+    run is worse than the best one, or when a joint deviates from the plan by 3 times the largest
+    deviation in that run, which stops the motion on its path.
+
+    Args:
+        job: The job.
+        on: The controller, not connected.
+        run_name: The run; by default the only one.
+        runs: Number of runs, with those of `logs`.
+        reserve: Smallest reserve of the plan: corrections need acceleration.
+        execute: Whether the robot moves; otherwise the first run is compared only.
+        logs: Logs of earlier runs, with which learning goes on.
+        band: Largest deviation of a joint from the plan before a motion is stopped, also in the
+            first run [rad]; by default unlimited in the first run.
+        wanted: Called often during a motion; True stops it on its path and ends learning.
+        progress: Called with the steps.
+
+    Raises:
+        InvalidInput: A log is one of other set-points.
+        ControllerRefused: The controller differs from the plan.
+        ControllerLost: The controller failed during a motion.
+    """
+    learner = RobotLearner(
+        job, on, run_name=run_name, runs=runs, reserve=reserve, execute=execute, band=band,
+        wanted=wanted, progress=progress,
+    )  # fmt: skip
+    learner.resume(logs)
+    while learner.goes_on:
+        learner.run_next()
+    return learner.result

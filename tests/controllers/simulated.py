@@ -1,0 +1,99 @@
+"""A controller without processes and clocks: drives by LinuxCNC's law, each motion at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from armcontour.controllers import Controller, Motion, PlayedMotion
+from armcontour.controllers.controller import Command
+from armcontour.core.checks import FloatArray
+from armcontour.robot import Arm
+
+
+class Simulated(Controller):
+    """Position and velocity loops of a cycle, which saturate and integrate to positions.
+
+    Args:
+        kp: Position loop gain [1/s].
+        kv: Velocity loop gain [1/s].
+        ki: Integral gain of the velocity loop [1/s].
+        friction: Dry friction [rad/s²].
+        acceleration: Largest acceleration [rad/s²].
+        late: Whether loops see the commands of the cycle before.
+        noise: Standard deviation of measured positions [rad].
+        at: Joint positions at the begin [rad]; by default those of the first motion.
+    """
+
+    name = "simulated"
+
+    def __init__(
+        self, kp: float = 25.0, kv: float = 150.0, *, ki: float = 0.0, friction: float = 0.0,
+        acceleration: float = 0.72, late: bool = True, noise: float = 0.0,
+        at: FloatArray | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__()
+        self.kp, self.kv, self.ki, self.friction = kp, kv, ki, friction
+        self.acceleration, self.late, self.noise = acceleration, late, noise
+        self.at = at
+        self.rng = np.random.default_rng(1)
+        self.motions: list[Motion] = []
+        self.demand = 0.0
+
+    def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> Command:
+        raise NotImplementedError
+
+    def connect(self, arm: Arm, start: FloatArray) -> None:
+        """Stand at the start."""
+        self.held = np.array(start if self.at is None else self.at)
+
+    def position(self) -> FloatArray:
+        """The commanded positions."""
+        return self.held
+
+    def stream(self, motion: Motion, wanted: Callable[[], bool] = lambda: False) -> PlayedMotion:
+        """Play a motion; `wanted` is asked in every cycle."""
+        self._check_start(motion)
+        self.motions.append(motion)
+        command, stopped, measured, dt = motion.q.copy(), None, [], self.cycle
+        q, speed, total = self.held.copy(), np.zeros_like(self.held), np.zeros_like(self.held)
+        u_before, w_before, clipped = self.held, np.zeros_like(self.held), np.zeros_like(self.held)
+        asked, k = None, 0
+        notes: tuple[str, ...] = ()
+        while k < len(command):
+            u = command[k]
+            measured.append(q + self.noise * self.rng.standard_normal(len(q)))
+            far = (
+                motion.predicted is not None
+                and np.abs(measured[-1] - motion.predicted[min(k, len(motion.predicted) - 1)]).max()
+                > motion.band
+            )
+            if asked is None and motion.next_stop is not None and (far or wanted()):
+                asked = motion.next_stop(k + 100)
+                stopped = asked.k
+                command = np.concatenate([command[:stopped], asked.q])
+                notes = ("A joint was too far from its predicted position.",) if far else ()
+            w = self.kp * ((u_before if self.late else u) - q)
+            error = (w_before if self.late else w) - speed
+            # HAL's pid does not wind up in saturation.
+            total = total + np.where(error * clipped <= 0, error * dt, 0.0)
+            demand = self.kv * (error + self.ki * total)
+            a = np.clip(demand, -self.acceleration, self.acceleration)
+            clipped = np.sign(demand - a)
+            a = a - np.clip(500 * speed, -self.friction, self.friction)
+            speed = speed + a * dt
+            q = q + speed * dt
+            u_before, w_before, k = u, w, k + 1
+        self.held = command[-1]
+        return PlayedMotion(
+            t=np.arange(len(command)) * dt,
+            command=command,
+            measured=np.array(measured),
+            stopped=stopped,
+            notes=notes,
+        )
+
+    def close(self) -> None:
+        """Nothing to disconnect."""
