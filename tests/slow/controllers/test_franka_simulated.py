@@ -7,6 +7,7 @@ those of libfranka's limiter. A motion in which this machine was late is repeate
 import os
 import subprocess
 import sys
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -16,12 +17,12 @@ from tests.oracle.test_franka_limiter import commands_changed, fast_line, recipe
 
 import armcontour as ac
 from armcontour.control.compensation import NoCompensation
-from armcontour.controllers import Franka, Motion, play
+from armcontour.controllers import Franka, Motion, identify_on, play
 from armcontour.controllers.commands import Stopper
 from armcontour.controllers.controller import START
 from armcontour.controllers.player import approach_of
 from armcontour.files import parse_job
-from armcontour.motion import Log, SetPoints
+from armcontour.motion import SetPoints
 
 pytestmark = pytest.mark.skipif(
     find_spec("franky_sim") is None or find_spec("pylibfranka") is None,
@@ -30,6 +31,7 @@ pytestmark = pytest.mark.skipif(
 )
 HOME = np.array([0.0, 0.0, 0.0, -1.57, 0.0, 1.57, 0.785])
 GAIN = 10.0
+FIRST = ac.ServoFit(model="first")
 TRIES = 5
 JOB = """
 name: square
@@ -40,6 +42,7 @@ path:
   orientation: {axis: [0, 0, -1]}
 corners: {tolerance: 0.5 mm, continuity: curvature}
 cycle: 1 ms
+accuracy: 5 mm
 limits:
   speed: 0.25
   joint_velocity: [1.98, 0.98, 1.48, 1.23, 2.98, 1.48, 2.98]
@@ -61,6 +64,9 @@ def address():
         stdout=subprocess.PIPE,
         text=True,
     )
+    # Before other processes, where the system allows it.
+    with suppress(OSError):
+        os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(30))
     next(x for x in process.stdout if "Connect to the server" in x)
     yield address
     process.terminate()
@@ -160,17 +166,18 @@ def test_a_stop_ends_on_the_path_and_the_limiter_changes_nothing(robot, arm, lim
         print(share, record.stopped, away)
 
 
-def test_the_gain_is_identified_from_a_log(robot, arm, limits, job):
-    t = np.arange(0, 5, 1e-3)
-    x = np.clip(np.minimum(t, 5 - t), 0, 1)
-    fade = x**3 * (10 - x * (15 - 6 * x))
-    wave = np.sin(2 * np.pi * np.outer(t, 0.5 + 0.15 * np.arange(7)))
-    q = robot.position() + 0.05 * fade[:, None] * wave
-    record = played(robot, Motion(q=np.concatenate([q, [q[-1]] * 500])), job, limits)
-    log = Log(t=record.t, command=record.command, measured=record.measured, interpolation="linear")
-    servo = ac.identify(log).servo_model()
+def test_the_gain_is_identified(address, job):
+    for _ in range(TRIES):
+        try:
+            found = identify_on(job, Franka(address), execute=True, options=FIRST)
+            break
+        except ac.InvalidInput as error:
+            reason = error
+    else:
+        pytest.skip(f"This machine is too busy: {reason}")
+    servo = found.fit.servo_model()
     print(servo.order, np.round(servo.kp, 3), np.round(1e3 * np.atleast_1d(servo.dead_time), 2))
-    assert servo.order == "first" and np.abs(servo.kp / GAIN - 1).max() < 0.05
+    assert np.abs(servo.kp / GAIN - 1).max() < 0.05
 
 
 def test_play_moves_to_the_start_plays_and_gives_a_log(address, job):

@@ -36,6 +36,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Iterable
+from contextlib import suppress
 from typing import Protocol
 
 # Longest time without a line from the sender before the next stop is taken [s].
@@ -49,6 +50,8 @@ PAUSE = 1e-3
 BLOCK = 1 << 20
 # Largest number of lines that are obeyed in a loop of a motion: about 0.2 ms.
 LINES = 60
+# Real-time priority of a feeder that has to answer in every cycle.
+PRIORITY = 40
 Row = tuple[float, ...]
 # Number by the controller's clock, cycle of the motion, command and measured positions.
 Sample = tuple[int, int, Row, Row]
@@ -205,10 +208,8 @@ class Feeder:
         self.flush()
         self.record.close()
         self.device.close()
-        try:
+        with suppress(BrokenPipeError):
             self.out.close()
-        except BrokenPipeError:
-            pass
 
     def loop(self) -> None:
         """Obey and feed until the end."""
@@ -394,6 +395,9 @@ def main(device: Device) -> None:
     """Run a feeder whose first argument is the file that gets the samples."""
     # A collection takes longer than a cycle, and there is nothing to collect.
     gc.disable()
+    # Where the system allows it, this process comes before others.
+    with suppress(OSError, AttributeError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     Feeder(device, sys.argv[1], take_stdout()).run()
 
 
