@@ -561,7 +561,7 @@ class PlayOptions(ControllerOptions):
     """Options of the command `play`.
 
     Args:
-        on: Controller: linuxcnc, franka or ur.
+        on: Controller: linuxcnc, franka or ur. The adapter for ur has never run on a robot.
         speed_factor: Share of the job's speed.
         band: Largest difference of a joint from its simulated position before the motion is
             stopped, such as '5 mrad'; by default unlimited.

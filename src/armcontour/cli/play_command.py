@@ -86,12 +86,22 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
 
 def controller_of(job: Job, name: str, options: ControllerOptions) -> Controller:
     """The controller of a name, with a simulated robot as the job describes it where possible."""
-    from armcontour.controllers import LinuxCNC
+    from armcontour.controllers import Franka, LinuxCNC, Ur
     from armcontour.core.errors import InvalidInput
     from armcontour.files.robot_file import read_servo
 
+    if name not in ("linuxcnc", "franka", "ur"):
+        raise InvalidInput(f"There is no controller {name}: --on takes linuxcnc, franka or ur.")
+    if options.hal is not None and name != "linuxcnc":
+        raise InvalidInput(f"--hal is for linuxcnc, and --on is {name}.")
     if name != "linuxcnc":
-        raise InvalidInput(f"There is no controller {name}: --on takes linuxcnc.")
+        if options.address is None:
+            raise InvalidInput(f"--on {name} needs the address of the robot: add --address.")
+        if options.drives is not None:
+            raise InvalidInput("--drives is for the simulated joints of linuxcnc: remove it.")
+        if name == "ur":
+            return Ur(options.address)
+        return Franka(options.address, model="panda" if job.arm.name == "Panda" else "fr3")
     if options.address is not None:
         raise InvalidInput("--address is for franka and ur: linuxcnc runs on this machine.")
     if options.hal is None:
