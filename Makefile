@@ -59,7 +59,8 @@ test: $(VENV)/test-all  ## Run the whole test suite, on all cores
 slow: $(VENV)/test-all docs package  ## Run the tests that need time, processes, signals or a browser, and try the wheel
 	$(BIN)/python -m pytest -q -n auto tests/slow docs/site
 	$(BIN)/python -m soak playing --jobs 1 --count 30
-	@if command -v halcmd >/dev/null; then $(BIN)/python -m soak.paper_table; \
+	@if command -v halcmd >/dev/null; then \
+		$(BIN)/python -m soak.paper_table && $(BIN)/python -m soak.robot_loop; \
 		else echo "Table I was not played: LinuxCNC is not installed (apt-get install linuxcnc-uspace)."; fi
 	$(BIN)/python tools/try_package.py dist --install
 

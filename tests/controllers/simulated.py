@@ -25,6 +25,7 @@ class Simulated(Controller):
         late: Whether loops see the commands of the cycle before.
         noise: Standard deviation of measured positions [rad].
         at: Joint positions at the begin [rad]; by default those of the first motion.
+        cycle: Cycle of set-points and loops [s].
     """
 
     name = "simulated"
@@ -32,15 +33,14 @@ class Simulated(Controller):
     def __init__(
         self, kp: float = 25.0, kv: float = 150.0, *, ki: float = 0.0, friction: float = 0.0,
         acceleration: float = 0.72, late: bool = True, noise: float = 0.0,
-        at: FloatArray | None = None,
+        at: FloatArray | None = None, cycle: float = 1e-3,
     ) -> None:  # fmt: skip
         super().__init__()
         self.kp, self.kv, self.ki, self.friction = kp, kv, ki, friction
         self.acceleration, self.late, self.noise = acceleration, late, noise
-        self.at = at
+        self.at, self.cycle = at, cycle
         self.rng = np.random.default_rng(1)
         self.motions: list[Motion] = []
-        self.demand = 0.0
 
     def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> Command:
         raise NotImplementedError

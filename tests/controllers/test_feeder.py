@@ -143,9 +143,29 @@ def test_a_lost_end_takes_the_next_stop(bench, how):
         bench.feeder.out.close()
 
 
+def test_a_motion_is_stopped_once(bench):
+    bench.send(*MOTION, "T 6", *rows(60, 61, 62), "E", "G", "S")
+    bench.loop(4)
+    bench.send("T 8", *rows(80), "E", "S")
+    bench.loop(4)
+    assert bench.commands == [0, 1, 2, 3, 4, 5, 60, 61, 62] and bench.events == ["X 6", "D"]
+
+
 def test_stops_are_of_one_motion(bench):
     bench.send(*MOTION, "T 6", *rows(60), "E", "G")
     bench.loop(5)
     bench.send("M", *rows(1, 2, 3), "E", "G", "S")
     bench.loop(2)
     assert bench.commands[10:] == [1, 2, 3] and bench.events == ["D", "D"]
+
+
+def test_a_second_request_takes_no_stop_of_the_replaced_motion(bench):
+    bench.send(*MOTION, "T 4", *rows(40, 41, 42, 43, 44), "E", "G", "S")
+    bench.loop(2)
+    bench.send("T 7", *rows(70), "E", "S")
+    bench.feeder.lose_sender()
+    bench.loop(5)
+    assert bench.commands == [0, 1, 2, 3, 40, 41, 42, 43, 44]
+    bench.send(*MOTION, "T 2", *rows(20), "E", "G", "S")
+    bench.loop(2)
+    assert bench.commands[9:] == [0, 1, 20]

@@ -274,12 +274,13 @@ def identify(
         list[FilePath],
         typer.Argument(
             metavar="LOG...",
-            help="Log of time, command and measured: CSV, or a bag; several are joined.",
+            help="Log of time, command and measured: CSV, or a bag; several are joined. With "
+            "--on, a job.",
         ),
     ],
     options: IdentifyOptions,
 ) -> None:
-    """Identify a servo, or with --arm a robot, from logs.
+    """Identify a servo, or with --arm a robot, from logs, or with --on from motions.
 
     Exit codes: 0 good, 1 a joint or the compensation is doubtful, 9 good on one program only.
     """
@@ -295,10 +296,10 @@ def learn(
     options: LearnOptions,
     job_options: JobOptions,
 ) -> None:
-    """Learn the set-points of the next run from the log of the last."""
+    """Learn the set-points of the next run from the log of the last, or with --on from runs."""
     from armcontour.cli.learn_command import learn_file
 
-    learn_file(job, job_options, options)
+    raise typer.Exit(learn_file(job, job_options, options))
 
 
 @_command(ROBOT, "play job.yaml --on linuxcnc --speed-factor '50 %' --execute --out played")

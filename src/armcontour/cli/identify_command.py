@@ -10,6 +10,7 @@ from armcontour.cli.console import Console, open_page, show_notes
 
 if TYPE_CHECKING:
     from armcontour.cli.options import IdentifyOptions
+    from armcontour.control.identification import Identification
     from armcontour.core.result import Data, Row
     from armcontour.motion import Log
     from armcontour.robot import Arm
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 # Exit codes: every joint has a valid model and compensation is trusted (with masses: all parameters
 # are determined); otherwise; trusted on one program only. No error has the code 9.
 DONE, DOUBTFUL, PROVISIONAL = 0, 1, 9
+STOPPED_EARLY = "nothing was identified."
 
 
 def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
@@ -26,6 +28,11 @@ def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
 
     lonely = options.out is None and (options.open_report or options.force)
     raise_if(lonely, "--open and --force go with --out, the folder for the report.")
+    if options.on is not None:
+        return _identify_robot(logs, options)
+    for name in ("execute", "drives", "hal", "address", "run_name", "sets", "excitation"):
+        option = f"--{'run' if name == 'run_name' else 'set' if name == 'sets' else name}"
+        raise_if(bool(getattr(options, name)), f"{option} goes with --on: name a controller too.")
     if options.arm is None:
         for name in ("servo", "gravity", *ARM_OPTIONS):
             message = f"--{name.replace('_', '-')} goes with --arm: name the arm too."
@@ -56,7 +63,7 @@ def _identify_servos(logs: list[FilePath], command: IdentifyOptions, arm: Arm | 
     from armcontour.files.robot_file import servo_yaml
 
     unseen = [_read(log, command) for log in command.validate or []]
-    options = ServoFit(model=command.model, kinematics=arm, **_shared_options(command))
+    options = ServoFit(model=command.model, kinematics=arm, **shared_options(command))
     samples = [_read(log, command) for log in logs]
     with search_progress("identifying") as progress:
         fit = identify(samples, options, progress=progress)
@@ -65,9 +72,47 @@ def _identify_servos(logs: list[FilePath], command: IdentifyOptions, arm: Arm | 
     rows = [Row("predictions", [plain(y.to_data()) for y in predictions])] if predictions else []
     files = {"servo.yaml": servo_yaml(fit)} if any(y.written for y in fit.joints) else {}
     _conclude(fit, command, files, rows, [y.to_data(arm) for y in printed])
+    return _verdict(fit)
+
+
+def _verdict(fit: Identification) -> int:
+    """The exit code of identified servos."""
     if any(y.note for y in fit.joints) or not fit.judgement.trusted:
         return DOUBTFUL
     return PROVISIONAL if fit.judgement.programs == 1 else DONE
+
+
+def _identify_robot(jobs: list[FilePath], command: IdentifyOptions) -> int:
+    """Identify the servos of a robot from motions that it plays."""
+    from armcontour.cli.play_command import STOPPED
+    from armcontour.cli.robot_commands import DRY, identify_robot, log_text
+    from armcontour.core.checks import raise_if
+    from armcontour.files.result_folder import data_json
+    from armcontour.files.robot_file import servo_yaml
+
+    raise_if(len(jobs) != 1, f"--on takes one job, not {len(jobs)} files.")
+    for name in ("arm", "servo", "gravity", "validate", "columns", "topic", "start", "end"):
+        option = {"start": "from", "end": "to"}.get(name, name)
+        raise_if(getattr(command, name) is not None, f"--{option} is for logs: remove it or --on.")
+    result = identify_robot(jobs[0], command)
+    fit = result.fit
+    if fit is None:
+        if command.as_json:
+            print(data_json(result.to_data()), end="")
+        else:
+            Console().show(result.to_data())
+            Console().print(f"Stopped: {STOPPED_EARLY}" if result.stopped else DRY)
+        return STOPPED if result.stopped else DONE
+    files = {f"{name}.csv": log_text(log) for name, log in result.logs.items()}
+    remark = ""
+    if any(y.written for y in fit.joints):
+        files = {"servo.yaml": servo_yaml(fit), **files}
+        remark = f". The key servo of servo.yaml replaces that of {jobs[0]}."
+    prediction = result.prediction
+    assert prediction is not None
+    arm = result.played["run"].job.arm
+    _conclude(fit, command, files, further=[prediction.to_data(arm)], remark=remark)
+    return _verdict(fit)
 
 
 def _identify_bodies(logs: list[FilePath], command: IdentifyOptions, name: str, arm: Arm) -> int:
@@ -79,7 +124,7 @@ def _identify_bodies(logs: list[FilePath], command: IdentifyOptions, name: str, 
     from armcontour.files.robots.loading import arm_names
 
     servo = None if command.servo is None else read_servo(command.servo, arm.dof)
-    options = BodyFit(gravity=command.gravity, **_shared_options(command))
+    options = BodyFit(gravity=command.gravity, **shared_options(command))
     samples = [_read(log, command) for log in logs]
     with search_progress("identifying") as progress:
         fit = identify_bodies(samples, arm, servo, options, progress=progress)
@@ -100,7 +145,7 @@ def _identify_bodies(logs: list[FilePath], command: IdentifyOptions, name: str, 
     return DONE if fit.determined else DOUBTFUL
 
 
-def _shared_options(command: IdentifyOptions) -> dict[str, Any]:
+def shared_options(command: IdentifyOptions) -> dict[str, Any]:
     """The specified options that both kinds of identification have."""
     from armcontour.cli.inputs import read_option
     from armcontour.core.quantities import Interval

@@ -18,11 +18,15 @@ if TYPE_CHECKING:
     from armcontour.jobs.run_learning import JudgedStudy, LearningStudy
 
 
-def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -> None:
-    """Learn a run of a job from a log, or evaluate the log; print and write the result."""
+def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -> int:
+    """Learn a run of a job from a log, or evaluate the log; print, write, return the exit code."""
     from armcontour.files import ResultFolder
     from armcontour.files.result_folder import data_json
 
+    if options.on is not None:
+        from armcontour.cli.robot_commands import learn_robot
+
+        return learn_robot(file, job_options, options)
     _refuse_missing(options)
     window = read_window(options.start, options.end)
 
@@ -34,19 +38,22 @@ def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -
         with search_progress("judging" if options.judge_only else "learning") as progress:
             study = _study(file, job_options, options, window, progress)
         if folder is not None:
-            _write(study, folder)
+            write_study(study, folder)
     if options.as_json:
         print(data_json(study.to_data()), end="")
     else:
         _print(study, options)
     if options.out is not None and options.open_report:
         open_page(options.out / "report.html")
+    return 0
 
 
 def _refuse_missing(options: LearnOptions) -> None:
     """Reject options without those that they require."""
     from armcontour.core.errors import InvalidInput
 
+    if options.execute or options.drives is not None or options.hal is not None:
+        raise InvalidInput("--execute, --drives and --hal require a controller: give --on.")
     if options.out is None and (options.open_report or options.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
     if options.judge_only:
@@ -104,7 +111,7 @@ def _study(
     return LearningStudy(job=job, plan=plan, lesson=lesson)
 
 
-def _write(study: LearningStudy | JudgedStudy, folder: ResultFolder) -> None:
+def write_study(study: LearningStudy | JudgedStudy, folder: ResultFolder) -> None:
     """Write the summary, and of learning also the set-points of the next run and the report."""
     import dataclasses
 

@@ -34,9 +34,12 @@ TOPICS: dict[str, tuple[str, ...]] = {
     "Places": (),
     "Log and files of numbers": ("log", "set_points", "tool_positions", "start", "end", "columns",
                                  "topic", "unwrap", "interpolation"),
+    "Robot controller": ("on", "address", "hal", "drives", "execute", "speed_factor", "runs",
+                         "reserve", "excitation", "band"),
     "Arm": ("arm", "tip", "base", "joint_limits", "package", "xacro_arg", "trust_xacro"),
     "Files for robot controllers": ("export", "template", "output", "cycle", "derivatives",
-                                    "tool_motion", "call"),
+                                    "tool_motion", "effort", "decimals", "comments",
+                                    "points_per_file", "tolerances", "call"),
     "Processes": ("workers", "cluster"),
     "Results": ("out", "force", "open_report", "open_page", "as_json"),
 }  # fmt: skip
@@ -278,6 +281,11 @@ class PointOptions:
         cycle: Time between points of an exported plan, such as '48 ms'.
         derivatives: Highest derivative in exports: 2 for accelerations, 1 for velocities, or 0.
         tool_motion: Write point, orientation and speed of the tool, as commanded, into exports too.
+        decimals: With csv and ros-yaml: decimals of joint positions in rad, 4 to 12. Default: 7, or
+            9 with cycles below 4 ms.
+        comments: With csv: begin the file with the names of contours, in lines with #.
+        points_per_file: Divide exports into files of at most so many points, or for a controller:
+            motoros2 (200), ur (1000).
         call: With urscript: call the program at the end of its file, for a pendant's script file.
     """
 
@@ -285,6 +293,9 @@ class PointOptions:
     cycle: Text = None
     derivatives: Annotated[int, typer.Option("--derivatives", min=0, max=2)] = 2
     tool_motion: bool = False
+    decimals: Annotated[int | None, typer.Option("--decimals", min=4, max=12)] = None
+    comments: bool = False
+    points_per_file: Text = None
     call: bool = False
 
 
@@ -324,10 +335,15 @@ class ExportOptions(PointOptions):
     Args:
         export: Format of set-points: csv, npz, ros-yaml, mcap, urscript; may be repeated.
         template: Export by a template: kuka, abb, or a .j2 file.
+        effort: Write torques of the plan too, for an arm with masses.
+        tolerances: With ros-yaml: write set-points as a goal of FollowJointTrajectory, with
+            tolerances of so many times the predicted joint errors, such as 2.
     """
 
     export: Texts = None
     template: Texts = None
+    effort: bool = False
+    tolerances: Annotated[float | None, typer.Option("--tolerances")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -405,10 +421,34 @@ class CheckOptions(DescriptionOptions, LogOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdentifyOptions(DescriptionOptions, WindowOptions):
+class ControllerOptions:
+    """Options for a robot controller.
+
+    Args:
+        address: Address of a robot (franka, ur).
+        hal: HAL file of the machine (linuxcnc); by default joints are simulated.
+        drives: File with the key servo, such as a servo.yaml, for the simulated joints (linuxcnc);
+            by default the plant of the job. A dead time of one cycle is LinuxCNC's default loop.
+        execute: Move the robot, after its name is typed on the terminal.
+    """
+
+    address: Text = None
+    hal: File = None
+    drives: File = None
+    execute: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifyOptions(ControllerOptions, DescriptionOptions, WindowOptions):
     """Options of the command `identify`.
 
     Args:
+        on: Controller that plays a run of a job to identify from: linuxcnc, franka or ur. The
+            argument is then the job.
+        reserve: With --on, smallest reserve of this run.
+        excitation: With --on, excite all joints in any case, so that servos are judged on two
+            programs.
+        sets: With --on, any key of the job with its value; may be repeated.
         arm: Nominal arm: with masses, payload, friction and drive inertias are identified
             too; without, errors are also at the tool. Built in, or an arm file (.yaml,
             .urdf; .xacro with --trust-xacro).
@@ -424,6 +464,11 @@ class IdentifyOptions(DescriptionOptions, WindowOptions):
         validate: Log on which the model is validated; it is not used otherwise; repeatable.
     """
 
+    on: Text = None
+    run_name: Name = None
+    reserve: str = "20 %"
+    excitation: bool = False
+    sets: Annotated[Texts, typer.Option("--set")] = None
     arm: Text = None
     servo: File = None
     gravity: Text = None
@@ -476,10 +521,16 @@ class PlaceOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LearnOptions(WindowOptions):
+class LearnOptions(ControllerOptions, WindowOptions):
     """Options of the command `learn`.
 
     Args:
+        on: Controller on which the runs are played: linuxcnc, franka or ur. A folder of earlier
+            runs goes on.
+        runs: With --on, number of runs.
+        reserve: With --on, smallest reserve of the plan: corrections need acceleration.
+        band: With --on, largest deviation of a joint from the plan before a motion is stopped, such
+            as '5 mrad'; by default 3 times the largest one of the best run.
         set_points: Executed set-points: set_points.csv of run or of the previous learn, or the
             folder of that result.
         log: Log of that run: CSV of positions over time, or a bag.
@@ -490,6 +541,10 @@ class LearnOptions(WindowOptions):
         out: Folder for set-points of the next run, and a report.
     """
 
+    on: Text = None
+    runs: Annotated[int, typer.Option("--runs", min=1)] = 4
+    reserve: str = "20 %"
+    band: Text = None
     run_name: Name = None
     set_points: File = None
     log: File = None
@@ -502,14 +557,11 @@ class LearnOptions(WindowOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlayOptions:
+class PlayOptions(ControllerOptions):
     """Options of the command `play`.
 
     Args:
         on: Controller: linuxcnc, franka or ur. The adapter for ur has never run on a robot.
-        address: Address of a robot (franka, ur); none is assumed.
-        hal: HAL file of the machine (linuxcnc); by default joints are simulated.
-        execute: Move the robot, after its name is typed on the terminal.
         speed_factor: Share of the job's speed.
         band: Largest difference of a joint from its simulated position before the motion is
             stopped, such as '5 mrad'; by default unlimited.
@@ -519,10 +571,7 @@ class PlayOptions:
     """
 
     on: str
-    address: Text = None
-    hal: File = None
     run_name: Name = None
-    execute: bool = False
     speed_factor: str = "10 %"
     band: Text = None
     set_points: File = None

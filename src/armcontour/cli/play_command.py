@@ -18,7 +18,7 @@ from armcontour.cli.progress_bars import search_progress
 from armcontour.core.progress import subprogress
 
 if TYPE_CHECKING:
-    from armcontour.cli.options import JobOptions, PlayOptions
+    from armcontour.cli.options import ControllerOptions, JobOptions, PlayOptions
     from armcontour.controllers import Controller, Played
     from armcontour.files import ResultFolder
     from armcontour.jobs import Job
@@ -30,15 +30,19 @@ DONE, STOPPED = 0, 1
 def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> int:
     """Play a run of a job, print and write the record, and return the exit code."""
     from armcontour.controllers import play
-    from armcontour.core.errors import InvalidInput
+    from armcontour.controllers.player import plan_played
+    from armcontour.core.errors import ControllerRefused, InvalidInput
     from armcontour.core.quantities import AngularDistance, Factor
     from armcontour.files import ResultFolder
     from armcontour.files.result_folder import data_json
     from armcontour.files.set_point_file import read_set_points
-    from armcontour.jobs.run_learning import plan_run
 
     if options.out is not None and not options.execute:
         raise InvalidInput("--out is for the log of a motion: add --execute, or remove --out.")
+    if options.execute and not sys.stdin.isatty():
+        raise ControllerRefused(
+            "--execute asks on a terminal before a robot moves, but there is none; nothing moves."
+        )
     speed_factor = read_option("--speed-factor", options.speed_factor, Factor)
     band = read_option("--band", options.band, AngularDistance)
     assert speed_factor is not None
@@ -52,11 +56,11 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
             job = open_job(file, job_options, subprogress(progress, "reading"))
             set_points = None
             if options.set_points is not None:
-                plan = plan_run(job, options.run_name, progress=progress)
-                set_points = read_set_points(options.set_points, job, plan)
-        controller = controller_of(job, options.on, options.address, options.hal)
+                job_played, plan = plan_played(job, options.run_name, progress=progress)
+                set_points = read_set_points(options.set_points, job_played, plan)
+        controller = controller_of(job, options.on, options)
         if options.execute:
-            _confirm(job, controller)
+            confirm(job, controller)
         with on_interrupt(stop.set), search_progress("playing") as progress:
             played = play(
                 job,
@@ -80,40 +84,40 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
     return DONE if played.record.stopped is None else STOPPED
 
 
-def controller_of(
-    job: Job, name: str, address: str | None, hal_file: FilePath | None
-) -> Controller:
+def controller_of(job: Job, name: str, options: ControllerOptions) -> Controller:
     """The controller of a name, with a simulated robot as the job describes it where possible."""
     from armcontour.controllers import Franka, LinuxCNC, Ur
     from armcontour.core.errors import InvalidInput
-    from armcontour.robot.limits import or_unlimited
+    from armcontour.files.robot_file import read_servo
 
     if name not in ("linuxcnc", "franka", "ur"):
         raise InvalidInput(f"There is no controller {name}: --on takes linuxcnc, franka or ur.")
-    if hal_file is not None and name != "linuxcnc":
+    if options.hal is not None and name != "linuxcnc":
         raise InvalidInput(f"--hal is for linuxcnc, and --on is {name}.")
     if name != "linuxcnc":
-        if address is None:
+        if options.address is None:
             raise InvalidInput(f"--on {name} needs the address of the robot: add --address.")
+        if options.drives is not None:
+            raise InvalidInput("--drives is for the simulated joints of linuxcnc: remove it.")
         if name == "ur":
-            return Ur(address)
-        return Franka(address, model="panda" if job.arm.name == "Panda" else "fr3")
-    if address is not None:
+            return Ur(options.address)
+        return Franka(options.address, model="panda" if job.arm.name == "Panda" else "fr3")
+    if options.address is not None:
         raise InvalidInput("--address is for franka and ur: linuxcnc runs on this machine.")
-    if hal_file is not None:
-        return LinuxCNC(hal_file)
-    accelerations = or_unlimited(job.arm.limits.joint_acceleration, job.arm.dof)
-    return LinuxCNC(servo=job.plant_servo, accelerations=accelerations)
+    if options.hal is None:
+        servo = job.plant_servo
+        if options.drives is not None:
+            servo = read_servo(options.drives, job.arm.dof)
+        return LinuxCNC.simulated(servo, job.arm)
+    if options.drives is not None:
+        raise InvalidInput("--drives is for simulated joints: remove it or --hal.")
+    return LinuxCNC(options.hal)
 
 
-def _confirm(job: Job, controller: Controller) -> None:
+def confirm(job: Job, controller: Controller) -> None:
     """Let the user type the name of the arm."""
     from armcontour.core.errors import ControllerRefused
 
-    if not sys.stdin.isatty():
-        raise ControllerRefused(
-            "--execute asks on a terminal before a robot moves, but there is none; nothing moves."
-        )
     name = job.arm.name
     answer = typer.prompt(
         f"{name} will move on {controller.name}. Type {name} to go on", default=""

@@ -354,6 +354,8 @@ class Controller(ABC):
                 reason = _following_error(rows, motion)
                 if not reason and stops.error is not None:
                     reason = f"No further stop can be computed: {stops.error}"
+                # The feeder may have stopped by itself; then joints leave their predictions.
+                stopping = stopping or channel.event("X") is not None
                 if not stopping and (reason or wanted()):
                     channel.send(["S"])
                     stopping = True

@@ -22,7 +22,7 @@ from armcontour.robot.servo import ServoModel
 DURATION, FADING = 12.0, 2.0
 # Frequencies of the first joint [Hz]; those of joint j are j times DETUNED higher, so that joints
 # do not move alike.
-FREQUENCIES, DETUNED = (0.31, 0.83, 1.9, 3.7), 0.037
+FREQUENCIES, DETUNED = (0.31, 0.83, 1.9, 3.7), 0.17
 # Largest amplitude [rad], and share of the limits that is used.
 AMPLITUDE, SHARE = 0.1, 0.6
 # Times of the motion that are checked [s].

@@ -29,16 +29,11 @@ RTAPI = "/usr/bin/rtapi_app"
 # The real-time program refuses root; it then runs as this user, nobody.
 NOBODY = 65534
 # Parameters of servo models that simulated drives do not have.
-UNSUPPORTED = (
-    "dead_time",
-    "ki",
-    "velocity_feedforward",
-    "acceleration_feedforward",
-    "friction",
-    "drive_cycle",
-)
+UNSUPPORTED = ("dead_time", "velocity_feedforward", "acceleration_feedforward", "drive_cycle")
 # Signal of a HAL file that enables the drives, once the measured position is commanded.
 ENABLE = "armcontour-enable"
+# Dry friction of simulated joints grows with their speed by this factor until its size [1/s].
+SLIDING = 500.0
 # Rows of the FIFOs between the feeder and the thread.
 STREAMER_DEPTH, SAMPLER_DEPTH = 4000, 8000
 
@@ -55,8 +50,8 @@ class LinuxCNC(Controller):
             measured positions [rad]. The signal of the command of a joint has the joint's name,
             with `-` in place of spaces; the signal `armcontour-enable` enables the drives. By
             default joints are simulated.
-        servo: Gains of simulated drives: position and velocity loops by HAL's `pid`, which
-            integrate to positions.
+        servo: Simulated drives: position and velocity loops by HAL's `pid`, which integrate to
+            positions; gains, integrators and dry friction of the model are used.
         accelerations: Largest acceleration of the simulated drives [rad/s²], one or one per joint.
         late: True for `pid` with `error-previous-target`, LinuxCNC's default, with which a loop
             compares the measured position with the command of the cycle before.
@@ -84,6 +79,24 @@ class LinuxCNC(Controller):
         self.observes = self.hal_file is None
         self.servo, self.accelerations, self.late = servo, accelerations, late
         self.cycle, self.ahead = cycle, round(ahead / cycle)
+
+    @classmethod
+    def simulated(cls, servo: ServoModel, arm: Arm) -> LinuxCNC:
+        """LinuxCNC with simulated drives, whose accelerations are limited as the servo's or arm's.
+
+        Args:
+            servo: The drives; with a dead time of one cycle loops are `late`.
+            arm: The arm.
+        """
+        cycle, model = 1e-3, servo.for_joints(arm.dof)
+        late = bool(np.isclose(model.dead_time, cycle).all())
+        lower, upper = model.saturate(*arm.limits.acceleration_bounds(arm.dof))
+        return cls(
+            servo=model.replace(dead_time=0.0) if late else model,
+            accelerations=np.minimum(-lower, upper),
+            late=late,
+            cycle=cycle,
+        )
 
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
         """Compare limits with the simulated drives, or joints with the HAL file."""
@@ -188,8 +201,8 @@ def simulated_drives(
     other = [x for x in UNSUPPORTED if np.any(getattr(servo, x))]
     if servo.kv is None or not np.isfinite(servo.kv).all() or other:
         raise InvalidInput(
-            "LinuxCNC's simulated drives have kp and kv only: give a servo of order second without "
-            f"{', '.join(other or UNSUPPORTED)}."
+            "LinuxCNC's simulated drives have kp, kv, ki and friction only: give a servo of order "
+            f"second without {', '.join(other or UNSUPPORTED)}, as plant of the job or --drives."
         )
     dof = len(start)
     limits = np.broadcast_to(np.asarray(accelerations, dtype=float), dof)
@@ -203,12 +216,21 @@ def simulated_drives(
     yield f"loadrt sampler depth={SAMPLER_DEPTH} cfg={'f' * (2 * dof + 1)}"
     yield f"loadrt pid names={each('p')},{each('v')}"
     yield f"loadrt integ names={each('iv')},{each('iq')}"
-    yield f"loadrt sum2 names={each('q')}"
+    yield f"loadrt sum2 names={each('q')},{each('a')}"
+    yield f"loadrt scale names={each('fs')}"
+    yield f"loadrt limit1 names={each('fl')}"
     yield f"newsig {ENABLE} bit"
     yield "net cycle streamer.0.pin.0 => sampler.0.pin.0"
     for j in joints:
         yield f"setp p{j}.Pgain {servo.kp[j]:.15g}"
         yield f"setp v{j}.Pgain {servo.kv[j]:.15g}"
+        yield f"setp v{j}.Igain {servo.kv[j] * servo.ki[j]:.15g}"
+        yield f"setp a{j}.gain1 -1"
+        # Dry friction, which is the same as a position error.
+        friction = servo.kp[j] * servo.kv[j] * servo.friction[j]
+        yield f"setp fs{j}.gain {SLIDING:g}"
+        yield f"setp fl{j}.min {-friction:.15g}"
+        yield f"setp fl{j}.max {friction:.15g}"
         if np.isfinite(limits[j]):
             yield f"setp v{j}.maxoutput {limits[j]:.15g}"
         for loop in "pv":
@@ -217,11 +239,14 @@ def simulated_drives(
         yield f"setp q{j}.offset {start[j]:.17g}"
         yield f"net {names[j]} streamer.0.pin.{j + 1} => p{j}.command sampler.0.pin.{j + 1}"
         yield f"net w{j} p{j}.output => v{j}.command"
-        yield f"net a{j} v{j}.output => iv{j}.in"
-        yield f"net s{j} iv{j}.out => v{j}.feedback iq{j}.in"
+        yield f"net d{j} v{j}.output => a{j}.in0"
+        yield f"net s{j} iv{j}.out => v{j}.feedback iq{j}.in fs{j}.in"
+        yield f"net r{j} fs{j}.out => fl{j}.in"
+        yield f"net f{j} fl{j}.out => a{j}.in1"
+        yield f"net a{j} a{j}.out => iv{j}.in"
         yield f"net x{j} iq{j}.out => q{j}.in0"
         yield f"net m{j} q{j}.out => p{j}.feedback sampler.0.pin.{dof + j + 1}"
     order = ["streamer.0", *(f"q{j}" for j in joints), "sampler.0"]
     order += [f"{loop}{j}.do-pid-calcs" for loop in "pv" for j in joints]
-    order += [f"{prefix}{j}" for prefix in ("iv", "iq") for j in joints]
+    order += [f"{prefix}{j}" for prefix in ("fs", "fl", "a", "iv", "iq") for j in joints]
     yield from (f"addf {x} servo" for x in order)

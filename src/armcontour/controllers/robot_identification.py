@@ -25,8 +25,8 @@ from armcontour.robot import Limits
 
 # Reserve of the run that is identified: its commanded accelerations should not saturate.
 GENTLE = 0.2
-# A joint moves enough if it uses this share of its acceleration limit.
-ENOUGH = 0.25
+# A joint moves enough if it uses this share of its acceleration limit, RMS.
+ENOUGH = 0.15
 # Names of the motions, also of their logs.
 RUN, EXCITATION = "run", "excitation"
 
@@ -90,6 +90,7 @@ def identify_on(
     *,
     run_name: str | None = None,
     reserve: Reserve = GENTLE,
+    excitation: bool = False,
     execute: bool = False,
     options: ServoFit | None = None,
     wanted: Callable[[], bool] = lambda: False,
@@ -97,7 +98,7 @@ def identify_on(
 ) -> RobotIdentification:
     """Play a run of a job without compensation, and identify the servos of the robot from it.
 
-    If a joint uses less than a quarter of its acceleration limit in this run, or if the run does
+    If a joint uses less than 15 % of its acceleration limit (RMS) in this run, or if the run does
     not determine all servos, a second motion moves all joints about the begin of the run: sums of
     sines of 12 s, within the limits, clear of the arm itself and of its cell.
 
@@ -106,6 +107,8 @@ def identify_on(
         on: The controller, not connected.
         run_name: The run; by default the only one.
         reserve: Smallest reserve of its plan.
+        excitation: Whether all joints are excited in any case, so that servos are judged on two
+            different programs.
         execute: Whether the robot moves; otherwise the motions are planned and compared only.
         options: Options of the identification; by default with the arm of the job.
         wanted: Called often during a motion; True stops it on its path.
@@ -144,7 +147,7 @@ def identify_on(
         return fit
 
     motions = {RUN: play_run, EXCITATION: play_excitation}
-    if not resting:
+    if not resting and not excitation:
         del motions[EXCITATION]
     for name, play_one in motions.items():
         result = replace(result, played={**result.played, name: play_one()})
@@ -153,7 +156,7 @@ def identify_on(
     if not execute:
         return result
     fit = fit_of(result.logs)
-    if not resting and any(x.note or not x.kp.determined for x in fit.joints):
+    if EXCITATION not in motions and any(x.note or not x.kp.determined for x in fit.joints):
         names = tuple(x.name for x in fit.joints if x.note or not x.kp.determined)
         result = replace(result, resting=names)
         result = replace(result, played={**result.played, EXCITATION: play_excitation()})
@@ -165,7 +168,7 @@ def identify_on(
 
 def _resting(planned: RunResult, limits: Limits, cycle: float) -> tuple[str, ...]:
     """Names of the joints that a plan moves too little for an identification."""
-    ddq = np.abs(planned.trajectory.sample(cycle).ddq).max(axis=0)
+    ddq = np.sqrt(np.mean(planned.trajectory.sample(cycle).ddq ** 2, axis=0))
     low, high = limits.acceleration_bounds(len(ddq))
     fastest = np.minimum(-low, high)
     names = planned.arm.joint_names

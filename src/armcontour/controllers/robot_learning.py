@@ -34,6 +34,7 @@ RUNAWAY, LEAST = 3.0, 1e-3
 ATTEMPTS = 3
 # Commands of a log, and the set-points of its run, are equal within this [rad].
 SAME = 1e-6
+STOPPED = "stopped on request"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,9 +68,8 @@ class RobotLearning(Result):
     @property
     def study(self) -> LearningStudy | None:
         """The runs for a report; None before the first run."""
-        return None if self.best is None else LearningStudy(
-            job=self.job, plan=self.plan, lesson=self.best
-        )  # fmt: skip
+        best = self.best
+        return None if best is None else LearningStudy(job=self.job, plan=self.plan, lesson=best)
 
     @property
     def stopped(self) -> bool:
@@ -89,9 +89,6 @@ class RobotLearning(Result):
             )
         rows.append(Row("ended", self.ended))
         return Data(f"Learning of run {self.plan.run.name}", tuple(rows))
-
-
-STOPPED = "stopped on request"
 
 
 class RobotLearner:
@@ -141,6 +138,10 @@ class RobotLearner:
 
     def run_next(self) -> None:
         """Play the next run, and learn from it."""
+        if self.wanted():
+            self.result = replace(self.result, ended=STOPPED)
+            return
+        watch, ran_away = self._watch(), False
         for _ in range(ATTEMPTS):
             played = perform(
                 self.result.job,
@@ -148,20 +149,25 @@ class RobotLearner:
                 self.on,
                 set_points=self.set_points,
                 execute=self.execute,
-                watch=self._watch(),
+                watch=watch,
                 wanted=self.wanted,
                 progress=self.progress,
             )
             self.result = replace(self.result, played=played)
             record = played.record
-            if not self.execute or record is None or record.stopped is not None or record.faithful:
+            if not self.execute or self.wanted() or record is None:
+                break
+            ran_away = _ran_away(record, watch)
+            if ran_away or (record.stopped is None and record.faithful):
                 break
         if not self.execute:
             self.result = replace(self.result, ended="dry run")
         elif record is None or (record.stopped is not None and self.wanted()):
             self.result = replace(self.result, ended=STOPPED)
-        elif record.stopped is not None:
+        elif ran_away:
             self._go_back(record)
+        elif record.stopped is not None:
+            raise ControllerRefused(f"The run was stopped {ATTEMPTS} times: {_notes(record)}")
         else:
             name = f"run {len(self.result.logs) + 1}"
             self._learn_from(replace(played.log, source=name))
@@ -179,7 +185,7 @@ class RobotLearner:
 
     def _go_back(self, record: PlayedMotion) -> None:
         """End learning after a motion that was stopped as it deviated too far."""
-        reason, lesson = " ".join(record.notes), self.result.lesson
+        reason, lesson = _notes(record), self.result.lesson
         if lesson is None:
             raise ControllerRefused(f"The first run was stopped on its path: {reason}")
         ended = f"run {len(self.result.logs) + 1} was stopped on its path: {reason}"
@@ -213,6 +219,19 @@ class RobotLearner:
                 f"{len(self.result.logs) + 1}{by}: the job has changed since. Begin again in "
                 "another folder."
             )
+
+
+def _ran_away(record: PlayedMotion, watch: tuple[FloatArray, float] | None) -> bool:
+    """Whether a motion was stopped as a joint was too far from its expected position."""
+    if record.stopped is None or watch is None:
+        return False
+    expected, band = watch
+    k = np.minimum(np.arange(min(record.stopped, len(record.measured))), len(expected) - 1)
+    return bool(np.abs(record.measured[: len(k)] - expected[k]).max(initial=0.0) > band)
+
+
+def _notes(record: PlayedMotion) -> str:
+    return " ".join(record.notes)
 
 
 def _end(lesson: LearningResult, reason: str) -> LearningResult:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
@@ -83,7 +83,7 @@ def read_log(
     return _read(location, (), (start, end), unwrap, columns, topic, commanded=True)[0]
 
 
-def write_log(file: FilePath, log: Log) -> None:
+def write_log(file: FilePath | TextIO, log: Log) -> None:
     """Write a log as CSV that `read_log` takes, with all digits."""
     titles = [f"{kind} {j + 1} [rad]" for kind in BOTH for j in range(log.dof)]
     comment = "" if log.interpolation is None else f"# interpolation: {log.interpolation}\n"

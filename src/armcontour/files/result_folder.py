@@ -213,6 +213,11 @@ def _manifest(folder: FilePath) -> dict[str, Any]:
     return data if valid else {}
 
 
+def kind_of(folder: FilePath) -> str:
+    """Kind of the result in a folder; empty without one of a kind."""
+    return str(_manifest(folder).get("kind", ""))
+
+
 def verify_file(folder: FilePath, name: str) -> FilePath:
     """The path of a file of a result, if armcontour wrote the file and it did not change."""
     written = _manifest(folder).get("files", {})

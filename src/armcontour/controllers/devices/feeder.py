@@ -144,15 +144,15 @@ class Feeder:
         device: The controller.
         record: File that gets every sample, which remains if the sender is gone.
         out: What gets the lines.
-        state: Memory shared with a guard: number of loops, whether a motion is played, and number
-            of rows sent.
+        state: Memory shared with a guard: number of loops, whether a motion is played, number of
+            rows sent, and 1 + the cycle of the stop that was taken.
     """
 
     def __init__(
         self, device: Device, record: str, out: Output, state: memoryview | None = None
     ) -> None:
         self.device, self.record, self.out = device, open(record, "a"), out
-        self.state = memoryview(bytearray(24)).cast("q") if state is None else state
+        self.state = memoryview(bytearray(32)).cast("q") if state is None else state
         self.rows: list[Row] = []
         self.stops: dict[int, list[Row]] = {}
         self.block: list[Row] = []
@@ -160,7 +160,7 @@ class Feeder:
         self.rest = b""
         self.lines: deque[bytes] = deque()
         self.sent = 0
-        self.playing = self.stop_wanted = self.orphaned = self.quitting = False
+        self.playing = self.stop_wanted = self.orphaned = self.quitting = self.stopped = False
         self.heard = time.monotonic()
 
     def say(self, *words: object) -> None:
@@ -262,12 +262,13 @@ class Feeder:
         elif kind in "MT":
             self.block, self.block_start = [], int(words[1]) if kind == "T" else None
         elif kind == "E" and self.block_start is None:
-            self.rows, self.stops = self.block, {}
-        elif kind == "E":
+            self.rows, self.stops, self.stopped = self.block, {}, False
+        elif kind == "E" and not self.stopped:
             self.stops[self.block_start or 0] = self.block
         elif kind == "G":
             self.device.start()
             self.sent, self.playing, self.stop_wanted = 0, True, False
+            self.state[3] = 0
         elif kind == "S":
             self.stop_wanted = self.playing
         elif kind == "Q":
@@ -280,8 +281,8 @@ class Feeder:
         self.stops = {k: rows for k, rows in self.stops.items() if k >= self.sent}
         if self.stop_wanted and self.stops:
             k = min(self.stops)
-            self.rows = self.rows[:k] + self.stops[k]
-            self.stops, self.stop_wanted = {}, False
+            self.take_stop(k)
+            self.state[3] = k + 1
             self.say("X", k)
         for _ in range(min(self.device.room(), len(self.rows) - self.sent)):
             self.device.write(self.sent, self.rows[self.sent])
@@ -292,6 +293,11 @@ class Feeder:
             self.device.finish()
             self.playing = False
             self.say("D")
+
+    def take_stop(self, k: int) -> None:
+        """Replace the rows from cycle k on. Other stops leave the motion that was replaced."""
+        self.rows = self.rows[:k] + self.stops[k]
+        self.stops, self.stop_wanted, self.stopped = {}, False, True
 
     def report(self) -> None:
         """Print the samples."""
@@ -344,6 +350,8 @@ class Guard(Feeder):
             self.pass_on()
             if loops != self.state[0] or not self.state[1]:
                 loops, moved = self.state[0], time.monotonic()
+            if self.state[1] and self.state[3] - 1 in self.stops:
+                self.take_stop(self.state[3] - 1)
             ended, status = os.waitpid(self.child, os.WNOHANG)
             if not ended and time.monotonic() - moved > HALT:
                 os.kill(self.child, signal.SIGKILL)
@@ -405,7 +413,7 @@ def main_guarded(device: GuardedDevice) -> None:
     """Run a feeder behind a guard; the first argument is the file that gets the samples."""
     out = take_stdout()
     lines, pipe = os.pipe()
-    state = memoryview(mmap.mmap(-1, 24)).cast("q")
+    state = memoryview(mmap.mmap(-1, 32)).cast("q")
     child = os.fork()
     if child:
         os.close(lines)

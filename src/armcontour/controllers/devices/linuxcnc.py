@@ -118,7 +118,8 @@ class LinuxCNC:
         if self.waiting:
             hal.set_p("streamer.0.enable", "1")
             self.waiting = False
-        self.check_alive()
+        if not self.back.readable:
+            self.check_alive()
         while self.back.readable:
             self.heard = time.monotonic()
             values = self.back.read()

@@ -1,0 +1,199 @@
+"""The commands `identify` and `learn` on a robot controller: motions, logs and results."""
+
+from __future__ import annotations
+
+import io
+import threading
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
+
+from armcontour.cli.console import Console, open_page
+from armcontour.cli.inputs import open_job, read_option
+from armcontour.cli.interrupts import on_interrupt
+from armcontour.cli.options import JobOptions
+from armcontour.cli.play_command import DONE, STOPPED, confirm, controller_of
+from armcontour.cli.progress_bars import search_progress
+from armcontour.core.progress import subprogress
+
+if TYPE_CHECKING:
+    from armcontour.cli.options import IdentifyOptions, LearnOptions
+    from armcontour.controllers import RobotIdentification, RobotLearner, RobotLearning
+    from armcontour.files import ResultFolder
+    from armcontour.jobs import Job
+    from armcontour.motion import Log
+
+# Kind of a result folder of runs on a robot, which goes on.
+KIND = "learn --on"
+LOG = "logs/run_{}.csv"
+DRY = "Dry run: nothing moved. With --execute the robot moves."
+
+
+def identify_robot(file: FilePath, options: IdentifyOptions) -> RobotIdentification:
+    """Play the motions of an identification, or compare them only."""
+    from armcontour.cli.identify_command import shared_options
+    from armcontour.control.identification import ServoFit
+    from armcontour.controllers import identify_on
+    from armcontour.core.checks import raise_if
+    from armcontour.core.quantities import Reserve
+
+    raise_if(
+        options.execute and options.out is None,
+        "--execute requires --out, the folder for servo.yaml and the logs.",
+    )
+    assert options.on is not None
+    reserve, stop = read_option("--reserve", options.reserve, Reserve), threading.Event()
+    assert reserve is not None
+    job_options = JobOptions(keys={}, sets=options.sets, trust_xacro=options.trust_xacro)
+    with search_progress("identifying") as progress:
+        job = open_job(file, job_options, subprogress(progress, "reading"))
+    controller = controller_of(job, options.on, options)
+    if options.execute:
+        confirm(job, controller)
+    with search_progress("identifying") as progress, on_interrupt(stop.set):
+        return identify_on(
+            job,
+            controller,
+            run_name=options.run_name,
+            reserve=reserve,
+            excitation=options.excitation,
+            execute=options.execute,
+            options=ServoFit(model=options.model, kinematics=job.arm, **shared_options(options)),
+            wanted=stop.is_set,
+            progress=progress,
+        )
+
+
+def log_text(log: Log) -> str:
+    """A log as the text of a CSV file."""
+    from armcontour.files.log_file import write_log
+
+    text = io.StringIO()
+    write_log(text, log)
+    return text.getvalue()
+
+
+def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) -> int:
+    """Play, record and learn several runs; write the folder after each, and return the code."""
+    from armcontour.controllers import RobotLearner
+    from armcontour.core.checks import raise_if
+    from armcontour.core.quantities import AngularDistance, Reserve
+    from armcontour.files.result_folder import data_json
+
+    raise_if(
+        options.execute and options.out is None,
+        "--execute requires --out, the folder for logs, set-points and report.",
+    )
+    reserve = read_option("--reserve", options.reserve, Reserve)
+    band = read_option("--band", options.band, AngularDistance)
+    assert options.on is not None and reserve is not None
+    stop = threading.Event()
+    with search_progress("learning") as progress:
+        job = open_job(file, job_options, subprogress(progress, "reading"))
+        controller = controller_of(job, options.on, options)
+        learner = RobotLearner(
+            job,
+            controller,
+            run_name=options.run_name,
+            runs=options.runs,
+            reserve=reserve,
+            execute=options.execute,
+            band=band,
+            wanted=stop.is_set,
+            progress=progress,
+        )
+        if options.out is not None and not options.force:
+            learner.resume(_earlier_logs(options.out, job))
+    if options.execute and learner.goes_on:
+        confirm(job, controller)
+    with search_progress("learning") as progress, on_interrupt(stop.set):
+        learner.progress = progress
+        while learner.goes_on:
+            _run_next(learner, options)
+    result = learner.result
+    if options.as_json:
+        print(data_json(result.to_data()), end="")
+    else:
+        _print(result, file, options)
+    if options.out is not None and options.open_report and result.lesson is not None:
+        open_page(options.out / "report.html")
+    return STOPPED if result.stopped else DONE
+
+
+class _NothingLearned(Exception):
+    """Leaves a result folder as it was."""
+
+
+def _run_next(learner: RobotLearner, options: LearnOptions) -> None:
+    """Play and learn one run, and write the folder."""
+    from armcontour.files import ResultFolder
+
+    if not options.execute or options.out is None:
+        learner.run_next()
+        return
+    try:
+        # The folder is checked before the robot moves.
+        with ResultFolder(options.out, force=options.force, replaces=KIND) as folder:
+            learner.run_next()
+            if learner.result.lesson is None:
+                raise _NothingLearned
+            _write(learner.result, folder)
+    except _NothingLearned:
+        pass
+
+
+def _earlier_logs(out: FilePath, job: Job) -> list[Log]:
+    """Logs of earlier runs in a folder, in order."""
+    from armcontour.files.log_file import read_log
+    from armcontour.files.result_folder import kind_of, verify_file
+
+    logs: list[Log] = []
+    while kind_of(out) == KIND and (out / LOG.format(len(logs) + 1)).exists():
+        log = read_log(verify_file(out, LOG.format(len(logs) + 1)))
+        logs.append(_named(log, f"run {len(logs) + 1}", job))
+    return logs
+
+
+def _named(log: Log, source: str, job: Job) -> Log:
+    """A log with the joints of a job."""
+    import dataclasses
+
+    return dataclasses.replace(log, source=source, joint_names=job.arm.joint_names)
+
+
+def _write(result: RobotLearning, folder: ResultFolder) -> None:
+    """Write logs, set-points of the best run, summary and report."""
+    from armcontour.cli.learn_command import write_study
+
+    for k, log in enumerate(result.logs, 1):
+        folder.write(LOG.format(k), log_text(log))
+    assert result.study is not None
+    write_study(result.study, folder)
+
+
+def _print(result: RobotLearning, file: FilePath, options: LearnOptions) -> None:
+    """Print the runs, and how their set-points are played."""
+    console = Console()
+    if result.study is None:
+        console.show(result.to_data())
+        console.print(DRY if not options.execute else "Stopped: nothing was learned.")
+        return
+    console.show(result.study.result)
+    if not options.execute:
+        console.print(DRY)
+    elif result.ended:
+        console.print(f"Ended: {result.ended}.")
+    if options.out is None:
+        return
+    run = result.plan.run
+    robot = "".join(
+        f" --{name} {value}"
+        for name in ("address", "hal", "drives")
+        if (value := getattr(options, name)) is not None
+    )
+    console.print(f"Set-points of the best run: {options.out / run.name / 'set_points.csv'}")
+    reserve = f"runs.{run.name}.timing.reserve='{run.timing.reserve * 100:g} %'"
+    console.print(
+        f"Play them: armcontour play {file} --on {options.on}{robot} --speed-factor '100 %' "
+        f"--run {run.name} --set {reserve} --set-points {options.out}"
+    )
+    console.print(f"Report: {(options.out / 'report.html').resolve().as_uri()}")

@@ -1,0 +1,167 @@
+"""Identification and learning on a controller that simulates LinuxCNC's loops without a clock."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.controllers.simulated import Simulated
+
+import armcontour as ac
+from armcontour.control.learning import LearningResult
+from armcontour.controllers import identify_on, learn_on, play
+from armcontour.controllers.excitation import SHARE, excite
+from armcontour.controllers.player import limits_of, plan_played
+from armcontour.core.errors import ControllerRefused
+from armcontour.files import parse_job
+from armcontour.jobs.run_learning import judge_log
+
+JOB = """
+name: loop
+arm: pmk3s
+configuration: positive
+path: {points: [[0.35, 0.10], [0.39, 0.14], [0.35, 0.18]]}
+limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2, centripetal_acceleration: 0.09 m/s^2}
+corners: {tolerance: 5 mm}
+servo: {kp: 20 1/s, kv: 120 1/s}
+runs:
+  go: {timing: {reserve: 2 %}, compensation: {method: inverse}, cycle: 4 ms}
+"""
+# Without a search for the order.
+SECOND = ac.ServoFit(model="second")
+
+
+@pytest.fixture(scope="module")
+def job() -> ac.Job:
+    return parse_job(JOB)
+
+
+@pytest.fixture(scope="module")
+def learned(job):
+    robot = Simulated()
+    return robot, learn_on(job, robot, execute=True, runs=3)
+
+
+def errors(result) -> list[float]:
+    return [x.rms for x in result.lesson.runs]
+
+
+def test_identified_servo_reaches_predicted_error(job):
+    robot = Simulated()
+    found = identify_on(job, robot, execute=True)
+    servo = found.fit.servo_model()
+    assert found.resting == () and list(found.played) == ["run"] and len(robot.motions) == 1
+    np.testing.assert_allclose(servo.kp, 25.0, rtol=0.05)
+    np.testing.assert_allclose(servo.kv, 150.0, rtol=0.1)
+    assert found.prediction.largest.max() < 1e-6
+    known = replace(job, servo=servo, plant_servo=servo)
+    played = play(known, Simulated(), execute=True, speed_factor=1.0)
+    contour_error = judge_log(known, played.plan, played.plan.set_points, played.log).profile
+    assert contour_error.rms < played.plan.evaluation.contour_error.rms + 1e-7
+
+
+def test_dry_runs_move_nothing(job):
+    robot = Simulated()
+    assert identify_on(job, robot).fit is None
+    assert learn_on(job, robot).lesson is None
+    assert robot.motions == []
+
+
+def test_saturated_log_is_not_identified(job):
+    with pytest.raises(ac.InvalidInput, match="commanded acceleration exceeds"):
+        identify_on(job, Simulated(acceleration=0.4, cycle=4e-3), execute=True, options=SECOND)
+
+
+def test_excitation_judges_on_two_programs(job):
+    found = identify_on(job, Simulated(cycle=4e-3), execute=True, excitation=True, options=SECOND)
+    assert list(found.logs) == ["run", "excitation"]
+    assert found.fit.judgement.programs == 2 and found.fit.judgement.trusted
+
+
+def test_resting_joints_are_excited(job):
+    slow = parse_job(JOB.replace("0.15 m/s", "0.01 m/s"))
+    found = identify_on(slow, Simulated())
+    assert found.resting == slow.arm.joint_names and list(found.played) == ["run", "excitation"]
+
+
+def test_excitation_is_within_limits_from_rest_to_rest(job):
+    played_job, plan = plan_played(job, None)
+    motion = excite(played_job, limits_of(played_job, plan), plan.trajectory, 1e-3)
+    begin = plan.trajectory(0.0)
+    np.testing.assert_allclose(motion.q[[0, -1]], [begin, begin], atol=1e-12)
+    accelerations = np.diff(motion.q, 2, axis=0) / 1e-6
+    assert (np.abs(accelerations).max(axis=0) < 0.72 * SHARE).all()
+    assert (np.abs(accelerations[[0, -1]]) < 1e-3).all()
+    # Joints do not move alike.
+    assert abs(np.corrcoef(motion.q[:12000].T)[0, 1]) < 0.5
+
+
+def test_joint_at_the_end_of_its_range_is_not_excited(job):
+    played_job, plan = plan_played(job, None)
+    limits = limits_of(played_job, plan).replace(joint_lower=plan.trajectory(0.0))
+    with pytest.raises(ControllerRefused, match="end of its range"):
+        excite(played_job, limits, plan.trajectory, 1e-3)
+
+
+def test_error_falls_in_every_run(learned):
+    _, result = learned
+    assert (np.diff(errors(result)) < 0).all() and errors(result)[-1] < 1e-6
+    assert result.ended == "" and isinstance(result.best, LearningResult)
+    np.testing.assert_array_equal(result.best.q, result.lesson.runs[-1].q)
+
+
+def test_earlier_runs_go_on(job, learned):
+    _, result = learned
+    robot = Simulated()
+    resumed = learn_on(job, robot, execute=True, runs=3, logs=result.logs[:2])
+    assert len(robot.motions) == 1
+    np.testing.assert_allclose(errors(resumed), errors(result), rtol=1e-6)
+
+
+def test_log_of_other_set_points_is_refused(job, learned):
+    _, result = learned
+    robot = Simulated()
+    with pytest.raises(ac.InvalidInput, match="log of other set-points than those of run 2"):
+        learn_on(job, robot, execute=True, logs=[result.logs[0], result.logs[0]])
+    other = ac.ServoModel(kp=21.0, kv=120.0)
+    with pytest.raises(ac.InvalidInput, match="the job has changed"):
+        learn_on(replace(job, servo=other, plant_servo=other), robot, logs=result.logs)
+    assert robot.motions == []
+
+
+def test_learning_goes_back_after_a_worse_run(job):
+    # Without a reserve the servo of this robot saturates, and does not respond as learning expects.
+    robot = Simulated(ki=4.0, friction=0.03)
+    result = learn_on(job, robot, reserve=0.02, execute=True)
+    assert len(robot.motions) < 4 and result.lesson.finished
+    assert "worse than" in result.ended or "stopped on its path" in result.ended
+    best = int(np.argmin(errors(result)))
+    np.testing.assert_array_equal(result.best.q, result.lesson.runs[best].q)
+
+
+def test_stop_on_request_keeps_what_was_learned(job, learned):
+    class Stopped(Simulated):
+        def stream(self, motion, wanted=lambda: False):
+            asked.append(True)
+            return super().stream(motion, wanted)
+
+    asked: list[bool] = []
+    _, result = learned
+    stopped = learn_on(
+        job, Stopped(), execute=True, logs=result.logs[:1], wanted=lambda: bool(asked)
+    )
+    assert stopped.stopped and len(stopped.logs) == 1 and stopped.played.record.stopped
+    again = learn_on(job, Stopped(), runs=1, logs=result.logs[:1])
+    np.testing.assert_array_equal(stopped.lesson.q, again.lesson.q)
+
+
+def test_disturbed_motion_is_played_again(job):
+    class Disturbed(Simulated):
+        def stream(self, motion, wanted=lambda: False):
+            record = super().stream(motion, wanted)
+            return replace(record, faithful=len(self.motions) > 1, notes=("late",))
+
+    robot = Disturbed()
+    assert len(learn_on(job, robot, execute=True, runs=1).logs) == 1
+    assert len(robot.motions) == 2
