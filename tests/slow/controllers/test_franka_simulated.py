@@ -54,7 +54,7 @@ runs:
 """
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def address():
     pid = os.getpid()
     address = f"127.{pid >> 16 & 255}.{pid >> 8 & 255}.{pid & 255}"
@@ -64,7 +64,7 @@ def address():
         stdout=subprocess.PIPE,
         text=True,
     )
-    # Before other processes, where the system allows it.
+    # Before other processes, where the system allows it; libfranka sets its own priority.
     with suppress(OSError):
         os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(30))
     next(x for x in process.stdout if "Connect to the server" in x)
@@ -74,7 +74,7 @@ def address():
     process.stdout.close()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def robot(address):
     with Franka(address) as robot:
         robot.connect(ac.load_arm("fr3"), HOME)

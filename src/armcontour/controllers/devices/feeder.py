@@ -50,8 +50,6 @@ PAUSE = 1e-3
 BLOCK = 1 << 20
 # Largest number of lines that are obeyed in a loop of a motion: about 0.2 ms.
 LINES = 60
-# Real-time priority of a feeder that has to answer in every cycle.
-PRIORITY = 40
 Row = tuple[float, ...]
 # Number by the controller's clock, cycle of the motion, command and measured positions.
 Sample = tuple[int, int, Row, Row]
@@ -214,10 +212,11 @@ class Feeder:
     def loop(self) -> None:
         """Obey and feed until the end."""
         while not self.quitting or self.playing:
-            self.read()
+            # Controllers wait for rows, so lines come after them.
             self.feed()
             self.report()
             self.flush()
+            self.read()
             self.state[0], self.state[1] = self.state[0] + 1, int(self.playing)
             self.device.wait()
 
@@ -403,9 +402,6 @@ def main(device: Device) -> None:
     """Run a feeder whose first argument is the file that gets the samples."""
     # A collection takes longer than a cycle, and there is nothing to collect.
     gc.disable()
-    # Where the system allows it, this process comes before others.
-    with suppress(OSError, AttributeError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     Feeder(device, sys.argv[1], take_stdout()).run()
 
 
