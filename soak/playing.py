@@ -151,10 +151,12 @@ class Trial:
 
     def tell(self, step: Step) -> None:
         """Called with the steps, of which the last one is the motion."""
-        self.begun = time.monotonic()
+        if step.names[-1] == "playing":
+            self.begun = time.monotonic()
 
     def wanted(self) -> bool:
         """Called during the motion."""
+        # Before the motion the player looks once.
         if not self.happened and time.monotonic() - self.begun > self.at:
             self.happened = True
             self.event(self)
@@ -175,7 +177,8 @@ class Trial:
             )
         finally:
             tempfile.tempdir = None
-        assert played.record is not None
+        if played.record is None:
+            raise AssertionError("A stop was requested before the motion.")
         if any("came late" in x for x in played.record.notes):
             self.close()
             raise CameLate
@@ -221,6 +224,7 @@ def try_stop(draw: random.Random) -> Outcome:
     notes, ratio = judge(record.t, record.command, record.measured)
     if record.stopped is None and trial.at < 4.5:
         notes.append(f"asked at {trial.at:.3f} s, but not stopped")
+    notes += record.notes if notes else []
     result = "stopped" if record.stopped is not None else "ended"
     return Outcome(kind="stop", result=result, notes=notes + trial.close(), worst=ratio)
 

@@ -118,7 +118,7 @@ def test_places_are_those_of_the_jobs_alone(placing, jobs, tmp_path):
     batch = ac.batch(placing, tmp_path / "here", workers=0)
     want = rows(batch)
     assert [x["status"] for x in want] == ["done", "refused"] * 2
-    assert "None of 3 places is feasible (3 by reach)" in want[1]["sentence"]
+    assert "None of 3 places is feasible (refused: 3 by reach)" in want[1]["sentence"]
     text = (jobs / "placed.yaml").read_text()
     alone = ac.place(ac.read_job(_written(jobs, text.replace("0.1 m/s", "0.05 m/s"))))
     best, own_place = alone.refined.verdict.duration, alone.own.duration

@@ -151,7 +151,10 @@ def test_wrong_files_and_options_are_refused(folder, refused):
         ("planned.csv --arm ur5e", ["positions of 2 joints ('joint 1 [rad]'", "UR5e has 6"]),
         (f"planned.csv {arm} --limits limits.yaml", ["with --path"]),
         (f"planned.csv {arm} --columns t,q1", ["names of 2 are given"]),
-        (("planned.csv", *arm.split(), "--noise", "1 mrad, 1 rad/s"), ["--noise takes"]),
+        (
+            ("planned.csv", *arm.split(), "--noise", "1 mrad, 1 rad/s"),
+            ["--noise has 2 values", "no velocities"],
+        ),
         ("planned.csv --path job.yaml --tip tcp", ["--xacro-arg go with --arm"]),
     ]
     assert refused(folder, rows, codes=(2,), begin=("check",)) == []

@@ -139,7 +139,7 @@ def test_a_run_that_fails_leaves_the_earlier_result(folder, command_in, monkeypa
 
 
 def test_without_simulation_the_requested_files_are_written(folder, call):
-    call("run part.ngc --cell pmk3s --no-simulation --out out --export csv")
+    call("run part.ngc --cell pmk3s --no-simulation --out out --export csv --decimals 12")
     result = summary(folder / "out")
     assert result["simulated"] is False
     exports = ["compensated/export/reference.csv", "compensated/export/set_points.csv"]

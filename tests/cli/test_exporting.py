@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from scipy.spatial.transform import Rotation
 from tests.dynamics_extra import needs_dynamics
 
@@ -17,7 +18,7 @@ G1 X30 Y20
 M5
 M2
 """
-REFERENCE = ("--reference", "--cycle", "48 ms")
+REFERENCE = ("--reference", "--cycle", "48 ms", "--decimals", "12")
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +44,7 @@ def result(call, folder):
             *("run", "part.ngc", "--cell", "ur5e", "--out", "out", "--export", "csv"),
             *("--export", "ros-yaml", "--template", "abb", "--template", "kuka"),
             *("--output", "abb:spindle=doTool", "--output", "kuka:spindle=3"),
-            *("--cycle", "48 ms", "--tool-motion"),
+            *("--cycle", "48 ms", "--tool-motion", "--decimals", "12"),
         )
         assert (
             printed.count("times the acceleration limit") == 1
@@ -92,7 +93,7 @@ def test_tool_motion_is_that_of_the_arm(result, folder):
 @pytest.mark.parametrize("name", ["set_points", "reference"])
 @needs_dynamics
 def test_an_earlier_result_gives_what_the_run_exported(name, result, call, folder):
-    options = REFERENCE if name == "reference" else ()
+    options = REFERENCE if name == "reference" else ("--decimals", "12")
     printed = call("export", "out", f"{name}.csv", *options)
     assert f"Exported {name} of run compensated" in printed
     table = pd.read_csv(folder / f"{name}.csv")
@@ -126,12 +127,48 @@ def test_an_earlier_result_takes_the_arm_of_its_cell(result, call, folder):
 
 
 @needs_dynamics
+def test_a_run_is_divided_into_files_with_tolerances_and_torques(call, folder):
+    (folder / "pauses.ngc").write_text(PART.replace("Y10\n", "Y10\nG4 P0.3\n"))
+    printed = call(
+        *("run", "pauses.ngc", "--cell", "ur5e", "--out", "divided", "--export", "ros-yaml"),
+        *("--export", "csv", "--points-per-file", "40", "--tolerances", "2", "--effort"),
+        "--comments",
+    )
+    exports = folder / "divided" / "compensated" / "export"
+    assert "set_points_01.yaml to set_points_" in printed and " files, " in printed
+    parts = [yaml.safe_load(x.read_text()) for x in sorted(exports.glob("set_points_*.yaml"))]
+    points = [x["trajectory"]["points"] for x in parts]
+    assert len(parts) > 2 and all(len(x[0]["effort"]) == 6 for x in points)
+    for before, after in zip(points[:-1], points[1:], strict=True):
+        assert before[-1]["positions"] == after[0]["positions"]
+        assert not any(before[-1]["velocities"]) and not any(after[0]["velocities"])
+        assert after[0]["time_from_start"] == {"sec": 0, "nanosec": 0}
+    tolerances = [[y["position"] for y in x["path_tolerance"]] for x in parts]
+    assert tolerances.count(tolerances[0]) == len(parts) and min(tolerances[0]) >= 1e-3
+    reference = yaml.safe_load(next(exports.glob("reference_*.yaml")).read_text())
+    assert "points" in reference
+    for file in exports.glob("*.csv"):
+        head = file.read_text().splitlines()
+        assert head[0].startswith("# ") and any("torque " in x for x in head[:4])
+    assert all(len(x.read_text().splitlines()) <= 46 for x in exports.glob("*.csv"))
+    # The same files from the result.
+    options = ("--points-per-file", "40")
+    call("export", "divided", "again.yaml", *options)
+    again = [yaml.safe_load(x.read_text()) for x in sorted(folder.glob("again_*.yaml"))]
+    for of_run, message in zip(points, again, strict=True):
+        assert [x["positions"] for x in of_run] == [x["positions"] for x in message["points"]]
+
+
+@needs_dynamics
 def test_refuses_in_one_sentence_and_writes_nothing(result, folder, refused, call, tmp_path):
     rows = [
         ("a.csv --run none", ["'none'", "'compensated'"]),
         ("a.csv --cycle 48ms", ["--cycle goes with --reference"]),
         ("a.csv --reference --cycle 1ms", ["multiple", "4 ms", "1 ms"]),
         ("a.csv --tool-motion", ["its job file or its cell with --job"]),
+        ("a.csv --points-per-file 1", ["--points-per-file", "from 2 on", "motoros2"]),
+        ("a.csv --call", ["--call has no effect"]),
+        ("a.npz --decimals 7", ["--decimals has no effect"]),
         ("a.csv --output spindle=1", ["--output goes with"]),
         ("a.script --output spindle=9", ["--export urscript", "spindle", "0 to 7"]),
         ("part.ngc --format csv", ["part.ngc exists already", "--force"]),

@@ -157,3 +157,15 @@ def test_stops_are_of_one_motion(bench):
     bench.send("M", *rows(1, 2, 3), "E", "G", "S")
     bench.loop(2)
     assert bench.commands[10:] == [1, 2, 3] and bench.events == ["D", "D"]
+
+
+def test_a_second_request_takes_no_stop_of_the_replaced_motion(bench):
+    bench.send(*MOTION, "T 4", *rows(40, 41, 42, 43, 44), "E", "G", "S")
+    bench.loop(2)
+    bench.send("T 7", *rows(70), "E", "S")
+    bench.feeder.lose_sender()
+    bench.loop(5)
+    assert bench.commands == [0, 1, 2, 3, 40, 41, 42, 43, 44]
+    bench.send(*MOTION, "T 2", *rows(20), "E", "G", "S")
+    bench.loop(2)
+    assert bench.commands[9:] == [0, 1, 20]

@@ -155,7 +155,7 @@ def test_what_makes_no_job_is_refused():
         (lambda: run(job(auto, timing=ac.Paper())), "Run compensated", "optimal", "paper"),
         (lambda: job(Process(), end_time=3.0), "end_time is for a job with a single path"),
         (lambda: run(job(led, Contour(path=BEND), end_time=3.0)), "end_time"),
-        (lambda: run(job(Process(resume_at=1.0))), "resumed at 1 m"),
+        (lambda: run(job(Process(resume_at=1.0))), "but is 1 m"),
     )
 
 

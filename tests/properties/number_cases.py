@@ -508,6 +508,7 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--resume-at": ("# m", "# mm"),
     "--tool-diameter": ("1: # m", "1: # mm"),
     "--cycle": ("# s", "# ms"),
+    "--points-per-file": ("#",),
     "--rate": ("# Hz",),
     "--servo-error": ("# m", "# um"),
     "--set": ("limits.speed=#", "limits.speed=# mm/s", "corners.tolerance=#"),

@@ -458,7 +458,7 @@ def test_refused(refuses, monkeypatch):
         (partial(plant, pendulum(), joint_stiffness=0.0), "but is 0 N m/rad"),
         (partial(plant, pendulum(), joint_stiffness=[1e4, 1e4]), "joint_stiffness has 2 values"),
         (partial(plant, pendulum(), joint_stiffness=1e4, joint_damping=-1.0), "joint_damping"),
-        (partial(plant, pendulum(), joint_damping=1.0), "give their joint_stiffness too"),
+        (partial(plant, pendulum(), joint_damping=1.0), "needs their joint_stiffness"),
         (partial(plant, two_link(armature=[0.1, 0.0]), joint_stiffness=SPRING), "Joint 2 (elbow)"),
         (partial(run, empty, swing(), joint_stiffness=SPRING), "Joint 1 (hinge) turns no inertia"),
     ):

@@ -44,7 +44,7 @@ class BaseJob:
     name: str
     # Name of the file in messages
     source: str
-    # Folder of relative file names
+    # Folder against which relative file names are resolved
     folder: FilePath
     # Data of the file, in SI units, with one run only
     data: Mapping[str, Any]

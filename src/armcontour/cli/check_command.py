@@ -231,10 +231,10 @@ def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
         return samples
     parts = noise.split(",")
     if len(parts) > 1 + (samples.dq is not None):
-        raise InvalidInput(
-            f"--noise takes the largest error of positions, and of velocities where the file has "
-            f"them, such as '0.05 mrad, 2 mrad/s', not {noise!r}."
-        )
+        most = "one, such as '0.05 mrad', because the file has no velocities"
+        if samples.dq is not None:
+            most = "two, such as '0.05 mrad, 2 mrad/s': largest errors of positions and velocities"
+        raise InvalidInput(f"--noise has {len(parts)} values, but takes at most {most}.")
     resolution = dict(samples.resolution)
     for name, part, kind in zip(("q", "dq"), parts, (AngularDistance, AngularRate), strict=False):
         error = read_option("--noise", part, kind)

@@ -14,7 +14,7 @@ from armcontour.core.file_access import MEGABYTE
 from armcontour.core.text import count_noun, digits
 
 if TYPE_CHECKING:
-    from armcontour.cli.options import ExportOptions, StoredExportOptions
+    from armcontour.cli.options import ExportOptions, PointOptions, StoredExportOptions
     from armcontour.files import ResultFolder
     from armcontour.files.exports.formats import ExportFormat
     from armcontour.files.exports.table import SetPointTable
@@ -62,6 +62,9 @@ class Exports:
     cycle: float | None = None  # Time between points of the plan [s]; None for the cycle of the run
     derivatives: int = 2
     tool_motion: bool = False  # Whether files have point, orientation and speed of the tool
+    effort: bool = False  # Whether files have the torques of the plan
+    # Ratio of tolerances in files of ros-yaml to predicted errors; None for no goals.
+    tolerances: float | None = None
 
     def __bool__(self) -> bool:
         return bool(self.targets)
@@ -80,27 +83,34 @@ class Exports:
         """Time between points of the plan in a file [s]; None for the cycle of the run."""
         return None if target.format.kind == "urscript" else self.cycle
 
-    def warn_of_events(self, target: Target, table: SetPointTable) -> list[str]:
-        """Sentences on outputs that a file does not switch."""
-        from armcontour.files.exports.formats import outputs_of
-        from armcontour.files.exports.template import describe_program
-
-        return describe_program(
-            table,
-            target.format.label,
-            outputs_of(target.format),
-            lambda event, output: f"--output {event}={output}",
-        )
+    def describe(self, target: Target, parts: Sequence[SetPointTable]) -> list[str]:
+        """Sentences on files: outputs that they do not switch, digits, and size."""
+        return target.format.describe(parts, lambda event, output: f"--output {event}={output}")
 
     def table_options(self, arm: Arm) -> dict[str, Any]:
         """Keyword arguments for a table of the arm; tool points only if a file contains them."""
-        needed = self.tool_motion or any(x.format.kind in ("npz", "template") for x in self.targets)
+        needed = (self.tool_motion or self.effort) or any(
+            x.format.kind in ("npz", "template") for x in self.targets
+        )
         return {
             "arm": arm if needed else None,
             "joint_names": arm.joint_names,
             "derivatives": self.derivatives,
             "tool_motion": self.tool_motion,
+            "effort": self.effort,
         }
+
+    def with_tolerances(self, target: Target, label: str, result: RunResult) -> Target:
+        """The target with tolerances from the errors of the simulation, for its set-points."""
+        from armcontour.files.exports.ros import predict_tolerances
+
+        if target.format.kind != "ros-yaml" or self.tolerances is None or label != SET_POINTS:
+            return target
+        if result.execution is None:
+            return target
+        tolerances = predict_tolerances(result.execution, self.tolerances)
+        format = dataclasses.replace(target.format, tolerances=tolerances)  # type: ignore[call-arg]
+        return dataclasses.replace(target, format=format)
 
 
 def exports_of(command: ExportOptions) -> Exports:
@@ -124,24 +134,62 @@ def exports_of(command: ExportOptions) -> Exports:
             "--cycle": cycle is not None,
             "--derivatives": command.derivatives != 2,
             "--tool-motion": command.tool_motion,
+            "--effort": command.effort,
+            "--decimals": command.decimals is not None,
+            "--comments": command.comments,
+            "--points-per-file": command.points_per_file is not None,
+            "--tolerances": command.tolerances is not None,
             "--call": command.call,
         }
         for option, is_set in options.items():
             if is_set:
                 raise InvalidInput(f"{option} goes with --export or --template.")
     _refuse_same_files(targets)
+    if command.tolerances is not None and command.tolerances < 1:
+        raise InvalidInput(f"--tolerances must be at least 1, but is {command.tolerances:g}.")
     return Exports(
-        targets=tuple(_with_outputs(targets, command.output or [], command.call)),
+        targets=tuple(_with_options(targets, command)),
         cycle=cycle,
         derivatives=command.derivatives,
         tool_motion=command.tool_motion,
+        effort=command.effort,
+        tolerances=command.tolerances,
     )
 
 
-def _with_outputs(targets: Sequence[Target], texts: Sequence[str], call: bool) -> list[Target]:
+def _with_options(targets: Sequence[Target], command: PointOptions) -> list[Target]:
+    """Targets with the options that their formats have."""
+    from armcontour.core.errors import InvalidInput, error_context
+    from armcontour.files.exports.file_parts import read_points_per_file
+
+    text = command.points_per_file
+    points = int(text) if text is not None and text.isdecimal() else text
+    with error_context("--points-per-file"):
+        read_points_per_file(points)
+    options: dict[str, Any] = {
+        "points_per_file": points,
+        "decimals": command.decimals,
+        "comments": command.comments or None,
+        "call": command.call or None,
+    }
+    chosen = {key: value for key, value in options.items() if value is not None}
+    unused = set(chosen)
+    complete = []
+    for target in _with_outputs(targets, command.output or []):
+        taken = {key: x for key, x in chosen.items() if hasattr(target.format, key)}
+        unused -= set(taken)
+        complete.append(
+            dataclasses.replace(target, format=dataclasses.replace(target.format, **taken))
+        )
+    if unused and targets:
+        raise InvalidInput(f"--{min(unused)} has no effect on the formats of these exports.")
+    return complete
+
+
+def _with_outputs(targets: Sequence[Target], texts: Sequence[str]) -> list[Target]:
     """Targets with outputs of events, from texts such as "tool=0", or "abb:tool=doTool" for one."""
     from armcontour.core.errors import InvalidInput
-    from armcontour.files.exports.formats import FORMATS, WITH_OUTPUTS, URScriptFormat
+    from armcontour.files.exports.formats import FORMATS, WITH_OUTPUTS
     from armcontour.files.exports.template import templates
 
     takers = [x.format.label for x in targets if isinstance(x.format, WITH_OUTPUTS)]
@@ -172,8 +220,6 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str], call: bool) -
         if isinstance(format, WITH_OUTPUTS):
             merged = outputs.get("", {}) | outputs.get(format.label, {})
             format = dataclasses.replace(format, outputs=merged)
-        if isinstance(format, URScriptFormat):
-            format = dataclasses.replace(format, call=call)
         complete.append(Target(format=format, ending=target.ending))
     return complete
 
@@ -254,8 +300,9 @@ def _two_points(job: Job, cycle: float, events: Sequence[Event], exports: Export
 
     zeros = np.zeros((2, job.arm.dof))
     point = tuple(job.arm.tool_position(zeros)[0].tolist())
+    samples = Samples(t=np.array([0.0, cycle]), q=zeros, dq=zeros, ddq=zeros)
     return tabulate(
-        Samples(t=np.array([0.0, cycle]), q=zeros, dq=zeros, ddq=zeros),
+        samples,
         name=_title(job, REFERENCE),
         cycle=cycle,
         events=tuple(
@@ -263,7 +310,7 @@ def _two_points(job: Job, cycle: float, events: Sequence[Event], exports: Export
             for y in events
         ),
         analog={y: np.zeros(2) for y in job.process.analog_names},
-        **exports.table_options(job.arm),
+        **exports.table_options(job.arm) | {"effort": samples if exports.effort else None},
     )
 
 
@@ -277,6 +324,7 @@ def write_exports(
 ) -> tuple[list[str], list[str]]:
     """Export set-points and plan of one run; return sentences on the files, and warnings."""
     from armcontour.files.exports import make_table
+    from armcontour.files.exports.file_parts import part_files
     from armcontour.files.exports.formats import FORMATS, WITH_ANALOG
     from armcontour.jobs import analog_outputs
 
@@ -289,20 +337,30 @@ def write_exports(
         if analog and not isinstance(y.format, WITH_ANALOG)
     ]
     options, written = exports.table_options(job.arm), list[str]()
-    made: dict[tuple[str, float], SetPointTable] = {}
+    made: dict[tuple[str, float, bool], SetPointTable] = {}
     for target in exports.targets:
         tables: dict[str, tuple[SetPoints | Trajectory, float]]
         tables = {REFERENCE: (result.trajectory, exports.cycle_of(target) or result.run.cycle)}
         if not target.plans:
             tables[SET_POINTS] = (result.set_points, result.run.cycle)
+        sentences = dict[str, None]()
         for label, (data, cycle) in tables.items():
             title = _title(job, label)
-            table = made.get((label, cycle)) or make_table(
-                data, name=title, cycle=cycle, analog=analog, **options
+            at_stops = target.format.at_stops
+            table = made.get((label, cycle, at_stops)) or make_table(
+                data, name=title, cycle=cycle, analog=analog, at_stops=at_stops, **options
             )
-            made[label, cycle] = table
-            path = f"{name}/export/{label}{target.ending}"
-            written.append(f"Exported {path}: {_place(folder, path, exports, target, table)}.")
+            made[label, cycle, at_stops] = table
+            filled = exports.with_tolerances(target, label, result)
+            parts = filled.format.parts(table)
+            sentences |= dict.fromkeys(exports.describe(target, parts))
+            files = part_files(FilePath(f"{name}/export/{label}{target.ending}"), len(parts))
+            sizes = [
+                _place(folder, file.as_posix(), exports, filled, part)
+                for file, part in zip(files, parts, strict=True)
+            ]
+            several = f" to {files[-1].name}" if len(parts) > 1 else ""
+            written.append(f"Exported {files[0].as_posix()}{several}: {_total(table, sizes)}.")
         if target.format.kind in JOINED_BY_QUINTICS:
             if exports.derivatives == 0 and job.arm.name.lower().startswith("ur"):
                 warnings.append(
@@ -310,30 +368,35 @@ def write_exports(
                     "controller) needs velocities: remove --derivatives 0."
                 )
             warnings += _warn_of_jumps(target, table, result.run.limits, name)
-        for sentence in exports.warn_of_events(target, table):
-            warnings.append(f"{target.option}, run {name}: {sentence}")
+        warnings += [f"{target.option}, run {name}: {x}" for x in sentences]
     return written, warnings
 
 
 def _place(
     folder: ResultFolder, name: str, exports: Exports, target: Target, table: SetPointTable
-) -> str:
-    """Write a table to the result folder; returns its size in words."""
-    sizes: list[str] = []
+) -> int:
+    """Write a table to the result folder; returns its size in bytes."""
+    sizes: list[int] = []
 
     def write(file: FilePath) -> None:
         exports.write(target, table, file)
-        sizes.append(_size(table, file))
+        sizes.append(_size(file))
 
     folder.place(name, write)
     return sizes[0]
 
 
-def _size(table: SetPointTable, file: FilePath) -> str:
-    """Number of points and size of a file or folder, in words."""
+def _size(file: FilePath) -> int:
+    """Size of a file or folder in bytes."""
     parts = [file] if file.is_file() else [y for y in file.rglob("*") if y.is_file()]
-    size = sum(y.stat().st_size for y in parts)
-    return f"{count_noun(len(table.t), 'point')}, {digits(max(size / MEGABYTE, 1e-3), 2)} MB"
+    return sum(y.stat().st_size for y in parts)
+
+
+def _total(table: SetPointTable, sizes: Sequence[int]) -> str:
+    """Number of files, points and size, in words."""
+    size = digits(max(sum(sizes) / MEGABYTE, 1e-3), 2)
+    several = f"{len(sizes)} files, " if len(sizes) > 1 else ""
+    return f"{several}{count_noun(len(table.t), 'point')}, {size} MB"
 
 
 def _warn_of_jumps(target: Target, table: SetPointTable, limits: Limits, name: str) -> list[str]:
@@ -372,20 +435,15 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     from armcontour.core.render import figure
     from armcontour.core.text import capitalise
     from armcontour.files.cell import read_cell_arm
+    from armcontour.files.exports.file_parts import part_files
     from armcontour.files.exports.formats import write_destination
     from armcontour.files.trajectory_file import read_run
     from armcontour.verification.evaluation import duration_row
 
-    (target,) = _with_outputs(
-        [Target(format=_format(file, options), ending=file.suffix)],
-        options.output or [],
-        options.call,
-    )
+    (target,) = _with_options([Target(format=_format(file, options), ending=file.suffix)], options)
     cycle = read_option("--cycle", options.cycle, Interval)
     if cycle is not None and not options.reference:
         raise InvalidInput("--cycle goes with --reference: set-points have their own cycle.")
-    if not options.force and file.exists():
-        raise InvalidInput(f"{file} exists already: choose another name, or give --force.")
     arm = None
     if options.job is not None:
         arm = read_cell_arm(options.job, trust_xacro=options.trust_xacro)
@@ -403,10 +461,16 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     )
     exports = Exports(targets=(target,))
     _refuse_outputs(exports, {event.name for event in table.events}, f"the run {run.name}")
-    write_destination(
-        file, partial(exports.write, target, table), folder=target.format.kind == "mcap"
-    )
-    for sentence in exports.warn_of_events(target, table):
+    parts = target.format.parts(table)
+    files = part_files(file, len(parts))
+    for path in files:
+        if not options.force and path.exists():
+            raise InvalidInput(f"{path} exists already: choose another name, or give --force.")
+    for path, part in zip(files, parts, strict=True):
+        write_destination(
+            path, partial(exports.write, target, part), folder=target.format.kind == "mcap"
+        )
+    for sentence in exports.describe(target, parts):
         Console().print(f"Warning: {capitalise(sentence)}")
     label = REFERENCE if options.reference else SET_POINTS
     if run.analog:
@@ -414,8 +478,10 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
             f"Not exported: the analog outputs {', '.join(run.analog)}. A result does not have "
             "their values: export them with armcontour run."
         )
+    size = _total(table, [_size(x) for x in files])
+    place = f"{files[0]} to {files[-1].name}" if len(files) > 1 else f"{files[0]}"
     motion = figure(duration_row(table.duration))
-    Console().print(f"Exported {label} of run {run.name}: {_size(table, file)}, {motion}: {file}")
+    Console().print(f"Exported {label} of run {run.name}: {size}, {motion}: {place}")
 
 
 def _format(file: FilePath, options: StoredExportOptions) -> ExportFormat:

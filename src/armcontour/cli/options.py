@@ -38,7 +38,8 @@ TOPICS: dict[str, tuple[str, ...]] = {
                          "reserve", "excitation", "band"),
     "Arm": ("arm", "tip", "base", "joint_limits", "package", "xacro_arg", "trust_xacro"),
     "Files for robot controllers": ("export", "template", "output", "cycle", "derivatives",
-                                    "tool_motion", "call"),
+                                    "tool_motion", "effort", "decimals", "comments",
+                                    "points_per_file", "tolerances", "call"),
     "Processes": ("workers", "cluster"),
     "Results": ("out", "force", "open_report", "open_page", "as_json"),
 }  # fmt: skip
@@ -280,6 +281,11 @@ class PointOptions:
         cycle: Time between points of an exported plan, such as '48 ms'.
         derivatives: Highest derivative in exports: 2 for accelerations, 1 for velocities, or 0.
         tool_motion: Write point, orientation and speed of the tool, as commanded, into exports too.
+        decimals: With csv and ros-yaml: decimals of joint positions in rad, 4 to 12. Default: 7, or
+            9 with cycles below 4 ms.
+        comments: With csv: begin the file with the names of contours, in lines with #.
+        points_per_file: Divide exports into files of at most so many points, or for a controller:
+            motoros2 (200), ur (1000).
         call: With urscript: call the program at the end of its file, for a pendant's script file.
     """
 
@@ -287,6 +293,9 @@ class PointOptions:
     cycle: Text = None
     derivatives: Annotated[int, typer.Option("--derivatives", min=0, max=2)] = 2
     tool_motion: bool = False
+    decimals: Annotated[int | None, typer.Option("--decimals", min=4, max=12)] = None
+    comments: bool = False
+    points_per_file: Text = None
     call: bool = False
 
 
@@ -326,10 +335,15 @@ class ExportOptions(PointOptions):
     Args:
         export: Format of set-points: csv, npz, ros-yaml, mcap, urscript; may be repeated.
         template: Export by a template: kuka, abb, or a .j2 file.
+        effort: Write torques of the plan too, for an arm with masses.
+        tolerances: With ros-yaml: write set-points as a goal of FollowJointTrajectory, with
+            tolerances of so many times the predicted joint errors, such as 2.
     """
 
     export: Texts = None
     template: Texts = None
+    effort: bool = False
+    tolerances: Annotated[float | None, typer.Option("--tolerances")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -547,7 +561,7 @@ class PlayOptions(ControllerOptions):
     """Options of the command `play`.
 
     Args:
-        on: Controller: linuxcnc, franka or ur.
+        on: Controller: linuxcnc, franka or ur. The adapter for ur has never run on a robot.
         speed_factor: Share of the job's speed.
         band: Largest difference of a joint from its simulated position before the motion is
             stopped, such as '5 mrad'; by default unlimited.

@@ -31,7 +31,7 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
     """Play a run of a job, print and write the record, and return the exit code."""
     from armcontour.controllers import play
     from armcontour.controllers.player import plan_played
-    from armcontour.core.errors import InvalidInput
+    from armcontour.core.errors import ControllerRefused, InvalidInput
     from armcontour.core.quantities import AngularDistance, Factor
     from armcontour.files import ResultFolder
     from armcontour.files.result_folder import data_json
@@ -39,6 +39,10 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
 
     if options.out is not None and not options.execute:
         raise InvalidInput("--out is for the log of a motion: add --execute, or remove --out.")
+    if options.execute and not sys.stdin.isatty():
+        raise ControllerRefused(
+            "--execute asks on a terminal before a robot moves, but there is none; nothing moves."
+        )
     speed_factor = read_option("--speed-factor", options.speed_factor, Factor)
     band = read_option("--band", options.band, AngularDistance)
     assert speed_factor is not None
@@ -82,12 +86,22 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
 
 def controller_of(job: Job, name: str, options: ControllerOptions) -> Controller:
     """The controller of a name, with a simulated robot as the job describes it where possible."""
-    from armcontour.controllers import LinuxCNC
+    from armcontour.controllers import Franka, LinuxCNC, Ur
     from armcontour.core.errors import InvalidInput
     from armcontour.files.robot_file import read_servo
 
+    if name not in ("linuxcnc", "franka", "ur"):
+        raise InvalidInput(f"There is no controller {name}: --on takes linuxcnc, franka or ur.")
+    if options.hal is not None and name != "linuxcnc":
+        raise InvalidInput(f"--hal is for linuxcnc, and --on is {name}.")
     if name != "linuxcnc":
-        raise InvalidInput(f"There is no controller {name}: --on takes linuxcnc.")
+        if options.address is None:
+            raise InvalidInput(f"--on {name} needs the address of the robot: add --address.")
+        if options.drives is not None:
+            raise InvalidInput("--drives is for the simulated joints of linuxcnc: remove it.")
+        if name == "ur":
+            return Ur(options.address)
+        return Franka(options.address, model="panda" if job.arm.name == "Panda" else "fr3")
     if options.address is not None:
         raise InvalidInput("--address is for franka and ur: linuxcnc runs on this machine.")
     if options.hal is None:
@@ -104,10 +118,6 @@ def confirm(job: Job, controller: Controller) -> None:
     """Let the user type the name of the arm."""
     from armcontour.core.errors import ControllerRefused
 
-    if not sys.stdin.isatty():
-        raise ControllerRefused(
-            "--execute asks on a terminal before a robot moves, but there is none; nothing moves."
-        )
     name = job.arm.name
     answer = typer.prompt(
         f"{name} will move on {controller.name}. Type {name} to go on", default=""

@@ -4,9 +4,11 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "controller": "Controller Motion PlayedMotion Stop",
+    "franka": "Franka",
     "linuxcnc": "LinuxCNC",
     "player": "Played play",
     "robot_identification": "RobotIdentification identify_on",
     "robot_learning": "RobotLearner RobotLearning learn_on",
+    "ur": "Ur",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -2,6 +2,7 @@ from armcontour.controllers.controller import Controller as Controller
 from armcontour.controllers.controller import Motion as Motion
 from armcontour.controllers.controller import PlayedMotion as PlayedMotion
 from armcontour.controllers.controller import Stop as Stop
+from armcontour.controllers.franka import Franka as Franka
 from armcontour.controllers.linuxcnc import LinuxCNC as LinuxCNC
 from armcontour.controllers.player import Played as Played
 from armcontour.controllers.player import play as play
@@ -10,3 +11,4 @@ from armcontour.controllers.robot_identification import identify_on as identify_
 from armcontour.controllers.robot_learning import RobotLearner as RobotLearner
 from armcontour.controllers.robot_learning import RobotLearning as RobotLearning
 from armcontour.controllers.robot_learning import learn_on as learn_on
+from armcontour.controllers.ur import Ur as Ur

@@ -137,5 +137,5 @@ def _bands(
 
 
 def _step_fraction(values: FloatArray, step: FloatArray) -> float:
-    """Largest fraction of a step, up to 1, that leaves values positive."""
+    """Largest fraction of a step, at most 1, that keeps all values nonnegative."""
     return float(1 / max(1.0, -(step / values).min()))

@@ -117,7 +117,7 @@ class Value:
         return values, locked, others or None
 
     def __setstate__(self, state: tuple[list[Any], list[int], dict[str, Any] | None]) -> None:
-        """Restore the values, and lock those that were locked."""
+        """Restore the fields; arrays that were read-only in the original are read-only again."""
         _refuse_old(self, state, 3)
         values, locked, others = state
         for k in locked:
@@ -196,7 +196,7 @@ class Immutable:
         return pack_state(vars(self))
 
     def __setstate__(self, state: State) -> None:
-        """Restore the values, and lock those that were locked."""
+        """Restore the fields; arrays that were read-only in the original are read-only again."""
         _refuse_old(self, state, 2)
         values, locked = state
         for name in locked:

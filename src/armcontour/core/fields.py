@@ -252,7 +252,7 @@ def _read_annotated(base: Any, marks: tuple[Any, ...], field: _Field) -> Reader 
 
 
 def _read_choice(choices: tuple[str, ...], single: bool, who: str) -> Reader:
-    """Reader of one of several texts, or of a list of them."""
+    """Reader of one of the choices or, unless `single`, of a sequence of them."""
 
     def read(value: Any) -> Any:
         if single or isinstance(value, str):

@@ -176,7 +176,8 @@ def read_keys(mark: KeyMark, data: Any, source: str) -> Any:
     """Check the data of a file and make the value of its dataclass."""
     with suppress(ValidationError):
         return _adapter(mark).validate_python(data)
-    # Messages need the schema of the whole file.
+    # Only data with an error is validated twice: the schema of the whole file is slow to build, but
+    # its message names the key.
     try:
         return _whole(mark).validate_python(data)
     except ValidationError as error:

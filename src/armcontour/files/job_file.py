@@ -93,7 +93,7 @@ def parse_job(
     Args:
         text: The text.
         source: Name of the text in messages.
-        folder: Folder of relative file names.
+        folder: Folder against which relative file names are resolved.
         patch: As in `read_job`.
         reading: As in `read_job`.
         trust_xacro: As in `read_job`.

@@ -176,7 +176,7 @@ def _set(keys: Keys, value: Any, data: Any) -> Iterator[Change]:
     """The changes that a value makes at its keys."""
     for k in range(1, len(keys)):
         outer_value, inner = value_at(data, keys[:k]), keys[k:]
-        # Short forms of mappings are written whole.
+        # A short form, such as `arm: ur5e`, is replaced by a mapping that has the new key.
         if keys[:k] == ("arm",) and isinstance(outer_value, str):
             yield Change(keys[:k], change_data(arm_keys(outer_value), [Change(inner, value)]))
             return

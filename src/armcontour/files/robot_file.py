@@ -190,7 +190,8 @@ def servo_yaml(identification: Identification) -> str:
         *(
             f"# {x.note}"
             if x.note
-            else f"# {x.name}: {'effective ' * x.effective}{'; '.join(map(_range, x.estimates))}"
+            else f"# {x.name}: {'effective ' * x.effective}"
+            + "; ".join(map(_comment_on, x.estimates))
             for x in identification.joints
         ),
         *(f"# {x.saturation}" for x in identification.joints if x.saturation),
@@ -220,8 +221,8 @@ def servo_lines(servo: ServoModel, dof: int) -> list[str]:
     return [*lines, f"  interpolation: {servo.interpolation}"]
 
 
-def _range(estimate: Estimate) -> str:
-    """An estimate with its range, for a comment."""
+def _comment_on(estimate: Estimate) -> str:
+    """Comment with the value and the range of an estimate."""
     if not estimate.determined:
         return f"{estimate.label} not determined"
     return f"{estimate.label} {figure(estimate.row)} {estimate.row.note}".rstrip()

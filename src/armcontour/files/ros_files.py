@@ -323,7 +323,8 @@ def _read_bag(
         # Bags of before 2023 have no message definitions.
         store = get_typestore(Stores.ROS2_HUMBLE)
         with unpacker.installed(), AnyReader([file], default_typestore=store) as reader:
-            # Without an index, the whole bag has been unpacked once already.
+            # A bag without an index has been unpacked once when it was opened, so the count of
+            # unpacked bytes begins anew.
             unpacker.remaining = LARGE
             of_topic = {x.topic: x for x in reader.connections}
             used = _choose_topic(

@@ -42,7 +42,7 @@ from armcontour.motion import Samples, TimedEvent
 from armcontour.motion.log_checks import describe_match, match_joints
 
 # Columns of exports that are ignored without a note.
-IGNORED = ("events",)
+IGNORED = ("events", "torque ")
 EXAMPLE = "t [s],q1 [deg],q2 [deg], or t,u1,q1,u2,q2 for commands and measured positions"
 
 
@@ -119,7 +119,7 @@ def parse_trajectory(
         **arrays,
         resolution=resolution,
         joints=tuple(table.columns[key].title for key in keys if key.kind == "q"),
-        left_out=(*(x for x in table.unknown if x.lower() not in IGNORED), *spare),
+        left_out=(*(x for x in table.unknown if not x.lower().startswith(IGNORED)), *spare),
         notes=(*notes, *samples.notes),
     )
 

@@ -21,7 +21,7 @@ ENDLESS = {
     math.inf: math.inf,
     -math.inf: -math.inf,
 }
-# Longest text of a quantity.
+# Largest length of the text of a quantity [characters].
 MAX_CHARACTERS = 100
 # Possessive quantifiers prevent backtracking, so that the time is linear in the length of the text.
 NUMBER = r"[-+]?(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][-+]?[0-9]{1,3}+)?+"
@@ -109,7 +109,7 @@ def _convert(text: str, unit: str) -> float:
 
 
 def _finite(value: float) -> float:
-    """A number as a finite float."""
+    """A number as a finite float; ValueError if it is not."""
     try:
         number = float(value)
     except OverflowError:

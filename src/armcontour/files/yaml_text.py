@@ -163,7 +163,8 @@ class YamlPart:
 
     document: YamlText
     node: yaml.Node | None  # Its node; None for an alias, or in a text without a document
-    begin: int  # Range of the value, without the comments after it
+    # begin, end: range of the value in the text [characters], without the comments after it
+    begin: int
     end: int
     outer: YamlPart | None  # The mapping or list that contains it; None for the root
     key: Any  # Its key or its position

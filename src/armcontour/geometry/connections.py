@@ -109,7 +109,8 @@ class Connections:
         return np.asarray(even & ~tight & (along.min(axis=0) > FARTHEST))
 
     def contact(self, i: IntArray | slice, x: FloatArray) -> Contact:
-        """Relative positions, unit tangents and curvature vectors of connections `i` at x."""
+        """Positions relative to the starts, unit tangents and curvature vectors at parameters x."""
+        # `i`: the connections; x from 0 to 1.
         return self.evaluate(i, x), *tangent_and_curvature(
             self.evaluate(i, x, 1), self.evaluate(i, x, 2)
         )

@@ -221,7 +221,7 @@ class Path(Checked):
 
     @checked
     def placed(self, frame: Pose, *, scale: Factor = 1.0) -> Path:
-        """The path moved from the coordinates of a frame to those of the frame's parent.
+        """The path transformed from a frame to its parent frame.
 
         Speeds, tolerances and tool orientation move with it. A path in the plane becomes a path in
         space if the frame lifts or tilts it.
@@ -335,7 +335,7 @@ class Path(Checked):
 
     @property
     def tolerances(self) -> FloatArray:
-        """Largest corner errors of the segments [m], NaN for segments without one, (n,)."""
+        """Maximum permitted corner error of each segment [m], NaN if not specified, (n,)."""
         return self.segments.tolerances
 
     @property

@@ -175,9 +175,10 @@ def _middle_angles(sharp: Orientation, vertex: IntArray, k: FloatArray) -> Float
 def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> FloatArray:
     """The largest k at which `exp(k b) exp(-k a)` is a rotation by at most `allowed`."""
     # The angle between two rotations is at most the distance of their rotation vectors, so that
-    # this rotation is by at most `k |b - a|`. The tool axis alone turns by at most `k d + k² e m /
-    # 2`, where d and e are the parts of b - a across and along the axis, and m is the rate by which
-    # the slower of a and b tilts the axis: see docs/concepts/rounding.md.
+    # this rotation is by at most `k |b - a|`. The tool axis alone turns by at most
+    # `k d + k² e m / 2`: d and e are the components of b - a perpendicular and parallel to the
+    # axis, and m is the smaller of the rates at which a and b tilt it. See
+    # docs/concepts/rounding.md.
     if sharp.fixed:
         return np.full(len(vertex), np.inf)
     a, b = sharp.first[vertex], sharp.first[vertex + 1]

@@ -207,8 +207,8 @@ def check_correspondence(places: npt.ArrayLike, objective: Path, path: Path) -> 
     near = 1e-9 * (1 + ends[1])
     if pairs.ndim != 2 or not pairs.size or (np.abs(pairs[[0, -1]] - ends) > near).any():
         raise InvalidInput(
-            "The corresponding arc lengths of a shaped path must lead from its start to its end."
+            "places of a shaped path, corresponding arc lengths, must lead from its start to its end."
         )
     if (np.diff(pairs, axis=0) < 0).any():
-        raise InvalidInput("The corresponding arc lengths of a shaped path must not decrease.")
+        raise InvalidInput("places of a shaped path, corresponding arc lengths, must not decrease.")
     return pairs

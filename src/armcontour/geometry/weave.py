@@ -272,7 +272,7 @@ class _Wave:
         return np.asarray(middle[(middle >= half) & (middle <= self.seam.length - half)])
 
     def sine(self, s: FloatArray) -> FloatArray:
-        """Points of the sine, which grows and fades over half a pitch, (n, dimension)."""
+        """Points of the sine, (n, dimension); its amplitude rises and decays over half a pitch."""
         share = self.edge / self.pitch / 2
         knots = [0.0, 0.25 - share, 0.25 + share, 0.75 - share, 0.75 + share, 1.0]
         phase = np.interp(s / self.pitch % 1, knots, [0.0, 0.25, 0.25, 0.75, 0.75, 1.0])

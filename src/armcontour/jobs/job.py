@@ -166,8 +166,8 @@ class Rounding(Checked):
                 )
         if self.tolerance is None:
             raise InvalidInput(
-                f"{key}.tolerance is missing: the shape free needs it, the largest distance from "
-                "the objective, such as tolerance: 1 mm."
+                f"{key}.tolerance is missing: the shape free needs the largest distance from the "
+                "objective, such as tolerance: 1 mm."
             )
         with error_context(key):
             _ = self.options

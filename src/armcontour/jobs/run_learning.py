@@ -23,7 +23,7 @@ from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.job_result import JobResult, RunResult
 from armcontour.jobs.study import run
 from armcontour.motion import Execution, Log, SetPoints
-from armcontour.motion.command_limits import describe_excess
+from armcontour.motion.set_point_check import describe_excess
 from armcontour.program import contour_called
 from armcontour.verification import ErrorProfile
 from armcontour.verification.contour_execution import ContourExecution, pieces_of

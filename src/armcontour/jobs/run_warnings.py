@@ -15,7 +15,7 @@ from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.jobs.job import Run
 from armcontour.jobs.plan_quantities import JerkStop
 from armcontour.motion import Execution, SetPoints, Trajectory
-from armcontour.motion.command_limits import describe_excess
+from armcontour.motion.set_point_check import describe_excess
 from armcontour.planning import Conventional
 from armcontour.program import Contour, Program, contour_called
 from armcontour.program.rounded_corners import describe_large_tolerance

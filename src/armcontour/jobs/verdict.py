@@ -106,4 +106,4 @@ def time_limit_row(planned: Planned) -> Iterator[Row]:
         note = f"{number(share, '1')} of the time"
         if limit == ASSIGNED and (travel := weave_speed(planned)) is not None:
             note += f"; the weave travels at {number(travel, 'm/s')}"
-        yield Row("time_limit", limit, "", "limits the time", note, VERDICT)
+        yield Row("time_limit", limit, "", "time limited by", note, VERDICT)

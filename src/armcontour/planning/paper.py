@@ -133,7 +133,7 @@ def _join(
         parts = parts_by_rule(line.name, pieces)
         for i in junctions[number + 1].arcs:
             corner += 1
-            parts.append(_corner(f"corner {corner}", joint_path, i, junctions[number + 1].speed))
+            parts.append(_arc_part(f"corner {corner}", joint_path, i, junctions[number + 1].speed))
             laws += parts[-1].laws
         for part in parts:
             start = stretches[-1].t[1] if stretches else 0.0
@@ -202,10 +202,13 @@ def _match_speeds(lines: list[PaperLine], junctions: list[Junction]) -> None:
             before.speed = min(before.speed, float(run.speed[-1]))
 
 
-def _corner(name: str, joint_path: JointPath, arc: int, speed: float) -> RulePart:
+def _arc_part(name: str, joint_path: JointPath, segment: int, speed: float) -> RulePart:
+    """Motion at constant speed along the arc of a rounded corner."""
     path = tool_path_of(joint_path, "paper")
-    law = path_law(joint_path, path.breaks[arc : arc + 2], np.array([speed]), np.array([speed]))
-    ends = (float(path.breaks[arc]), float(path.breaks[arc + 1]))
+    law = path_law(
+        joint_path, path.breaks[segment : segment + 2], np.array([speed]), np.array([speed])
+    )
+    ends = (float(path.breaks[segment]), float(path.breaks[segment + 1]))
     return RulePart(name, "corner", float(law.breaks[-1]), ends, [law])
 
 

@@ -175,10 +175,13 @@ def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> Law | None
 def _smooth_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> Law | None:
     """The stop in the shortest time in which a smooth curve of dtau/dt keeps all limits."""
     low, high = 0.0, SHORTEST
-    while not _is_within(_slow_down(joint_path, high), arm, limits):
-        low, high = high, 1.5 * high
+    while True:
+        # A stop in a duration goes on for half of it.
         if high / 2 > joint_path.length:
             return None
+        if _is_within(_slow_down(joint_path, high), arm, limits):
+            break
+        low, high = high, 1.5 * high
     while high - low > PRECISION:
         middle = (low + high) / 2
         if _is_within(_slow_down(joint_path, middle), arm, limits):

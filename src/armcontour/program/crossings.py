@@ -26,7 +26,7 @@ def points_at(pieces: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
     """Points of pieces, or their tangents, at distances u from their starts, (n, 2)."""
     angle = pieces[:, CURVATURE] * u
     tangents = pieces[:, TX : TY + 1]
-    normals = left_of(tangents)
+    normals = turned_left(tangents)
     if order == 1:
         return np.asarray(np.cos(angle)[:, None] * tangents + np.sin(angle)[:, None] * normals)
     along = u * np.sinc(angle / np.pi)
@@ -38,7 +38,7 @@ def offset_pieces(pieces: FloatArray, d: float) -> FloatArray:
     """Pieces offset by d to the left [m], (n, 6); arcs of negative radius get lengths <= 0."""
     # Arcs keep their centres.
     moved, grown = pieces.copy(), 1 - pieces[:, CURVATURE] * d
-    moved[:, :2] += d * left_of(pieces[:, TX : TY + 1])
+    moved[:, :2] += d * turned_left(pieces[:, TX : TY + 1])
     moved[:, CURVATURE] /= np.where(grown > 0, grown, 1.0)
     moved[:, LENGTH] *= grown
     return moved
@@ -96,7 +96,7 @@ def find_crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
     return np.concatenate(meetings), np.concatenate(distances)
 
 
-def left_of(vectors: FloatArray) -> FloatArray:
+def turned_left(vectors: FloatArray) -> FloatArray:
     """Vectors turned to the left by a right angle, (..., 2)."""
     return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
 
@@ -109,7 +109,7 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 def _boxes(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Lower and upper corners of boxes around pieces, (n, 2) each."""
     radius = 1 / pieces[:, CURVATURE]
-    centers = pieces[:, :2] + radius[:, None] * left_of(pieces[:, TX : TY + 1])
+    centers = pieces[:, :2] + radius[:, None] * turned_left(pieces[:, TX : TY + 1])
     radii = np.abs(radius)
     sides = centers[:, None] + radii[:, None, None] * [[1, 0], [-1, 0], [0, 1], [0, -1]]
     on_arc = _places(pieces, sides) <= pieces[:, LENGTH, None]
@@ -143,12 +143,12 @@ def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
     turned = (np.abs(b[:, CURVATURE]) > np.abs(a[:, CURVATURE]))[:, None]
     a, b = np.where(turned, b, a), np.where(turned, a, b)
     ka, kb = a[:, CURVATURE], b[:, CURVATURE]
-    na, nb = left_of(a[:, TX : TY + 1]), left_of(b[:, TX : TY + 1])
+    na, nb = turned_left(a[:, TX : TY + 1]), turned_left(b[:, TX : TY + 1])
     gap, ratio = b[:, :2] - a[:, :2], kb / np.where(ka == 0, 1.0, ka)
     w = nb + kb[:, None] * gap - ratio[:, None] * na
     r = kb * (gap * gap).sum(axis=1) / 2 + (nb * gap).sum(axis=1)
     size = np.hypot(w[:, 0], w[:, 1])
-    foot, along = (r / size**2)[:, None] * w, left_of(w) / size[:, None]
+    foot, along = (r / size**2)[:, None] * w, turned_left(w) / size[:, None]
     slope = (na * along).sum(axis=1)
     constant = ka * (foot * foot).sum(axis=1) / 2 - (na * foot).sum(axis=1)
     # The points foot + s along with ka s² / 2 - slope s + rest = 0; touching ones miss by rounding.

@@ -367,8 +367,9 @@ class LeadPlacement:
         location = f"{called} (layer {contour.layer})" if contour.layer else called
         if not fits:
             raise InvalidInput(
-                f"{location}: no {kind} in the shape of an arc lies in the scrap where the contour "
-                f"{'ends' if after else 'begins'}: choose another start point (process.begin).",
+                f"{location}: an arc {kind} does not fit into the scrap at the "
+                f"{'end' if after else 'start'} of the contour: choose another start point "
+                "(process.begin).",
                 needed=length,
                 allowed=0.0,
             )

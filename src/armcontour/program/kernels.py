@@ -26,7 +26,7 @@ NO_GAIN = 1e-12
 
 
 class TourOptions(NamedTuple):
-    """The options of n contours."""
+    """Start points of n closed contours or directions of open ones, from which a tour chooses."""
 
     exits: FloatArray  # Exits of all options, (m, 3)
     entries: FloatArray  # Their entries, (m, 3)

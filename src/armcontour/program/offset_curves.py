@@ -24,9 +24,9 @@ from armcontour.program.crossings import (
     TX,
     TY,
     find_crossings,
-    left_of,
     offset_pieces,
     points_at,
+    turned_left,
     turns_between,
 )
 
@@ -121,7 +121,9 @@ def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, 
     turn = turns_between(leaving, np.roll(table, -1, axis=0)[:, TX : TY + 1])
     # A turn back has the contour on both sides.
     turn = np.where(turn > np.pi - SAME_PLACE, -np.pi, turn)
-    around = np.column_stack([ends + d * left_of(leaving), leaving, np.full(n, -1 / d), -turn * d])
+    around = np.column_stack(
+        [ends + d * turned_left(leaving), leaving, np.full(n, -1 / d), -turn * d]
+    )
     arc_mask = around[:, LENGTH] > SAME_PLACE
     if not closed:
         arc_mask[-1] = False

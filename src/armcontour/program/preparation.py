@@ -379,8 +379,8 @@ def resume_program(
         return program, None
     if resume_at >= program.length - REPEATED_POINT:
         raise InvalidInput(
-            f"The program is to be resumed at {resume_at:g} m, but its contours are "
-            f"{program.length:.9g} m long together.",
+            f"The arc length at which the program is resumed must be less than the length of all "
+            f"contours, {program.length:.9g} m, but is {resume_at:g} m.",
             s=resume_at,
             allowed=program.length,
         )

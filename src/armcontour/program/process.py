@@ -403,7 +403,7 @@ class Process(Checked):
 
     @property
     def ends_on(self) -> bool:
-        """True if the process is on to the end of the lead-out."""
+        """True if the process stays on until the end of the lead-out."""
         return self.lead_out is not None and self.lead_out.active
 
     @property

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from armcontour.robot.dynamics import Dynamics
     from armcontour.robot.scene import ArmShapes
 
-# The step along the motion for the derivative of the rate of the Jacobian [rad]: truncation, its
-# fourth power over 30, and rounding, 1e-16 over it, are about equal.
+# Step h along the motion for the finite difference of the Jacobian rate [rad]. The truncation error
+# h⁴ / 30 and the rounding error 1e-16 / h are about equal.
 STEP = 1e-3
 # A limit that exceeds the arm's by less than this fraction, or angle of a range [rad], counts as
 # equal: files give rounded values.

@@ -29,7 +29,7 @@ TO_WHOLE = 6755399441055744.0
 # pi / 2.
 SINE = tuple((-1) ** k / math.factorial(2 * k + 1) for k in range(10, -1, -1))
 COSINE = tuple((-1) ** k / math.factorial(2 * k) for k in range(11, -1, -1))
-# Rows of a joint: cosine and sine, then the derivatives of its position.
+# Number of rows per joint: cosine and sine of its position, then its first to third derivative.
 JOINT_ROWS = 5
 # First rows of the vectors of a state: columns of the rotation, position, vector from the joint
 # before, axis; then velocity and angular velocity, and their first and second derivatives.

@@ -144,7 +144,8 @@ def newton(
 ) -> BoolArray:
     """Solve the inverse kinematics by Newton's method; mask of the solved poses, (n,)."""
     # links (dof + 1, 12), q (n, dof) [rad] with initial guesses, overwritten; targets (n, 3, 4).
-    # Guide equations are in w[:, 0] and g[:, 0]; derivatives of them are not used.
+    # The guide equations use only w[:, 0] and g[:, 0]; derivatives in w[:, 1:] and g[:, 1:] are
+    # ignored.
     n, dof = q.shape
     converged, a, b = np.empty(n, np.bool_), np.empty((dof, dof)), np.empty(dof)
     equations = PoseEquations(np.empty((dof + 1, 3, 4)), a, b)

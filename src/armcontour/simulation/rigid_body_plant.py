@@ -348,8 +348,8 @@ LOGGED = ("q", "dq", "ddq", "demand", "torque", "torque_demand")
 class _Log:
     """Results of some steps."""
 
-    # q, dq: positions [rad] and velocities [rad/s] at the starts of the steps: of the links, and
-    # with springs of the motors too, (n, dof) or (n, 2 dof).
+    # q, dq: positions [rad] and velocities [rad/s] of the links at the starts of the steps,
+    # (n, dof); with joint springs, followed by those of the motors, (n, 2 dof).
     q: FloatArray
     dq: FloatArray
     ddq: FloatArray  # Mean accelerations over the steps [rad/s²], of the same shape
@@ -549,8 +549,8 @@ def check_damping(stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None
     """Check that joint damping comes with joint stiffness."""
     if stiffness is None and damping is not None:
         raise InvalidInput(
-            "joint_damping is that of springs between drives and links: give their "
-            "joint_stiffness too."
+            "joint_damping is the damping of the springs between drives and links, so it needs "
+            "their joint_stiffness: give both."
         )
 
 

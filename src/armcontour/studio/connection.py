@@ -49,7 +49,7 @@ class OpenPage:
             self._waiting.pop(key, None)
             self._waiting[key] = data
             self.is_slow = len(self._waiting) > MAX_QUEUED
-        # The loop is closed at the end of the server.
+        # The event loop is closed when the server ends.
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._news.set)
 

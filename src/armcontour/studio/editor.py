@@ -78,7 +78,7 @@ class Editor:
 
     @property
     def folder(self) -> FilePath:
-        """Folder of relative file names."""
+        """Folder against which relative file names are resolved."""
         return self.document.folder or FilePath.cwd()
 
     @property

@@ -253,7 +253,7 @@ class Scheduler:
         self._preview_worker.close()
         self._detail_worker.close()
 
-    # Previews, in the thread of the worker.
+    # The methods below run in the thread of the preview worker.
 
     def _fail(self, frame: PageFrame) -> None:
         """Report that the preview of the newest state has failed."""

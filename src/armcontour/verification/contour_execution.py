@@ -375,7 +375,8 @@ def evaluated_times(executed: Execution, until: float | None) -> tuple[float, fl
     """Ends of the times for largest values and root mean squares of a single path [s]."""
     if until is not None:
         return until, until
-    # Rest at the end would reduce the root mean square; a slow tool can still leave the path.
+    # Root mean squares end when the tool is at rest, because rest would reduce them. Largest values
+    # include the rest of the execution, because a slow tool can still leave the path.
     end = settling_time(executed, executed.tool_speed)
     return max(end, float(executed.t[-1])), end
 
@@ -443,7 +444,8 @@ def _side(path: Path, followed: Followed, tool: FloatArray) -> FloatArray:
     x, y = (tool[:, axis] - rows[axis][row] for axis in range(2))
     a, b = (rows[3 + axis][row] for axis in range(2))
     along, normal = x * a + y * b, y * a - x * b
-    # To the left of a line; of an arc that turns to the left, inside of its circle.
+    # The left side of a line is the half-plane to its left. That of an arc which turns left is the
+    # inside of its circle, that of an arc which turns right is the outside.
     to_left = rows[3] * rows[7] > rows[4] * rows[6]
     curvature = np.where(to_left, rows[9], -rows[9])[row]
     side = np.where(2 * normal < curvature * (along * along + normal * normal), -1.0, 1.0)

@@ -1,8 +1,9 @@
 """Points of a path at which a tool follows it, and the coverage error."""
 
-# Where a path crosses or repeats itself, the nearest point may be on another lap than the tool. The
-# path point is therefore the nearest one that the tool can have reached along the path from the
-# start without moving back, within the shortest possible leash.
+# Where a path crosses or repeats itself, the nearest point can be on another part of the path than
+# the tool. Therefore the path point is the nearest point that is reachable along the path from the
+# start, without moving back and without a distance to the tool above a bound, the leash. The leash
+# is the smallest tried one with which the whole path is followed.
 
 from __future__ import annotations
 

@@ -216,7 +216,8 @@ def _record_windows(log: SampledMotion, dq: FloatArray, tally: LimitUseAccumulat
         6 * residual / span**3,
         residual - 2 * position_error - np.abs(total) * time_error,
     )
-    # Because positions are rounded, this is no evidence about the printed motion.
+    # Not for `highest`: with rounded positions, this mean jerk can be far above the jerk of the
+    # recorded motion.
     narrow, tally.narrow = tally.narrow, False
     tally.rates("joint_jerk", t, mean, q, mean - 6 * smallest / (span + time_error) ** 3)
     tally.narrow = narrow

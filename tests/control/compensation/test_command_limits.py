@@ -225,7 +225,7 @@ def test_written_set_points_are_within_the_limits(limited, arm, tmp_path):
 
 
 def test_programs_with_fewer_digits_report_the_effect_of_rounding(tmp_path):
-    """URScript has 6 decimals, at 2 ms up to 500 rad/s³ of jerk; csv has 12."""
+    """URScript has 7 decimals, at 2 ms up to 50 rad/s³ of jerk; csv has 12."""
     arm = ac.load_arm("ur5e")
     start, end = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0], [0.3, -1.2, 1.2, -1.4, -1.6, 0.2]
     plan = ac.plan(ac.JointPath.spline([start, end]), arm, arm.limits.replace(joint_jerk=400.0))

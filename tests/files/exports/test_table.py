@@ -118,9 +118,9 @@ def test_a_plan_with_a_limit_of_jerk_keeps_it_from_point_to_point(smooth, tmp_pa
         # Between points, a controller of quintics is within a nanoradian of the plan.
         dense = np.linspace(0, smooth.duration, 3001)
         np.testing.assert_allclose(joined(exported, 3)(dense), smooth(dense), atol=1e-9)
-        RosYamlFormat().write(exported, tmp_path / "a.yaml")
+        RosYamlFormat(decimals=12).write(exported, tmp_path / "a.yaml")
         again = read_trajectory(tmp_path / "a.yaml", exported.joint_names)
-        np.testing.assert_allclose(again.ddq, exported.ddq, atol=1e-11)
+        np.testing.assert_allclose(again.ddq, exported.ddq, atol=1e-9)
     # Where it is to join points by cubics, velocities are those of the spline, as before.
     exported = make_table(set_points, name="x", derivatives=1)
     spline = CubicSpline(set_points.t, set_points.q, bc_type="clamped")
@@ -165,12 +165,17 @@ def test_refuses_arrays_that_do_not_fit(table):
 
 
 EVENT = re.compile(r'(?P<name>\w+)=(?P<value>on|off|[-\d.e]+|"(?:[^"\\]|\\.)*")@(?P<t>[\d.]+)')
-QUANTITIES = (("q", "rad"), ("dq", "rad/s"), ("ddq", "rad/s^2"))
+QUANTITIES = (("q", "rad", 0), ("dq", "rad/s", 1), ("ddq", "rad/s^2", 2))
 
 
-def assert_columns(columns, table, atol):
-    np.testing.assert_allclose(columns["t [s]"], table.t, rtol=0, atol=atol)
-    for quantity, unit in QUANTITIES:
+def half_digit(decimals):
+    return 0.5000001 * 10.0**-decimals
+
+
+def assert_columns(columns, table, decimals):
+    np.testing.assert_allclose(columns["t [s]"], table.t, rtol=0, atol=1e-12)
+    for quantity, unit, fewer in QUANTITIES:
+        atol = half_digit(decimals - fewer)
         for i, name in enumerate(table.joint_names):
             values = columns[f"{quantity} {name} [{unit}]"]
             expected = getattr(table, quantity)[:, i]
@@ -188,24 +193,38 @@ def events_in(cell):
 @pytest.mark.parametrize("dof", [2, 7])
 def test_csv_comes_back_in_pandas(table, tmp_path, dof):
     exported = table(dof)
-    CsvFormat().write(exported, tmp_path / "a.csv")
-    columns = pd.read_csv(tmp_path / "a.csv")
-    assert len(columns.columns) == 1 + 3 * dof + 1
-    assert_columns(columns, exported, 0.5000001e-12)
+    for decimals, cycle in ((7, 0.008), (9, CYCLE), (9, 0.001), (12, CYCLE)):
+        exported = dataclasses.replace(exported, t=np.arange(9) * cycle, cycle=cycle)
+        form = CsvFormat(decimals=12) if decimals == 12 else CsvFormat()
+        form.write(exported, tmp_path / "a.csv")
+        columns = pd.read_csv(tmp_path / "a.csv")
+        assert len(columns.columns) == 1 + 3 * dof + 1
+        assert_columns(columns, exported, decimals)
+        number = (tmp_path / "a.csv").read_text().splitlines()[1].split(",")[1]
+        assert len(number.partition(".")[2]) == decimals
     cells = columns["events"].fillna("")
-    expected = [(x.name, x.value, f"{x.t:.12f}") for x in exported.events]
+    microseconds = [abs(x.t * 1e6 - round(x.t * 1e6)) < 1e-4 for x in exported.events]
+    assert microseconds == [True, False, False, True, True]
+    digits = [6 if x else 9 for x in microseconds]
+    expected = [
+        (x.name, x.value, f"{x.t:.{n}f}") for x, n in zip(exported.events, digits, strict=True)
+    ]
     assert [x for cell in cells for x in events_in(cell)] == expected
     assert [i for i, cell in enumerate(cells) for _ in events_in(cell)] == exported.point_of_events
 
 
 def test_csv_without_events_is_what_check_reads(table, tmp_path):
     original = table(6, events=())
-    CsvFormat().write(original, tmp_path / "a.csv")
-    trajectory = read_trajectory(tmp_path / "a.csv", original.joint_names)
-    for name in ("t", "q", "dq", "ddq"):
-        np.testing.assert_allclose(
-            getattr(trajectory, name), getattr(original, name), 0, 0.5000001e-12
-        )
+    original = dataclasses.replace(original, contours=((0.004, "hole 1"), (0.02, "")))
+    for comments in (False, True):
+        CsvFormat(comments=comments).write(original, tmp_path / "a.csv")
+        head = (tmp_path / "a.csv").read_text().splitlines()[:2]
+        assert (head == ["# part 7", "# contour hole 1 from 0.004000 s"]) == comments
+        trajectory = read_trajectory(tmp_path / "a.csv", original.joint_names)
+        for name, decimals in (("t", 12), ("q", 9), ("dq", 8), ("ddq", 7)):
+            np.testing.assert_allclose(
+                getattr(trajectory, name), getattr(original, name), 0, half_digit(decimals)
+            )
 
 
 def test_npz_comes_back_to_the_last_bit_and_without_pickles(table, tmp_path):
@@ -295,9 +314,9 @@ def test_yaml_is_a_joint_trajectory(table, tmp_path):
         assert list(message) == ["header", "joint_names", "points"]
         assert message["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
         assert message["joint_names"] == list(original.joint_names)
-        for key, name in ARRAYS.items():
-            values = [x[key] for x in message["points"]]
-            np.testing.assert_allclose(values, getattr(original, name), rtol=0, atol=0.5000001e-12)
+        for fewer, (key, name) in enumerate(ARRAYS.items()):
+            values, atol = [x[key] for x in message["points"]], half_digit(7 - fewer)
+            np.testing.assert_allclose(values, getattr(original, name), rtol=0, atol=atol)
         starts = [x["time_from_start"] for x in message["points"]]
         assert [x["sec"] * 10**9 + x["nanosec"] for x in starts] == [4000_000 * i for i in range(9)]
         assert all(x["effort"] == [] and set(x) == fields for x in message["points"])
@@ -458,13 +477,13 @@ def test_a_writer_that_fails_halfway_leaves_what_was_there(six, tmp_path, monkey
     before = bytes_of(place)
 
     form = {".csv": CsvFormat, ".mcap": McapFormat}[ending]
-    write = form.write
 
-    def halfway(table, path):
-        write(table, path)
+    def halfway(self, table, path):
+        self.written(table, path)
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(form, "write", staticmethod(halfway))
+    monkeypatch.setattr(form, "written", form.__dict__["write"], raising=False)
+    monkeypatch.setattr(form, "write", halfway)
     words = "Cannot write  ... No space left on device; free "
     places = [(place, words), (tmp_path / f"new{ending}", words)]
     refusals(lambda x: export(six, x), places)

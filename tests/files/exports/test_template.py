@@ -260,7 +260,7 @@ def run(text):
     """The set-points with their times, what was switched when, and where it began."""
     # The rule for programs over a socket: the first line begins the function, the last one ends it.
     first_line, *_, last_line = text.splitlines()
-    assert re.fullmatch(r"def armcontour_\w+\(\):", first_line) and last_line == "end"
+    assert re.fullmatch(r"def armcontour_\w{1,20}\(\):", first_line) and last_line == "end"
     lines = [x.split("#")[0].strip() for x in text.splitlines()]
     lines = [x for x in lines if x]
     assert sum(x.startswith("def ") for x in lines) == lines.count("end") == 1
@@ -300,7 +300,7 @@ def test_events_come_within_half_an_interval_and_the_set_points_stay_in_order(ta
     assert [name for _, name in events] == names
     for (time, _), event in zip(events, exported.events, strict=True):
         assert abs(time - event.t) <= exported.cycle / 2 + 1e-12
-    np.testing.assert_allclose([q for _, q in points[:9]], exported.q, rtol=0, atol=0.5000001e-6)
+    np.testing.assert_allclose([q for _, q in points[:9]], exported.q, rtol=0, atol=0.5000001e-7)
     exact = [float(x) for x in re.findall(r"# .* at ([\d.]+) s", text)]
     np.testing.assert_allclose(exact, [x.t for x in exported.events], rtol=0, atol=0.5000001e-6)
 
@@ -359,3 +359,9 @@ def test_refuses_what_it_cannot_say(table, tmp_path):
     ]
     refusals(lambda x: program(x[0], tmp_path, **x[1]), cases)
     assert not list(tmp_path.iterdir())
+
+
+def test_long_names_are_shortened_but_not_their_number(table, tmp_path):
+    long = dataclasses.replace(table(events=()), name=30 * "long", part=(12, 13))
+    run(program(long, tmp_path))
+    assert program(long, tmp_path).startswith(f"def armcontour_{4 * 'long'}l_12():\n")

@@ -12,7 +12,7 @@ import armcontour as ac
 from armcontour.control.compensation import METHODS
 from armcontour.files import certificate_json, derating_csv, parse_job
 from armcontour.jobs import CertificateGoal
-from armcontour.motion.command_limits import check_commands
+from armcontour.motion.set_point_check import check_set_points
 from armcontour.simulation.robustness.monte_carlo import Uncertainty, spread
 from armcontour.studies.certification.derating import Derating, plan_derated
 
@@ -227,9 +227,9 @@ def test_a_command_keeps_to_joint_velocities(refuses):
     limits = run.limits.replace(joint_velocity=fastest)
     slow = replace(slow, runs=(replace(run, limits=limits),))
     set_points = ac.compensate(plan, slow.servo, ac.Inverse())
-    refuses(lambda: check_commands(set_points, limits), ac.CompensationError, "joint_velocity")
+    refuses(lambda: check_set_points(set_points, limits), ac.CompensationError, "joint_velocity")
     certificate = ac.certify(slow, goal=ac.CertificateGoal(servo_error=2e-6))
-    check_commands(certificate.set_points, limits)
+    check_set_points(certificate.set_points, limits)
     assert certificate.duration > plan.duration
     assert certificate.evaluation.contour_error.max <= 2e-6
 

@@ -229,11 +229,13 @@ def test_an_arm_in_the_plane_is_placed_too(plane):
 
 @needs_dynamics
 def test_without_a_feasible_place_the_distance_out_of_reach_is_reported(square):
-    with pytest.raises(Unreachable, match=r"None of 4 places is feasible \(4 by reach\)") as caught:
+    with pytest.raises(
+        Unreachable, match=r"None of 4 places is feasible \(refused: 4 by reach\)"
+    ) as caught:
         ac.place(square, ac.PlaceSearch(over={"x": (1.0, 2.0, 4)}))
     # The corner of the path that is the farthest from the base.
     assert 0.5 < caught.value.needed < 1.0
-    with pytest.raises(Unreachable, match=r"The place x 1000 mm is refused: .* stays .* away"):
+    with pytest.raises(Unreachable, match=r"The place x 1000 mm is not feasible: .* stays .* away"):
         ac.place(square, ac.PlaceSearch(over={"x": (1.0, 1.0, 1)}))
     with pytest.raises(Unreachable, match="a corner of its uncertainty is refused by reach"):
         ac.place(square, ac.PlaceSearch(over={"x": (0.2, 0.2, 1)}, uncertainty={"x": 0.3}))

@@ -16,7 +16,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Options, checked
 from armcontour.core.quantities import About
 from armcontour.motion import DEFAULT_CYCLE, LONGEST_CLOCK, SetPoints, Trajectory, check_cycle
-from armcontour.motion.command_limits import check_commands, describe_excess
+from armcontour.motion.set_point_check import check_set_points, describe_excess
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
 
@@ -177,7 +177,7 @@ def compensate(
     """
     set_points = unchecked_set_points(trajectory, servo, options, cycle=cycle, arm=arm)
     if limits is not None:
-        check_commands(set_points, limits)
+        check_set_points(set_points, limits)
     elif excess := describe_excess(set_points):
         warnings.warn(excess, stacklevel=3)
     if not isinstance(options, NoCompensation) and servo.doubt:
@@ -222,7 +222,7 @@ def unchecked_set_points(
     )
     if options.command_limits is None:
         return set_points
-    from armcontour.control.compensation.set_point_limits import within_limits
+    from armcontour.control.compensation.nearest_set_points import within_limits
 
     return within_limits(set_points, model, options.command_limits, arm)
 

@@ -103,7 +103,7 @@ def _solved(means: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
         # Weights of the first and second differences of set-points.
         first, second = a / cycle, b / cycle**2
         if held:
-            # The interval that ends at a set-point holds the one before it.
+            # In the cycle that ends at set-point k, the command is set-point k - 1.
             set_points[:-1, j] = lfilter([1.0], [1 + first, -first], means[1:, j])
             set_points[-1, j] = means[-1, j]
             continue

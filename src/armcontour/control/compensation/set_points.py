@@ -14,7 +14,8 @@ from armcontour.robot.servo.model import without_integral
 
 # Set-points closer than this to a break of the trajectory [cycles] are moved to it.
 SNAP = 1e-9
-# Set-points continue after the motion for this many time constants, until it has settled.
+# Time constants after the end of the motion for which set-points continue, so that the transient of
+# the compensation decays.
 SETTLING = 36.0
 # Longest transient of set-points after a motion [s], and as a share of it; the rest is truncated.
 LONGEST_TAIL = 1.0

@@ -24,7 +24,7 @@ def allowed_deviation(value: Any, also: Any = 0.0) -> Any:
 
 
 def normalize(columns: FloatArray, shortest: float = 1e-150) -> tuple[FloatArray, FloatArray]:
-    """Columns of length 1, and their lengths before; columns that are too short become 0."""
+    """Columns scaled to unit norm, 0 if their norm is at most `shortest`, and the norms used."""
     norms = np.maximum(np.sqrt(np.einsum("ki,ki->i", columns, columns)), shortest)
     return columns / norms * (norms > shortest), norms
 

@@ -32,7 +32,7 @@ from armcontour.control.identification.residuals import (
     resolution,
     scale_residuals,
 )
-from armcontour.control.identification.saturation import find_saturation, select_between
+from armcontour.control.identification.saturation_detection import find_saturation, select_between
 from armcontour.control.identification.selection import Selected, find_lag, select
 from armcontour.control.identification.servo_identification import (
     Identification,

@@ -157,7 +157,7 @@ def align(
     return Aligned(offset, rate, expected, measured, noise, shift, outliers)
 
 
-def check_set_points(run: LearningRun) -> None:
+def require_same_set_points(run: LearningRun) -> None:
     """Check that the logged set-points are those of the run."""
     error, noise = rms(run.error), rms(run.noise)
     allowed = max(OTHERS, SHARE * error, NOISES * noise)

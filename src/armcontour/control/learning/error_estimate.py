@@ -47,9 +47,9 @@ class ErrorEstimate:
 
     # spread: standard deviation of the errors that differ between runs [rad], (dof,).
     # best: index of the run whose set-points have the smallest repeating error.
-    # q, error: set-points with the smallest error, estimated from all runs, (count, dof), and their
-    # repeating error, (n, dof) [rad]; removed: the part of it that a change of the set-points
-    # removes.
+    # q: set-points with the smallest repeating error, combined from all runs [rad], (count, dof).
+    # error: their repeating error [rad], (n, dof).
+    # removed: the part of `error` that a change of the set-points removes [rad], (n, dof).
     # repeats, differs: RMS error of the best run that repeats, and that differs between runs [m].
     # noise: RMS error that does not repeat, with noise of the measurement and of the loops [m].
     # response_error: relative error of the model's response, by the last run that was predicted.

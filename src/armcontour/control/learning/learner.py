@@ -23,7 +23,7 @@ from armcontour.control.learning.learning_result import (
     record,
 )
 from armcontour.control.learning.lifted_model import Lifted, Nominal, rms
-from armcontour.control.learning.servo_fit import fit_servo
+from armcontour.control.learning.servo_update import fit_servo
 from armcontour.core import checks
 from armcontour.core.bounded_differences import differences
 from armcontour.core.checks import FloatArray
@@ -31,13 +31,13 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.sampling import white_noise
 from armcontour.motion import Execution, Log, SetPoints
-from armcontour.motion.command_limits import check_commands, describe_excess
 from armcontour.motion.nearest_commands import (
     BY_ORDER,
     command_bounds,
     find_excess,
     nearest_commands,
 )
+from armcontour.motion.set_point_check import check_set_points, describe_excess
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import LONGEST_DEAD_TIME
@@ -118,7 +118,7 @@ def learn(
         set_points, executed, Nominal(arm, servo, gravity_feedforward, controller), tool
     )
     for run in result.runs:
-        alignment.check_set_points(run)
+        alignment.require_same_set_points(run)
     return _next_lesson(
         result, lifted, set_points if isinstance(set_points, LearningResult) else None, limits
     )
@@ -292,7 +292,7 @@ def _next_lesson(
     if limits is None and describe_excess(result):
         # The limits of the plan count only if its set-points satisfy them.
         applied = applied.of_tool
-    check_commands(replace(result, q=best.q), applied)
+    check_set_points(replace(result, q=best.q), applied)
     first = _accelerations(runs[0].q, result.cycle)
     fastest = ROUGHER * np.maximum(first, RESTING * first.max())
     if applied.joint_acceleration is not None:

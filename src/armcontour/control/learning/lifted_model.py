@@ -312,7 +312,7 @@ class Lifted:
         # `variance / penalty`, and white noise of the variance `variance` [rad²].
         change, response = self.correct(error, penalty)
         squares = np.sum((error + response) ** 2) + penalty * np.sum(np.diff(change, axis=0) ** 2)
-        # The determinant is that of `P'P + penalty L'L` up to a constant factor.
+        # `size` is the log determinant of `P'P + penalty L'L` (see `correct`), up to a constant.
         size = self._factored(penalty)[2]
         rank = (self.count - 1) * self.dof
         return float(squares / variance + size - rank * np.log(penalty))

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 
 import hal  # type: ignore[import-not-found]
 
-from armcontour.controllers.devices.feeder import DeviceError, Row, Sample, main_guarded
+from armcontour.controllers.devices.feeder import PAUSE, DeviceError, Row, Sample, main_guarded
 
 COMPONENT = "armcontour-play"
 # Signal of the HAL file that enables the drives.
@@ -118,7 +118,8 @@ class LinuxCNC:
         if self.waiting:
             hal.set_p("streamer.0.enable", "1")
             self.waiting = False
-        self.check_alive()
+        if not self.back.readable:
+            self.check_alive()
         while self.back.readable:
             self.heard = time.monotonic()
             values = self.back.read()
@@ -133,6 +134,10 @@ class LinuxCNC:
         """Hold the last row, as no cycle of a motion."""
         names = (f"streamer.0.pin.{j + 1}" for j in range(self.dof))
         self.write(-1, tuple(float(hal.get_value(x)) for x in names))
+
+    def wait(self) -> None:
+        """Pause; the FIFO holds rows for many cycles."""
+        time.sleep(PAUSE)
 
     def close(self) -> None:
         """Stop the threads and unload HAL."""

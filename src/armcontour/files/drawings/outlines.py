@@ -242,7 +242,7 @@ class Outline:
         return parts
 
     def closed_up(self, join: float) -> Sequence[Shape]:
-        """The shapes, of a closed outline with its gap closed: by moving the end, or by a line."""
+        """The shapes. If the outline is closed, so is its gap: by moving the end, or by a line."""
         if not self.closed:
             return self.shapes
         *others, last = self.shapes

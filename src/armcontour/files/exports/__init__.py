@@ -10,10 +10,12 @@ from armcontour.files.exports.formats import (
     export,
 )
 from armcontour.files.exports.resampling import interpolate_set_points
+from armcontour.files.exports.ros import GoalTolerances, predict_tolerances
 from armcontour.files.exports.table import SetPointTable, make_table
 
 __all__ = [
     "CsvFormat",
+    "GoalTolerances",
     "McapFormat",
     "NpzFormat",
     "RosYamlFormat",
@@ -23,4 +25,5 @@ __all__ = [
     "export",
     "interpolate_set_points",
     "make_table",
+    "predict_tolerances",
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path as FilePath
 from typing import Annotated, ClassVar
 
@@ -13,9 +14,21 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import AtLeast
-from armcontour.files.exports.ros import write_mcap, write_ros_yaml
-from armcontour.files.exports.table import SetPointTable, make_table, write_csv, write_npz
-from armcontour.files.exports.template import describe_program, write_template
+from armcontour.files.exports.file_parts import (
+    describe_parts,
+    part_files,
+    read_points_per_file,
+    split_table,
+)
+from armcontour.files.exports.ros import GoalTolerances, write_mcap, write_ros_yaml
+from armcontour.files.exports.table import (
+    DECIMALS,
+    SetPointTable,
+    make_table,
+    write_csv,
+    write_npz,
+)
+from armcontour.files.exports.template import LAST_DIGIT, describe_program, write_template
 from armcontour.files.exports.urscript import JOINTS, write_urscript
 from armcontour.motion import SetPoints, Trajectory
 from armcontour.robot import Arm
@@ -24,6 +37,8 @@ from armcontour.robot import Arm
 BAG = (".mcap", ".db3", ".yaml")
 Analog = Mapping[str, Callable[[FloatArray], FloatArray]]
 Derivatives = Annotated[int, AtLeast(0, 2)]
+# With fewer decimals of positions, accelerations would have none.
+Decimals = Annotated[int, AtLeast(4, DECIMALS)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,18 +48,70 @@ class ExportFormat(Checked):
     Args:
         name: Name of the program inside the file; by default the name of the file, which the
             template kuka always takes.
+        points_per_file: Largest number of points of a file, or a controller: "motoros2" (200),
+            "ur" (1000). Longer motions are divided into files part_01, part_02, ..., each from the
+            last point of the one before. Files end where the motion rests, and are longer if it
+            does not; files of csv and npz also end in motion.
     """
 
     # Name of the format; its extension, empty if any is possible; required number of joints.
     kind: ClassVar[str] = ""
     ending: ClassVar[str] = ""
     joints: ClassVar[int | None] = None
+    # Whether a file may end in motion, as its player goes on with the next one.
+    in_motion: ClassVar[bool] = False
+    # Whether all points are a cycle apart.
+    regular: ClassVar[bool] = False
     name: str | None = None
+    points_per_file: int | str | None = None
+
+    def _check_together(self) -> None:
+        read_points_per_file(self.points_per_file)
 
     @property
     def label(self) -> str:
         """Name of the format, or of its template."""
         return self.kind
+
+    @property
+    def at_stops(self) -> bool:
+        """Whether tables need points at the stops of a trajectory, at which files end."""
+        return self.points_per_file is not None and not self.regular and not self.in_motion
+
+    def digit_of(self, table: SetPointTable) -> float | None:
+        """Last digit of joint positions [rad]; None for binary files and templates of users.
+
+        Args:
+            table: The table.
+        """
+        if isinstance(self, CsvFormat | RosYamlFormat):
+            return float(10.0 ** -table.decimals_of(self.decimals))
+        return LAST_DIGIT.get(self.label)
+
+    def parts(self, table: SetPointTable) -> tuple[SetPointTable, ...]:
+        """The tables of the files.
+
+        Args:
+            table: The table of the whole motion.
+        """
+        most = read_points_per_file(self.points_per_file)
+        return (table,) if most is None else split_table(table, most, in_motion=self.in_motion)
+
+    def describe(
+        self, parts: Sequence[SetPointTable], name_output: Callable[[str, int | str], str]
+    ) -> list[str]:
+        """Sentences on files: outputs not set, digits, and size.
+
+        Args:
+            parts: The tables of the files.
+            name_output: Gives the text that sets the output of an event, for messages.
+        """
+        most, outputs = read_points_per_file(self.points_per_file), outputs_of(self)
+        found = [
+            describe_program(x, self.label, outputs, name_output, self.digit_of(x)) for x in parts
+        ]
+        every = [*describe_parts(parts, most), *(sentence for x in found for sentence in x)]
+        return list(dict.fromkeys(every))
 
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table directly to a path, without a temporary file.
@@ -63,9 +130,12 @@ class TrajectoryFormat(ExportFormat):
     Args:
         derivatives: Highest derivative that is written: 2, 1 or 0. A ROS controller then
             interpolates by quintics, cubics or lines.
+        effort: Whether points have the torques of the drives in the plan [N m], for an arm with
+            masses.
     """
 
     derivatives: Derivatives = 2
+    effort: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,12 +156,25 @@ class TableFormat(TrajectoryFormat):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CsvFormat(TableFormat):
-    """A table as text (.csv), with 12 decimals."""
+    """A table as text (.csv).
+
+    Args:
+        decimals: Decimals of joint positions [rad]; by default 7, or 9 with cycles up to 4 ms,
+            or 12 for set-points within limits of commands. Velocities have one less, accelerations
+            two, torques three.
+        comments: Whether the file begins with its name and the contours, in lines that begin with
+            #. pandas needs `comment="#"` for these.
+    """
 
     kind: ClassVar[str] = "csv"
     ending: ClassVar[str] = ".csv"
+    in_motion: ClassVar[bool] = True
+    decimals: Decimals | None = None
+    comments: bool = False
 
-    write = staticmethod(write_csv)
+    def write(self, table: SetPointTable, file: FilePath) -> None:
+        """Write a table to a file."""
+        write_csv(table, file, decimals=self.decimals, comments=self.comments)
 
 
 @checks.explain_calls
@@ -101,6 +184,7 @@ class NpzFormat(TableFormat):
 
     kind: ClassVar[str] = "npz"
     ending: ClassVar[str] = ".npz"
+    in_motion: ClassVar[bool] = True
 
     write = staticmethod(write_npz)
 
@@ -108,12 +192,22 @@ class NpzFormat(TableFormat):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RosYamlFormat(TrajectoryFormat):
-    """A trajectory_msgs/msg/JointTrajectory of ROS 2 as text (.yaml)."""
+    """A trajectory_msgs/msg/JointTrajectory of ROS 2 as text (.yaml).
+
+    Args:
+        decimals: Decimals, as of CsvFormat.
+        tolerances: Tolerances, with which the file is a goal of the action
+            control_msgs/action/FollowJointTrajectory; see `predict_tolerances`.
+    """
 
     kind: ClassVar[str] = "ros-yaml"
     ending: ClassVar[str] = ".yaml"
+    decimals: Decimals | None = None
+    tolerances: GoalTolerances | None = None
 
-    write = staticmethod(write_ros_yaml)
+    def write(self, table: SetPointTable, file: FilePath) -> None:
+        """Write a table to a file."""
+        write_ros_yaml(table, file, decimals=self.decimals, tolerances=self.tolerances)
 
 
 @checks.explain_calls
@@ -143,6 +237,7 @@ class URScriptFormat(ExportFormat):
     kind: ClassVar[str] = "urscript"
     ending: ClassVar[str] = ".script"
     joints: ClassVar[int | None] = JOINTS
+    regular: ClassVar[bool] = True
     outputs: Mapping[str, int | str] | None = None
     analog: Analog | None = None
     call: bool = False
@@ -222,8 +317,8 @@ def export(
 ) -> None:
     """Write set-points or a trajectory to a file.
 
-    Times, also those of events, count from the first set-point. An earlier file is replaced; if
-    writing fails, it stays.
+    Times, also those of events, count from the first set-point of each file. An earlier file is
+    replaced; if writing fails, it stays.
 
     >>> ac.export(set_points, "set_points.csv")
     >>> ac.export(planned, "plan.csv", arm=arm, cycle=0.01)
@@ -239,7 +334,8 @@ def export(
 
     Warns:
         UserWarning: A program of URScript or of the template kuka or abb does not switch an event,
-            or a program does not set an analog output, as no output is named.
+            or a program does not set an analog output, as no output is named; or a file has more
+            points than `points_per_file`, or a program more than 10,000.
 
     Raises:
         InvalidInput: No format has the extension, an output is of an unknown event, a library is
@@ -257,25 +353,22 @@ def export(
         # Some formats do not have these options.
         derivatives=getattr(chosen, "derivatives", 0),
         tool_motion=getattr(chosen, "tool_motion", False),
+        effort=getattr(chosen, "effort", False),
+        at_stops=chosen.at_stops,
         analog=getattr(chosen, "analog", None),
     )
     outputs = outputs_of(chosen)
     names = (*(x.name for x in table.events), *table.analog)
     check_outputs(outputs, names, option="outputs", owner=repr(table.name))
+    parts = chosen.parts(table)
     # If warnings are errors, nothing is written.
-    for sentence in describe_program(
-        table,
-        chosen.label,
-        outputs,
-        lambda event, output: f"outputs={{{event!r}: {output!r}}}",
+    for sentence in chosen.describe(
+        parts, lambda event, output: f"outputs={{{event!r}: {output!r}}}"
     ):
         kind = "Template" if isinstance(chosen, TemplateFormat) else "Format"
         warnings.warn(f"{kind} {chosen.label}: {sentence}", stacklevel=3)
-    write_destination(
-        destination,
-        lambda path: chosen.write(table, path),
-        folder=isinstance(chosen, McapFormat),
-    )
+    for part, place in zip(parts, part_files(destination, len(parts)), strict=True):
+        write_destination(place, partial(chosen.write, part), folder=isinstance(chosen, McapFormat))
 
 
 def check_outputs(

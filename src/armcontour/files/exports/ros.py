@@ -3,54 +3,134 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
-from typing import Any
+from textwrap import indent
+from typing import Annotated, Any
 
 import numpy as np
 
-from armcontour.core.checks import IntArray
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Checked
+from armcontour.core.quantities import Axes, Duration, Quantity
 from armcontour.files.exports.table import (
-    FIXED,
+    COARSER,
     SetPointTable,
     event_data,
+    fixed_form,
     format_rows,
     write_pieces,
 )
+from armcontour.motion import Execution
 
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
 EVENTS_TOPIC = "/armcontour/events"
 SECOND = 1_000_000_000
 # A duration in ROS has a 32-bit number of seconds.
 LONGEST = 2**31 - 1
+# Arrays of a point in messages, and those of a table.
+FIELDS = {"positions": "q", "velocities": "dq", "accelerations": "ddq", "effort": "torque"}
+# Smallest tolerance [rad]: encoders, and a controller that is one cycle late, deviate by less.
+LEAST_TOLERANCE = 1e-3
+# Shortest time for the joints to settle at the last point [s].
+SETTLING = 0.5
+TOLERANCE = "- name: %s\n  position: %.6f\n  velocity: 0.0\n  acceleration: 0.0\n"
 
 
-def write_ros_yaml(table: SetPointTable, file: FilePath) -> None:
-    """Write the table as the YAML of a trajectory_msgs/msg/JointTrajectory."""
-    # The text is valid for `ros2 topic pub` and has the form of `ros2 topic echo`. The message has
-    # no field for events, so each event is a comment at the top in JSON, `# event: {...}`.
-    fields = {"positions": table.q, "velocities": table.dq, "accelerations": table.ddq}
-    present = {name: x for name, x in fields.items() if x is not None}
-    lines = [
-        f"  {name}: [{', '.join([FIXED] * table.dof) if name in present else ''}]\n"
-        for name in fields
-    ]
-    point = (
-        f"- {''.join(lines).lstrip()}"
-        "  effort: []\n  time_from_start:\n    sec: %d\n    nanosec: %d\n"
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GoalTolerances(Checked):
+    """Tolerances of a goal of FollowJointTrajectory.
+
+    Args:
+        path: Largest distance of each joint from the trajectory in motion [rad], (dof,).
+        goal: Largest distance of each joint from the last point [rad], (dof,).
+        time: Time after the last point until the joints must be there [s].
+    """
+
+    path: Annotated[FloatArray, Quantity("", sign="positive"), Axes("joints")]
+    goal: Annotated[FloatArray, Quantity("", sign="positive"), Axes("joints")]
+    time: Duration = SETTLING
+
+
+def predict_tolerances(execution: Execution, factor: float = 2.0) -> GoalTolerances:
+    """Tolerances from the predicted errors of the joints, for a goal with its set-points.
+
+    Args:
+        execution: The predicted motion.
+        factor: Ratio of the tolerances to the largest predicted errors, which a real arm exceeds.
+            No tolerance is below 1 mrad.
+
+    Raises:
+        InvalidInput: `factor` is less than 1.
+    """
+    factor = checks.check_number("factor", factor, "")
+    if factor < 1:
+        raise InvalidInput(f"factor must be at least 1, but is {factor:g}.", allowed=1.0)
+    commands, t = execution.set_points, execution.t
+    measured = execution.q if execution.motor_q is None else execution.motor_q
+    command = np.column_stack([np.interp(t, commands.t, q) for q in commands.q.T])
+    errors = np.abs(command - measured)
+    late = float(t[-1] - commands.t[-1])
+    return GoalTolerances(
+        path=np.maximum(factor * errors.max(axis=0), LEAST_TOLERANCE),
+        goal=np.maximum(factor * errors[-1], LEAST_TOLERANCE),
+        time=max(2 * late, SETTLING),
     )
+
+
+def write_ros_yaml(
+    table: SetPointTable,
+    file: FilePath,
+    *,
+    decimals: int | None = None,
+    tolerances: GoalTolerances | None = None,
+) -> None:
+    """Write the YAML of a trajectory_msgs/msg/JointTrajectory, or with tolerances of a goal."""
+    # The text is valid for `ros2 topic pub` and has the form of `ros2 topic echo`. The message has
+    # no field for events and contours, so each is a comment at the top in JSON, `# event: {...}`.
+    most = table.decimals_of(decimals)
+    fields = {
+        name: (getattr(table, x), fixed_form(most - COARSER.get(x, 0), table.dof))
+        for name, x in FIELDS.items()
+    }
+    present = {name: x for name, (x, _) in fields.items() if x is not None}
+    lines = [f"  {name}: [{x if name in present else ''}]\n" for name, (_, x) in fields.items()]
+    point = f"- {''.join(lines).lstrip()}  time_from_start:\n    sec: %d\n    nanosec: %d\n"
     ns = _nanoseconds(table)
     values = np.column_stack([*present.values(), ns // SECOND, ns % SECOND])
     events = "".join(f"# event: {json.dumps(event_data(x))}\n" for x in table.events)
-    names = "".join(f"- {json.dumps(x, ensure_ascii=False)}\n" for x in table.joint_names)
-    head = (
-        f"# {table.name}\n{events}"
-        "header:\n  stamp:\n    sec: 0\n    nanosec: 0\n  frame_id: ''\n"
-        f"joint_names:\n{names}points:\n"
+    contours = "".join(
+        f"# contour: {json.dumps({'name': name, 't': round(t, 9)}, ensure_ascii=False)}\n"
+        for t, name in table.named_contours
     )
-    write_pieces(file, chain([head], format_rows(point, values)))
+    names = [json.dumps(x, ensure_ascii=False) for x in table.joint_names]
+    listed = "".join(f"- {x}\n" for x in names)
+    head = (
+        "header:\n  stamp:\n    sec: 0\n    nanosec: 0\n  frame_id: ''\n"
+        f"joint_names:\n{listed}points:\n"
+    )
+    about, end = f"# {table.title}\n{contours}{events}", list[str]()
+    if tolerances is not None:
+        about += "trajectory:\n"
+        head, point = indent(head, "  "), indent(point, "  ")
+        if len(tolerances.path) != table.dof:
+            raise InvalidInput(
+                f"Tolerances are for {len(tolerances.path)} joints, but {table.name!r} has "
+                f"{table.dof}."
+            )
+        for key, values_of in (("path", tolerances.path), ("goal", tolerances.goal)):
+            rows = zip(names, values_of, strict=True)
+            end += [f"{key}_tolerance:\n", *(TOLERANCE % row for row in rows)]
+        ns_late = round(tolerances.time * SECOND)
+        end.append(
+            f"goal_time_tolerance:\n  sec: {ns_late // SECOND}\n  nanosec: {ns_late % SECOND}\n"
+        )
+    write_pieces(file, chain([about, head], format_rows(point, values), end))
 
 
 def write_mcap(table: SetPointTable, file: FilePath) -> None:
@@ -104,19 +184,20 @@ def _message(table: SetPointTable, types: Any) -> Any:
     none = np.zeros(0)
     empty = [none] * len(table.t)
     # Rows of arrays that lie column by column, as those read from a file do, are not written.
-    q, dq, ddq = (
-        empty if x is None else np.ascontiguousarray(x) for x in (table.q, table.dq, table.ddq)
+    q, dq, ddq, torque = (
+        empty if x is None else np.ascontiguousarray(x)
+        for x in (getattr(table, key) for key in FIELDS.values())
     )
     points = [
         make["JointTrajectoryPoint"](
             positions=position,
             velocities=velocity,
             accelerations=acceleration,
-            effort=none,
+            effort=effort,
             time_from_start=make["Duration"](sec=ns // SECOND, nanosec=ns % SECOND),
         )
-        for position, velocity, acceleration, ns in zip(
-            q, dq, ddq, _nanoseconds(table).tolist(), strict=True
+        for position, velocity, acceleration, effort, ns in zip(
+            q, dq, ddq, torque, _nanoseconds(table).tolist(), strict=True
         )
     ]
     stamp = make["Time"](sec=0, nanosec=0)

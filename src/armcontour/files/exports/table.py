@@ -8,6 +8,7 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path as FilePath
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -38,12 +39,20 @@ ON_THE_POINT = 1e-9
 SAME_PLACE = 2e-12
 # Largest number of samples of a trajectory: more do not fit in memory together with the export.
 MAX_SAMPLES = 20_000_000
-# Decimals of a number; the rounding error is at most half of the last digit.
+# Decimals of results; the rounding error is at most half of the last digit.
 DECIMALS = 12
-FIXED = f"%.{DECIMALS}f"
+# Decimals of joint positions [rad] in exported texts: 1e-7 rad move a tool at 1 m by 0.1 um. With
+# cycles up to 4 ms, their second differences would change accelerations by 0.03 rad/s^2 or more.
+POSITION_DECIMALS, FINE_DECIMALS, FINE_CYCLE = 7, 9, 0.004
+# Decimals fewer than those of joint positions, by quantity.
+COARSER = {"dq": 1, "ddq": 2, "torque": 3}
+# Decimals of times [s]: whole microseconds, otherwise nanoseconds.
+MICRO, NANO = 6, 9
 # Number of values per formatting step: more take more memory and are not faster.
 CHUNK = 1 << 16
 UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "torque": "N m"}
+# A point of a trajectory that is nearer to a stop [cycles] is replaced by one at the stop.
+NEAR_A_STOP = 0.25
 # Attributes of events in JSON, and `point`.
 EVENT_KEYS = ("name", "value", "t", "due", "s")
 # Rows per block of the tool motion.
@@ -61,6 +70,7 @@ class SetPointTable(Checked):
         t: Times of the points [s], (n,); the first one is 0.
         q: Joint positions [rad], (n, dof).
         dq, ddq: Joint velocities [rad/s] and accelerations [rad/s²]; None if they are not written.
+        torque: Torques of the drives in the plan [N m], (n, dof); None if they are not written.
         events: Events in the order of their times, which count from the first point too.
         tool: Tool points [m], (n, 2) or (n, 3).
         tool_rotation: Tool orientations as quaternions x, y, z, w, (n, 4), whose signs do not jump.
@@ -69,6 +79,9 @@ class SetPointTable(Checked):
         analog: Values of analog outputs by their names, (n,) each.
         contours: Start times [s] and names of contours.
         command_limits: Limits that the joint positions satisfy, as set-points.
+        stops: Times at which a sampled trajectory stops between moves [s].
+        part: Number of this file and number of files.
+        ends_at_rest: Whether the motion rests at the last point.
 
     Raises:
         InvalidInput: An array has a wrong shape, the times do not increase, a name is not one line
@@ -82,6 +95,7 @@ class SetPointTable(Checked):
     q: Annotated[FloatArray, Quantity(""), Axes("n", "joints")]
     dq: Annotated[FloatArray, Quantity(""), Axes("n", "joints")] | None = None
     ddq: Annotated[FloatArray, Quantity(""), Axes("n", "joints")] | None = None
+    torque: Annotated[FloatArray, Quantity(""), Axes("n", "joints")] | None = None
     events: tuple[TimedEvent, ...] = ()
     tool: Annotated[FloatArray, Quantity(""), Axes("n", "dimension")] | None = None
     tool_rotation: Annotated[FloatArray, Quantity(""), Axes("n", 4)] | None = None
@@ -90,6 +104,9 @@ class SetPointTable(Checked):
     analog: Mapping[str, FloatArray] = field(default_factory=dict)
     contours: tuple[tuple[float, str], ...] = ()
     command_limits: Limits | None = None
+    stops: tuple[float, ...] = ()
+    part: tuple[int, int] = (1, 1)
+    ends_at_rest: bool = True
 
     def _check_together(self) -> None:
         analog = {
@@ -140,6 +157,12 @@ class SetPointTable(Checked):
             raise InvalidInput(f"Joint names must differ, but {min(repeated)!r} is there twice.")
 
     @property
+    def title(self) -> str:
+        """Name of the program, with the number of its file if there are several."""
+        number, count = self.part
+        return self.name if count == 1 else f"{self.name}, file {number} of {count}"
+
+    @property
     def dof(self) -> int:
         """Number of joints."""
         return len(self.joint_names)
@@ -152,9 +175,27 @@ class SetPointTable(Checked):
     @property
     def point_of_events(self) -> list[int]:
         """Index of the last point at or before each event."""
-        times = np.array([x.t for x in self.events]) + ON_THE_POINT * self.cycle
-        indices = np.searchsorted(self.t, times, side="right") - 1
-        return [int(i) for i in indices]
+        return self.points_at([x.t for x in self.events])
+
+    def points_at(self, times: Sequence[float]) -> list[int]:
+        """Index of the last point at or before each time; 0 before the first one."""
+        late = np.array(times) + ON_THE_POINT * self.cycle
+        indices = np.searchsorted(self.t, late, side="right") - 1
+        return [max(0, int(i)) for i in indices]
+
+    @property
+    def named_contours(self) -> list[tuple[float, str]]:
+        """Start times [s] and names of the contours that have a name."""
+        return [(t, name) for t, name in self.contours if name]
+
+    def decimals_of(self, decimals: int | None = None) -> int:
+        """Decimals of joint positions [rad] in texts."""
+        if decimals is not None:
+            return decimals
+        if self.command_limits is not None:
+            # Set-points satisfy limits of commands with these decimals.
+            return DECIMALS
+        return POSITION_DECIMALS if self.cycle > FINE_CYCLE * (1 + 1e-9) else FINE_DECIMALS
 
 
 def make_table(
@@ -166,6 +207,8 @@ def make_table(
     cycle: float | None = None,
     derivatives: int = 2,
     tool_motion: bool = False,
+    effort: bool = False,
+    at_stops: bool = False,
     analog: Mapping[str, Callable[[FloatArray], FloatArray]] | None = None,
 ) -> SetPointTable:
     """The table of set-points or of a sampled trajectory; time counts from the first point.
@@ -184,6 +227,8 @@ def make_table(
         cycle: Sampling cycle of a trajectory [s], 4 ms by default; set-points have their own.
         derivatives: 2, 1 for positions and velocities only, or 0 for positions only.
         tool_motion: Whether the table has orientation and speed of the tool too.
+        effort: Whether the table has the torques of the plan, which need an arm with bodies.
+        at_stops: Whether a sampled trajectory has points where it stops between moves.
         analog: Analog outputs by their names: functions from times of the plan [s], (n,), to
             values, as `armcontour.jobs.analog_outputs` gives them.
     """
@@ -194,10 +239,22 @@ def make_table(
     derivatives = checks.check_int("derivatives", derivatives, 0, 2)
     if isinstance(data, SetPoints):
         samples, step = _set_points(data, cycle, derivatives), data.cycle
+        stops = np.zeros(0)
         start, plan = data.start_time, data.trajectory
     else:
         step = _sampling_cycle(data, name, cycle)
         samples, start, plan = data.sample(step), 0.0, data
+        stops = _stops(data)
+        if at_stops:
+            samples = _sample_stops(data, samples, step)
+    moved = (
+        Samples(
+            t=samples.t,
+            **dict(zip(("q", "dq", "ddq"), plan.motion_with_rests(samples.t + start), strict=True)),
+        )
+        if effort
+        else None
+    )
     functions = analog or {}
     checks.check_sequence("analog", functions.values(), Callable, "functions")
     return tabulate(
@@ -210,8 +267,10 @@ def make_table(
         joint_names=joint_names,
         derivatives=derivatives,
         tool_motion=tool_motion,
+        effort=moved,
         analog={key: values(samples.t + start) for key, values in functions.items()},
         contours=tuple((x.t[0] - start, x.name) for x in plan.contour_spans),
+        stops=tuple(stops.tolist()),
         command_limits=data.command_limits if isinstance(data, SetPoints) else None,
     )
 
@@ -223,9 +282,13 @@ def tabulate(
     joint_names: Sequence[str] | None = None,
     derivatives: int = 2,
     tool_motion: bool = False,
+    effort: Samples | None = None,
     **about: Any,
 ) -> SetPointTable:
-    """The table of samples; `about` are further fields of `SetPointTable`."""
+    """The table of samples, with torques of the motion `effort`.
+
+    `about` are further fields of `SetPointTable`.
+    """
     name, dof = about["name"], samples.q.shape[1]
     checks.check_int("derivatives", derivatives, 0, 2)
     tool: dict[str, Any] = {}
@@ -234,8 +297,11 @@ def tabulate(
         if arm.dof != dof:
             raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but {name!r} has {dof}.")
         tool = _tool(arm, samples, tool_motion)
-    elif tool_motion:
-        raise InvalidInput(f"The motion of the tool of {name!r} needs the arm: give arm.")
+    elif tool_motion or effort is not None:
+        what = "motion of the tool" if tool_motion else "torques"
+        raise InvalidInput(f"The {what} of {name!r} need the arm: give arm.")
+    if arm is not None and effort is not None:
+        tool["torque"] = arm.torque(effort.q, effort.dq, effort.ddq)
     if joint_names is None:
         joint_names = arm.joint_names if arm else [f"joint {i}" for i in range(1, dof + 1)]
     return SetPointTable(
@@ -269,6 +335,27 @@ def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
         flips = np.sum(q[1:] * q[:-1], axis=1) < 0
         q[1:][np.cumsum(flips) % 2 == 1] *= -1.0
     return whole
+
+
+def _stops(plan: Trajectory) -> FloatArray:
+    """Times between moves of the program at which the joints stop [s]."""
+    ends = np.array([x.t[1] for x in plan.spans[:-1]])
+    still = np.all(np.abs(plan(ends, 1)) <= SAME_PLACE, axis=1)
+    return np.unique(ends[still])
+
+
+def _sample_stops(plan: Trajectory, samples: Samples, cycle: float) -> Samples:
+    """Samples with points at the stops of the plan, instead of points that are near to them."""
+    t, stops = samples.t, _stops(plan)
+    if not len(stops):
+        return samples
+    sides = np.concatenate([[-np.inf], stops, [np.inf]])
+    after = np.searchsorted(stops, t)
+    gaps = np.minimum(t - sides[after], sides[after + 1] - t)
+    kept = (gaps >= NEAR_A_STOP * cycle) | (t == t[0]) | (t == t[-1])
+    t = np.union1d(t[kept], stops[(stops > t[0]) & (stops < t[-1])])
+    q, dq, ddq = plan.motion(t)
+    return Samples(t=t, q=q, dq=dq, ddq=ddq)
 
 
 def check_export_cycle(cycle: float, duration: float, name: str) -> None:
@@ -385,13 +472,37 @@ def joint_columns(
 
 
 def csv_pieces(
-    header: Sequence[str], columns: Sequence[FloatArray], cells: Mapping[int, str] | None = None
+    header: Sequence[str],
+    columns: Sequence[FloatArray],
+    cells: Mapping[int, str] | None = None,
+    decimals: Sequence[int] | None = None,
 ) -> Iterator[str]:
-    """Yield numbers as CSV with 12 decimals in blocks of rows; `cells` are a last column."""
+    """Yield numbers as CSV in blocks of rows; `cells` are a last column.
+
+    Args:
+        header: Titles of the columns.
+        columns: Arrays, (n,) or (n, columns).
+        cells: Texts of the last column by row.
+        decimals: Decimals of each array; 12 by default.
+    """
     yield _csv_line(header)
-    row = ",".join([FIXED] * sum(1 if x.ndim == 1 else x.shape[1] for x in columns))
+    places = decimals or [DECIMALS] * len(columns)
+    row = ",".join(
+        fixed_form(place, 1 if x.ndim == 1 else x.shape[1], ",")
+        for x, place in zip(columns, places, strict=True)
+    )
     lines = {k: row + _csv_line(["", x]).replace("%", "%%") for k, x in (cells or {}).items()}
     yield from format_rows(row + ("\n" if cells is None else ",\n"), *columns, lines=lines)
+
+
+def fixed_form(decimals: int, count: int = 1, separator: str = ", ") -> str:
+    """The format of numbers with fixed decimals."""
+    return separator.join([f"%.{decimals}f"] * count)
+
+
+def time_decimals(t: FloatArray) -> int:
+    """Decimals of times [s]: 6 if all are whole microseconds, otherwise 9."""
+    return MICRO if bool((np.abs(t - np.round(t, MICRO)) < 1e-10).all()) else NANO
 
 
 def _csv_line(cells: Sequence[str]) -> str:
@@ -433,22 +544,32 @@ def event_data(event: TimedEvent) -> dict[str, Any]:
     return {x: getattr(event, x) for x in EVENT_KEYS} | {"point": list(event.point)}
 
 
-def write_csv(table: SetPointTable, file: FilePath) -> None:
+def write_csv(
+    table: SetPointTable, file: FilePath, *, decimals: int | None = None, comments: bool = False
+) -> None:
     """Write columns t, then q, dq and ddq of all joints, and `events` if there are any, as CSV."""
     # If the table has the speed of the tool, its point, orientation and speed are columns too; so
     # are analog outputs, `analog power`. An event is in the row of the last point at or before it
-    # and has its own time: `tool=on@0.104000000000; gas=2.5@0.104500000000`.
+    # and has its own time: `tool=on@0.104000; gas=2.5@0.104500`.
     header, columns = _columns(table)
     cells = _event_cells(table) if table.events else None
+    kinds = [x for x in UNITS if getattr(table, x) is not None]
+    most = table.decimals_of(decimals)
+    places = [time_decimals(table.t), *(most - COARSER.get(x, 0) for x in kinds)]
+    places += [most] * (len(columns) - len(places))
     if cells is not None:
         header.append("events")
-    write_pieces(file, csv_pieces(header, columns, cells))
+    about = f"# {table.title}\n" + "".join(
+        f"# contour {name} from {t:.{MICRO}f} s\n" for t, name in table.named_contours
+    )
+    pieces = csv_pieces(header, columns, cells, places)
+    write_pieces(file, chain([about], pieces) if comments else pieces)
 
 
 def write_npz(table: SetPointTable, file: FilePath) -> None:
     """Write the table to an npz file.
 
-    The arrays are name, joint_names, cycle, start_time, t, q, dq, ddq, tool,
+    The arrays are name, joint_names, cycle, start_time, t, q, dq, ddq, torque, tool,
     tool_rotation and tool_speed; for analog outputs `analog_name`, (outputs,), and `analog`,
     (n, outputs); and for the events `event_name`, `event_value` (JSON), `event_t`, `event_due` and
     `event_s`, (events,).
@@ -465,7 +586,7 @@ def write_npz(table: SetPointTable, file: FilePath) -> None:
     }
     for key in ("t", "due", "s"):
         arrays[f"event_{key}"] = np.array([getattr(x, key) for x in events], dtype=np.float64)
-    for key in ("t", "q", "dq", "ddq", "tool", "tool_rotation", "tool_speed"):
+    for key in ("t", *UNITS, "tool", "tool_rotation", "tool_speed"):
         if getattr(table, key) is not None:
             arrays[key] = getattr(table, key)
     if table.analog:
@@ -479,7 +600,7 @@ def write_npz(table: SetPointTable, file: FilePath) -> None:
 def _columns(table: SetPointTable) -> tuple[list[str], list[FloatArray]]:
     """Titles and columns of joints, of analog outputs, and of the tool if its speed is given."""
     header, columns = joint_columns(
-        table.t, table.joint_names, q=table.q, dq=table.dq, ddq=table.ddq
+        table.t, table.joint_names, **{x: getattr(table, x) for x in UNITS}
     )
     tool = table.tool_speed is not None
     if tool and table.tool is not None:
@@ -501,7 +622,7 @@ def _event_cells(table: SetPointTable) -> dict[int, str]:
     """The events of each point as text, by the index of the point."""
     cells: dict[int, str] = {}
     for event, i in zip(table.events, table.point_of_events, strict=True):
-        text = f"{format_event(event)}@{FIXED % event.t}"
+        text = f"{format_event(event)}@{event.t:.{time_decimals(np.array(event.t))}f}"
         cells[i] = f"{cells[i]}; {text}" if i in cells else text
     return cells
 

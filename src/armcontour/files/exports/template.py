@@ -15,7 +15,7 @@ import numpy as np
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import read_text
 from armcontour.core.text import list_some, show
-from armcontour.files.exports.table import DECIMALS, SetPointTable, format_event
+from armcontour.files.exports.table import POSITION_DECIMALS, SetPointTable, format_event
 from armcontour.motion.nearest_commands import command_use
 from armcontour.motion.trajectory import COMMAND_SLACK
 
@@ -33,8 +33,8 @@ FEWER = {
     **dict.fromkeys(SHIPPED, "use a longer cycle (--cycle)"),
     "urscript": "stream the set-points over RTDE (--export csv)",
 }
-# Last digit of joint positions in programs [rad]; other formats have 12 decimals or more.
-LAST_DIGIT = {"urscript": 1e-6, **dict.fromkeys(SHIPPED, math.radians(1e-6))}
+# Last digit of joint positions in programs [rad].
+LAST_DIGIT = {"urscript": 10.0**-POSITION_DECIMALS, **dict.fromkeys(SHIPPED, math.radians(1e-6))}
 # Number of events that one sentence lists.
 MAX_NAMES = 4
 
@@ -63,12 +63,17 @@ class Point:
     # Joint velocities [rad/s] and accelerations [rad/s²]; None if the table has none.
     dq: tuple[float, ...] | None
     ddq: tuple[float, ...] | None
+    torque: (
+        tuple[float, ...] | None
+    )  # Torques of the drives in the plan [N m]; None unless exported
     tool: tuple[float, ...] | None  # Tool point [m]; None without an arm
     # Tool orientation as a quaternion x, y, z, w; None unless exported.
     tool_rotation: tuple[float, ...] | None
     tool_speed: float | None  # Speed of the tool point [m/s]; None unless exported
     analog: Mapping[str, float]  # Values of analog outputs by their names
     events: tuple[OutputSwitch, ...]  # Events from this point to the next one
+    # Start times [s] and names of contours that begin from this point to the next one.
+    contours: tuple[tuple[float, str], ...]
 
 
 class _Refused(Exception):
@@ -110,13 +115,14 @@ def describe_program(
     name: str | FilePath,
     outputs: Mapping[str, int | str] | None,
     name_output: Callable[[str, int | str], str],
+    digit: float | None = None,
 ) -> list[str]:
-    """Sentences on a program of urscript or a template: outputs not set, and size."""
-    sentences, named_outputs = _describe_rounding(table, name), outputs or {}
+    """Sentences on a program of urscript or a template: outputs not set, digits, and size."""
+    sentences, named_outputs = _describe_rounding(table, digit), outputs or {}
     if name in FEWER and len(table.t) > MAX_POINTS:
         sentences.append(
             f"the program has {len(table.t)} points, and a controller may not hold more than "
-            f"{MAX_POINTS}: {FEWER[str(name)]}, or split the job."
+            f"{MAX_POINTS}: {FEWER[str(name)]}, or divide the program (--points-per-file)."
         )
     unset = [x for x in table.analog if x not in named_outputs]
     if unset and name in ANALOG_EXAMPLES:
@@ -146,9 +152,8 @@ def describe_program(
     return sentences
 
 
-def _describe_rounding(table: SetPointTable, name: str | FilePath) -> list[str]:
+def _describe_rounding(table: SetPointTable, digit: float | None) -> list[str]:
     """A sentence on set-points that exceed limits of commands with the digits that are written."""
-    digit = LAST_DIGIT.get(str(name))
     if table.command_limits is None or digit is None:
         return []
     rounded = np.round(table.q / digit) * digit
@@ -161,7 +166,7 @@ def _describe_rounding(table: SetPointTable, name: str | FilePath) -> list[str]:
     return [
         f"joint positions are rounded to {digit:.2g} rad, with which set-points need "
         f"{largest_use:.4f} times command_limits.{worst}: reduce this limit by "
-        f"{math.ceil((largest_use - 1) * 100)} %, or use a format with 12 decimals, such as csv."
+        f"{math.ceil((largest_use - 1) * 100)} %, or write csv with --decimals 12."
     ]
 
 
@@ -234,6 +239,9 @@ def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str
     points = _points(table)
     return {
         "name": table.name,
+        "title": table.title,
+        "part": table.part[0],
+        "parts": table.part[1],
         "file": file,
         "joint_names": table.joint_names,
         "dof": table.dof,
@@ -261,9 +269,14 @@ def _points(table: SetPointTable) -> tuple[Point, ...]:
                 text=format_event(event),
             )
         )
+    contours: dict[int, list[tuple[float, str]]] = {}
+    named = table.named_contours
+    for contour, i in zip(named, table.points_at([t for t, _ in named]), strict=True):
+        contours.setdefault(i, []).append(contour)
     count = len(table.t)
     arrays = (
-        *(table.q, np.degrees(table.q), table.dq, table.ddq, table.tool, table.tool_rotation),
+        *(table.q, np.degrees(table.q), table.dq, table.ddq, table.torque),
+        *(table.tool, table.tool_rotation),
         None if table.tool_speed is None else table.tool_speed[:, None],
     )
     analog = {key: values.tolist() for key, values in table.analog.items()}
@@ -279,13 +292,15 @@ def _points(table: SetPointTable) -> tuple[Point, ...]:
             q_deg=degrees or (),
             dq=dq,
             ddq=ddq,
+            torque=torque,
             tool=tool,
             tool_rotation=rotation,
             tool_speed=None if speed is None else speed[0],
             analog={key: values[i] for key, values in analog.items()},
             events=tuple(switches.get(i, ())),
+            contours=tuple(contours.get(i, ())),
         )
-        for i, (t, (q, degrees, dq, ddq, tool, rotation, speed)) in enumerate(
+        for i, (t, (q, degrees, dq, ddq, torque, tool, rotation, speed)) in enumerate(
             zip(table.t.tolist(), rows, strict=True)
         )
     )
@@ -296,7 +311,7 @@ def _each(function: Any, value: Any) -> Any:
     return function(value) if isinstance(value, int | float) else [function(y) for y in value]
 
 
-def _fixed(value: float | Sequence[float], decimals: int = DECIMALS) -> str:
+def _fixed(value: float | Sequence[float], decimals: int = POSITION_DECIMALS) -> str:
     """A number, or several with commas between them, with a fixed number of decimals."""
     text = _each(lambda y: f"{y:.{decimals}f}", value)
     return text if isinstance(text, str) else ", ".join(text)

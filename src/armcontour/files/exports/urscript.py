@@ -13,7 +13,13 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.files.exports.table import SetPointTable, format_event, format_rows, write_pieces
+from armcontour.files.exports.table import (
+    POSITION_DECIMALS,
+    SetPointTable,
+    format_event,
+    format_rows,
+    write_pieces,
+)
 from armcontour.motion import TimedEvent
 
 JOINTS = 6
@@ -21,14 +27,16 @@ JOINTS = 6
 CONTROLLER_CYCLE = 0.002
 # Number of standard digital outputs of the control boxes.
 OUTPUTS = 8
+# Longest name of a program that all versions of the controller accept, as of UR's client library.
+LONGEST_NAME = 31
 # Duration for which the last set-point is repeated, until the servo has reached it [s].
 HOLD = 0.5
 
 # Number of standard analog outputs of the control boxes, and text of their level in commands.
 ANALOG_OUTPUTS = 2
 LEVEL, SAME_LEVEL = "%.4f", 5e-5
-# Joint positions [rad]: their rounding moves a tool at 1 m by 0.5 um.
-ANGLE = "%.6f"
+# Joint positions [rad].
+ANGLE = f"%.{POSITION_DECIMALS}f"
 
 # The first line and the last one are those that the controller needs over its socket.
 HEAD = """\
@@ -68,10 +76,12 @@ def write_urscript(
     cycle = f"{table.cycle:.12g}"
     point = f"  servoj([{', '.join([ANGLE] * JOINTS)}], 0, 0, {cycle}, lookahead, gain)\n"
     numbers = [", ".join(ANGLE % x for x in q) for q in (table.q[0], table.q[-1])]
+    part = f"_{table.part[0]}" if table.part[1] > 1 else ""
     program = "armcontour_" + re.sub(r"[^0-9A-Za-z]", "_", table.name)
+    program = program[: LONGEST_NAME - len(part)] + part
     head = HEAD.format(
         program=program,
-        title=table.name,
+        title=table.title,
         count=len(table.q),
         cycle=cycle,
         duration=f"{table.duration:.12g}",
@@ -79,7 +89,10 @@ def write_urscript(
         first=numbers[0],
     )
     # Computed before the file is opened, because an event may be refused.
-    lines = [(t / table.cycle, f"  # contour {name}\n") for t, name in table.contours if name]
+    lines = [
+        (t / table.cycle, f"  # contour {name} from {t:.6f} s\n")
+        for t, name in table.named_contours
+    ]
     lines += [(x.t / table.cycle, _set_output(x, digital)) for x in table.events]
     for name, number in analog.items():
         lines += _set_levels(name, _analog_number(name, number), table.analog[name])

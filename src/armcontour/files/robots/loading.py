@@ -126,7 +126,7 @@ def load_arm(
 def _load(
     name: Any, options: ArmOptions, payload: Payload | None, trust_xacro: bool, depth: int = 0
 ) -> Arm:
-    """Load an arm without its equipment."""
+    """Load an arm without the tool, the work frame and the SRDF that `load_arm` adds."""
     file = FilePath("") if is_model(name) else FilePath(name)
     if is_description(file):
         from armcontour.files.robots.urdf import arm_of_tree, read_description

@@ -178,7 +178,7 @@ def _limits(
 
 
 def assume_accelerations(limits: Limits, note: str) -> tuple[Limits, str]:
-    """Limits with accelerations, and a note with a sentence on those that are assumed."""
+    """Derive missing joint accelerations from joint velocities, and add this to the note."""
     if limits.joint_acceleration is None and limits.joint_velocity is not None:
         limits = limits.replace(joint_acceleration=limits.joint_velocity / RISE)
         note = f"{note}; {ASSUMED}" if note else ASSUMED

@@ -465,7 +465,7 @@ def _dual_changes(
 
 @compiled(inner=True)
 def _move_tangents(p: JerkSection, d: FloatArray, tangents: FloatArray, slack: _Duals) -> None:
-    """Move tangents to d where that leaves most of the slack of every row; writes the new slack."""
+    """Move the tangent of each part to d if every row keeps the share KEPT of its slack."""
     for c in range(len(p.cell)):
         i, before = p.cell[c], p.about[c]
         p.about[c] = _mean(p, c, d)

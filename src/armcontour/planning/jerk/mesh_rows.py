@@ -392,7 +392,8 @@ class MeshRows:
 
 
 def control_points(mesh: JerkMesh) -> tuple[FloatArray, FloatArray]:
-    """Rows of the first and last control point of ds² on every cell, (n, 3) each."""
+    """Coefficients of the first and last control point of ds² on each cell, (n, 3) each."""
+    # They multiply the middle control points of the previous cell, of the cell and of the next one.
     # Inside a section both are means of the neighbours, so that ds² has a continuous slope. Next to
     # a cell of uniform jerk they have its slope, `4 A / 3 h`; at other ends they are given.
     width = mesh.width

@@ -24,7 +24,7 @@ from armcontour.planning.shaping.quadratic_program import solve_program
 from armcontour.planning.shaping.spline_rows import LEAST_SPAN, JointSpline, assemble, span_rows
 from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, match, prove
 
-# Number of corners and rests above which a path is long.
+# A path with more corners and rests than this is optimized in chunks.
 LONG = 40
 # Corners of a chunk, and shift of the cuts between iterations.
 CORNERS, SHIFT = 8, 3

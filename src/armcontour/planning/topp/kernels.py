@@ -65,6 +65,7 @@ SHARE_AT_REST = 0.5  # largest share of the limit at rest that a line above fric
 NOTHING = 1e-150  # coefficients below this are zero
 BLOCK = 1 << 13  # number of stored intervals, which limits the memory
 LEAST = 1e-300  # keeps divisions finite; its root is far below any path speed
+AT_END, RISE = 4, 8  # positions in `_linear_row`: coefficients at the end, and the rise
 
 
 class Rules(NamedTuple):
@@ -126,6 +127,7 @@ class LimitLines(NamedTuple):
 
 @compiled(inner=True, fastmath=FUSED)
 def _margin(rise: FloatArray, i: int, r: int, bounds: MotionBounds) -> float:
+    """Margin of row r on interval i for the bounds."""
     by = rise[i, r, BY_U] * bounds.u[i] + rise[i, r, BY_X] * bounds.x[i]
     return float(by + rise[i, r, BY_SLOPE] * abs(bounds.k[i]) + rise[i, r, ALONE])
 
@@ -243,6 +245,7 @@ def friction_rise(
 
 @compiled(inner=True)
 def _products(ends: FloatArray, i: int, end: int, r: int) -> tuple[float, float, float]:
+    """Products a a, a b and b b of the vectors of limit r at one end of interval i."""
     aa = ab = bb = 0.0
     for d in range(3):
         a, b = ends[i, end, r, A, d], ends[i, end, r, B, d]
@@ -355,8 +358,8 @@ def rows_with_friction(
         for r in range(count):
             row = _linear_row(limits, i, r, width[i], within, margins)
             for k in range(4):
-                rows.ends[i, 0, r, k], rows.ends[i, 1, r, k] = row[k], row[4 + k]
-                rows.rise[i, r, k] = row[8 + k]
+                rows.ends[i, 0, r, k], rows.ends[i, 1, r, k] = row[k], row[AT_END + k]
+                rows.rise[i, r, k] = row[RISE + k]
     return rows
 
 
@@ -505,23 +508,40 @@ def _row_half_planes(
     w: float,
     margins: bool,
 ) -> None:
-    by, count = lines.scratch, limits.rows.rise.shape[1] + limits.friction.within.shape[1]
+    """Write LANES rows of interval i from row `first` on, as half-planes from line `line` on."""
+    # `by_lane`: the coefficients of a row at both ends, then its margin, LANES numbers each. Lanes
+    # without a row limit nothing.
+    by_lane, count = lines.scratch, limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     within = bracket(bounds.x_min[i], bounds.x[i])
     for lane in range(LANES):
         if first + lane < count:
             row = _linear_row(limits, i, first + lane, w, within, margins)
-            for k in range(8):
-                by[k * LANES + lane] = row[k]
-            room = row[8] * bounds.u[i] + row[9] * bounds.x[i] + row[10] * abs(bounds.k[i])
-            by[8 * LANES + lane] = room + row[11] if margins else 0.0
+            for k in range(RISE):
+                by_lane[k * LANES + lane] = row[k]
+            room = (
+                row[RISE + BY_U] * bounds.u[i]
+                + row[RISE + BY_X] * bounds.x[i]
+                + row[RISE + BY_SLOPE] * abs(bounds.k[i])
+            )
+            by_lane[RISE * LANES + lane] = room + row[RISE + ALONE] if margins else 0.0
         else:
-            for k in range(9):
-                by[k * LANES + lane] = 0.0
-            by[LOW * LANES + lane] = by[(4 + LOW) * LANES + lane] = -math.inf
-            by[HIGH * LANES + lane] = by[(4 + HIGH) * LANES + lane] = math.inf
-    start = load(by, 0), load(by, LANES), load(by, 2 * LANES), load(by, 3 * LANES)
-    end = load(by, 4 * LANES), load(by, 5 * LANES), load(by, 6 * LANES), load(by, 7 * LANES)
-    room = load(by, 8 * LANES)
+            for k in range(RISE + 1):
+                by_lane[k * LANES + lane] = 0.0
+            by_lane[LOW * LANES + lane] = by_lane[(AT_END + LOW) * LANES + lane] = -math.inf
+            by_lane[HIGH * LANES + lane] = by_lane[(AT_END + HIGH) * LANES + lane] = math.inf
+    start = (
+        load(by_lane, A * LANES),
+        load(by_lane, B * LANES),
+        load(by_lane, LOW * LANES),
+        load(by_lane, HIGH * LANES),
+    )
+    end = (
+        load(by_lane, (AT_END + A) * LANES),
+        load(by_lane, (AT_END + B) * LANES),
+        load(by_lane, (AT_END + LOW) * LANES),
+        load(by_lane, (AT_END + HIGH) * LANES),
+    )
+    room = load(by_lane, RISE * LANES)
     _half_planes(lines, i, line, (w, bounds.k[i] * w / 2), (start, end), room, margins)
 
 
@@ -534,6 +554,7 @@ def _interval_limits(
     margins: bool,
     lines: LimitLines,
 ) -> None:
+    """Write all limits of interval i into `lines`; `margins`: false to leave out the margins."""
     rounds, groups = limits.rounds, len(limits.joints) // ROWS
     count = limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     w = grid.s[i + 1] - grid.s[i]
@@ -560,6 +581,7 @@ def _interval_limits(
 
 @compiled(inner=True, fastmath=FUSED)
 def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
+    """Smallest and largest mean u of interval i for x at its start."""
     table, count, slot = lines.table, lines.width, i & (len(lines.drawn) - 1)
     first = 3 * count * slot
     tilted = x * load(table, first)
@@ -711,6 +733,7 @@ def _backward_forward_pass(
 
 @compiled(inner=True, fastmath=FUSED)
 def _round_range(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[float, float]:
+    """Smallest and largest u at one end of interval i within the limit r of a vector."""
     aa = ab = bb = 0.0
     for d in range(3):
         a, b = rounds.ends[i, end, r, A, d], rounds.ends[i, end, r, B, d] * x
@@ -821,6 +844,7 @@ def _choose_slopes(
 def _motion_extent(
     width: FloatArray, x: FloatArray, k: FloatArray, i: int
 ) -> tuple[float, float, float]:
+    """Largest and smallest x, and largest |u|, of a motion on interval i."""
     w, first, last = width[i], x[i], x[i + 1]
     mean, turn = (last - first) / (2 * w), abs(k[i]) * w / 2
     sag = turn * w / 2
@@ -874,6 +898,7 @@ def _prove_or_widen(
 
 @compiled(inner=True)
 def _largest_margin(lost: FloatArray) -> int:
+    """Index of the interval whose margins take the largest share of a limit."""
     worst = 0
     for i in range(len(lost)):
         if lost[i] > lost[worst]:
@@ -883,6 +908,7 @@ def _largest_margin(lost: FloatArray) -> int:
 
 @compiled(inner=True)
 def _duration(width: FloatArray, x: FloatArray, k: FloatArray) -> float:
+    """Duration of a motion with ds² at the ends of the intervals and slopes k [s]."""
     total = 0.0
     for i in range(len(width)):
         total += interval_time(width[i], math.sqrt(x[i]), math.sqrt(x[i + 1]), k[i])
@@ -947,7 +973,7 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
         np.empty((slots, 2 * limits.rounds.radius.shape[1], 5)),
         np.empty((n, 2)),
         np.zeros(n),
-        np.empty(9 * LANES),
+        np.empty((RISE + 1) * LANES),
     )
     x_best, lost, shortest = np.zeros(n + 1), np.zeros(n), math.inf
     slopes, kind, tangents = np.zeros(n), 0, 0

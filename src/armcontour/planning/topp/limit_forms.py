@@ -17,8 +17,9 @@ from armcontour.core.checks import FloatArray, IntArray, kernel_array
 from armcontour.core.errors import InvalidInput
 from armcontour.core.simd import LANES
 
-# Columns of `LinearRows.ends`, of the vectors of `Rounds.ends`, and of all rises.
+# Last axis of `LinearRows.ends`; A and B are also the axis of the two vectors in `Rounds.ends`.
 A, B, LOW, HIGH = range(4)
+# Last axis of every `rise`: factors of U, X, K and 1.
 BY_U, BY_X, BY_SLOPE, ALONE = range(4)
 # Rows of `JointBounds`, LANES joints each: bounds of accelerations, inverse squares of those of
 # velocities, and twice the number of the lane; and their total length.

@@ -21,7 +21,7 @@ COLUMNS = {
     "verdict": "kept",
     "motion": "duration",
     "off the drawing": "off_drawing",
-    "limits the time": "time_limit",
+    "time limited by": "time_limit",
 }
 ON_BODIES = "experiment."
 # Number of time shares on the first screen, and limits that a reserve reduces.

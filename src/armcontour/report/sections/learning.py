@@ -106,7 +106,7 @@ def _of_joints(study: LearningStudy) -> Any:
 def _marked(
     x: Sequence[int], y: Any, name: str, colour: str, symbol: str, mode: str = "lines+markers"
 ) -> Any:
-    """Errors over numbers of runs, in thousandths."""
+    """Trace of errors [m, rad] over the numbers of runs, drawn in mm or mrad."""
     return make_trace(
         "scatter",
         x=list(x),

@@ -161,7 +161,7 @@ class Unknowns:
     def from_uncertainty(cls, box: Uncertainty, arm: Arm, servo: ServoModel) -> Unknowns:
         """Find the parameters of a box that vary."""
         joint_servo = servo.for_joints(arm.dof)
-        _check_fit(box, arm, joint_servo)
+        _check_bodies(box, arm, joint_servo)
         # Parameters shared by all joints are listed before and after those of single joints.
         first, last = {("payload", -1): np.asarray(box.payload)}, {}
         if box.friction_shared:
@@ -280,8 +280,8 @@ def _ranges(box: Uncertainty, dof: int) -> dict[str, tuple[FloatArray, FloatArra
     }
 
 
-def _check_fit(box: Uncertainty, arm: Arm, servo: ServoModel) -> None:
-    """Check that the uncertainty set fits the arm and the servo."""
+def _check_bodies(box: Uncertainty, arm: Arm, servo: ServoModel) -> None:
+    """Check that the arm has bodies, and that the arm and the servo support the uncertainty set."""
     dof, chain = arm.dof, arm.chain
     if chain is None or not arm.has_bodies:
         raise InvalidInput(

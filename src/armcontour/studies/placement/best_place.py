@@ -245,11 +245,11 @@ def _refuse_all(
     nearest = min(refused, key=lambda x: np.nan_to_num(x.verdict.beyond, nan=np.inf))
     reason = nearest.verdict.reason or f"a corner of its uncertainty is refused by {kind}."
     if len(places) == 1:
-        text = f"The place {nearest} is refused"
+        text = f"The place {nearest} is not feasible"
     else:
         kinds = ", ".join(f"{n} by {name}" for name, n in counts.most_common())
-        location = f"{nearest} is the nearest to the reach" if kind == REACH else f"at {nearest}"
-        text = f"None of {len(places)} places is feasible ({kinds}); {location}"
+        example = "closest to the reach is" if kind == REACH else "one of them is"
+        text = f"None of {len(places)} places is feasible (refused: {kinds}); {example} {nearest}"
     error = Unreachable if kind in (REACH, RANGE, SINGULAR_ARM) else NotRealizable
     needed = None if np.isnan(nearest.verdict.beyond) else nearest.verdict.beyond
     raise error(f"{text}: {reason}", limit=kind, needed=needed)

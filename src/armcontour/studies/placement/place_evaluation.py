@@ -186,12 +186,12 @@ class PlaceEvaluator:
         bases = place_bases(self._limited.chain.base.matrix, self.moves.frames(places), self.moved)
         beyond = self.screen.out_of_reach(bases)
         return [
-            PlaceBounds(refusal=REACH) if far else self._screened(x)
+            PlaceBounds(refusal=REACH) if far else self._bounds_of_reachable(x)
             for x, far in zip(places, beyond.tolist(), strict=True)
         ]
 
-    def _screened(self, place: Mapping[str, float]) -> PlaceBounds:
-        """Bounds of a place that may be within reach."""
+    def _bounds_of_reachable(self, place: Mapping[str, float]) -> PlaceBounds:
+        """Bounds of the figures of merit of a place, which may be within reach, without a plan."""
         assert self.screen is not None
         arm = place_arm(self._limited, self.moves.frame(place), self.moved)
         assert isinstance(arm, SerialArm)

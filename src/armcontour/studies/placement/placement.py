@@ -29,11 +29,11 @@ FIGURES = ("duration", "bound", "singular", "clearance", "torque_margin")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """A place and its verdict.
+    """A candidate place of the part or the base, and its verdict.
 
     Args:
         values: Values of the axes [m, rad].
-        verdict: The verdict.
+        verdict: Feasibility and figures of merit.
     """
 
     values: Mapping[str, float]

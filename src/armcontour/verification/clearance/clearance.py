@@ -509,7 +509,7 @@ class _ClearanceSearch:
         return np.asarray((moved * self._radii[pair]).sum(axis=1))
 
     def _undecided(self, pair: IntArray, low: FloatArray, width: FloatArray) -> BoolArray:
-        """Mask of the windows that need division."""
+        """Mask of the windows that must be subdivided."""
         smallest = np.full(self._kinds.max() + 1, np.inf)
         np.minimum.at(smallest, self._kinds, self._high)
         margin, high = self._margins[pair], self._high[pair]

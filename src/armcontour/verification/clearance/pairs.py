@@ -1,4 +1,4 @@
-"""Pairs of bodies for clearance checks: margins and largest approach per joint velocity."""
+"""Pairs of bodies for clearance checks: margins, and bounds of approach per joint motion."""
 
 from __future__ import annotations
 

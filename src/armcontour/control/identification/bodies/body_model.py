@@ -39,8 +39,8 @@ class RobotUnknowns:
     lag: float = 0.0  # Delay of the torques of the loops [s]
     # J, with which the controller scales its loops [kg m²], (dof,).
     inertia: FloatArray = field(init=False)
-    # Names of the unknowns, keys of UNITS, (unknowns,). Of the payload's centre the mass times its
-    # deviation from the nominal centre is sought [kg m].
+    # Names of the unknowns, keys of UNITS, (unknowns,). The unknown of the payload's centre is the
+    # mass of the payload times the deviation of the centre from its nominal position [kg m].
     names: Any = field(init=False)
     # Their joints, from 0; -1 for those of the whole robot, (unknowns,). Of "armature" -1 means a
     # factor of all nominal drive inertias.

@@ -215,7 +215,7 @@ def helix_points(
     # are made and may refuse them.
     arc, largest = circle, max(circle.radius, circle.end_radius)
     step = 2 * math.asin(math.sqrt(min(tolerance / (2 * largest), 0.5))) * 2
-    # A chord spans at most a quarter of a turn, also with a wide tolerance.
+    # A chord spans at most 90°, even if the tolerance is large.
     step = min(step, math.pi / 2)
     total = arc.sweep + 2 * math.pi * (turns - 1)
     n = max(1, math.ceil(total / step))

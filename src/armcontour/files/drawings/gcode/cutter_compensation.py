@@ -29,9 +29,9 @@ from armcontour.program.crossings import (
     TX,
     TY,
     corner_cuts,
-    left_of,
     offset_pieces,
     points_at,
+    turned_left,
     turns_between,
 )
 from armcontour.program.moves import Value
@@ -217,7 +217,7 @@ class Compensation:
             offset_pieces(table, self.offset),
             points_at(table, table[:, LENGTH], 1),
         )
-        tips = np.array([x.end for x in moves]) + self.offset * left_of(tangents)
+        tips = np.array([x.end for x in moves]) + self.offset * turned_left(tangents)
         if table[0, CURVATURE]:
             parallel[0] = self._entry_arc(moves[0], complex(*tips[0]), complex(*tangents[0]))
         turns = turns_between(tangents[:-1], table[1:, [TX, TY]])

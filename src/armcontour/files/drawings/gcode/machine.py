@@ -418,9 +418,9 @@ class Machine:
         words = block.words
         if not words.keys().isdisjoint("LXYZ"):
             raise Fault(
-                "G10, which sets offsets or tools of the controller, is not read: let the CAM "
-                "system write the program without it, or, if it changes nothing, skip it "
-                "(unknown: {skip: [G10]}, or --skip G10)"
+                "G10 that sets offsets or tools of the controller is not supported: let the CAM "
+                "system write the program without it, or skip it if it has no effect on this "
+                "program (unknown: {skip: [G10]}, or --skip G10)"
             )
         block.drop("PRS")
         self.notes.count("G10")

@@ -299,7 +299,7 @@ class Cycles:
         self._take_sticky_words(block, code, AXES[c])
         repeats = whole_number(block.words.pop("L", 1.0), "a number L of repeats")
         if repeats < 1:
-            raise Fault(f"L{repeats} repeats of a cycle, which must be from 1")
+            raise Fault(f"the number L of repeats of a cycle must be at least 1, but is {repeats}")
         if self.level is None or self.level[0] != c:
             self.level = (c, self.tool.position[c])
         level = self.level[1]

@@ -17,8 +17,8 @@ from armcontour.files.drawings.read_options import (
 )
 from armcontour.program import Program
 
-# A line with only coordinates and feed, as nearly all lines of long programs. Other lines are
-# parsed word by word.
+# Matches a line that has only coordinates and a feed, like nearly all lines of long programs. Other
+# lines are parsed word by word.
 _NUMBER = r"([+-]?(?:[0-9]{1,6}(?:\.[0-9]{0,12})?|\.[0-9]{1,12})) ?"
 PLAIN = re.compile(
     r"(?:N[0-9]{1,9} ?)?(?:G0?1 ?)?"

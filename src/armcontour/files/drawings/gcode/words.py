@@ -168,7 +168,8 @@ def _check_program_number(line: str) -> None:
 
 def _read_other(block: Block, text: str, position: int) -> int:
     """Read a letter without a value, or text; returns its end."""
-    # As Marlin marks power that changes with moves: M3 S20 I.
+    # Marlin: an I without a value after M3, M4 or M5 selects laser power that changes with moves,
+    # for example M3 S20 I.
     if text[position] == "I" and not LASER.isdisjoint(block.m) and BARE.match(text, position):
         _add_word(block, "I", math.nan)
         return position + 1

@@ -174,7 +174,10 @@ def _error(segments: Sequence[LogSegment], servo: JointServo, drive_cycle: float
 
 
 class _MeasuredMotion:
-    """Motion of a joint at regular times, and its derivatives without `k` samples at both ends."""
+    """Motion of a joint at regular times, and its derivatives by parabolas."""
+
+    # A parabola spans `k` samples before and after its own, so derivatives lack `k` samples at both
+    # ends of a segment.
 
     def __init__(self, segments: Sequence[LogSegment]) -> None:
         self.segments = segments

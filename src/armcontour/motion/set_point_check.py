@@ -12,7 +12,7 @@ from armcontour.robot import Limits
 from armcontour.robot.limit_use import use_of
 
 
-def check_commands(set_points: SetPoints, limits: Limits | None = None) -> None:
+def check_set_points(set_points: SetPoints, limits: Limits | None = None) -> None:
     """Refuse set-points outside a joint range, or faster than a velocity limit."""
     # A compensated command leads the joint by approximately `dq / K_p`, so it can exceed the limits
     # that the plan satisfies. A controller that checks its set-points would then stop.
@@ -44,9 +44,9 @@ def check_commands(set_points: SetPoints, limits: Limits | None = None) -> None:
 
 
 def describe_excess(set_points: SetPoints) -> str:
-    """The message of `check_commands` for the limits of the plan; empty without an excess."""
+    """The message of `check_set_points` for the limits of the plan; empty without an excess."""
     try:
-        check_commands(set_points)
+        check_set_points(set_points)
     except CompensationError as error:
         return str(error)
     return ""

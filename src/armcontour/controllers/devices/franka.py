@@ -1,0 +1,177 @@
+"""Feeder for Franka's control interface: one row in each cycle of 1 ms."""
+
+from __future__ import annotations
+
+import ipaddress
+import sys
+from collections import deque
+from collections.abc import Iterable
+
+import pylibfranka
+from pylibfranka import FrankaException, JointPositions, RealtimeConfig, RobotMode, RobotState
+
+from armcontour.controllers.devices.feeder import DeviceError, Row, Sample, main
+
+# Cycle [s].
+CYCLE = 1e-3
+# At rest, one state in so many is a sample.
+RARE = 50
+# The robot's desired positions are the row of the cycle before, within this [rad].
+SAME = 1e-6
+# Cycles in which the robot moves from where it is to the first row, and largest distance [rad].
+ALIGNING, FARTHEST = 500, 2e-3
+
+
+class Franka:
+    """A robot with Franka's control interface.
+
+    The robot's clock says which row is due: where states were lost, rows are skipped. From the
+    first motion on it controls the robot, which holds its position between motions.
+
+    Args:
+        address: Address of the robot.
+    """
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+        self.control: pylibfranka.ActiveControlBase | None = None
+        self.clock = self.due = 0
+        self.answered = True
+        # The cycle of a motion and its row, which the next answer sends; rows before it.
+        self.k, self.confirmed = -1, -1
+        self.row: Row = ()
+        self.sent: Row = ()
+        self.before: deque[tuple[int, Row]] = deque()
+        # The sample of the last answer, which the next state confirms, and those that are complete.
+        self.open: Sample | None = None
+        self.complete: list[Sample] = []
+
+    def connect(self) -> Row:
+        """Connect, and return the joint positions."""
+        realtime = RealtimeConfig.kIgnore if self._is_here() else RealtimeConfig.kEnforce
+        try:
+            self.robot = pylibfranka.Robot(self.address, realtime)
+            state = self.robot.read_once()
+        except FrankaException as error:
+            raise DeviceError(str(error)) from None
+        if state.robot_mode != RobotMode.Idle:
+            raise DeviceError(f"the robot is not idle, but in mode {state.robot_mode.name}")
+        return tuple(state.q)
+
+    def start(self) -> None:
+        """Begin to control joint positions."""
+        self.confirmed = -1
+        if self.control is not None:
+            return
+        try:
+            self.control = self.robot.start_joint_position_control(
+                pylibfranka.ControllerMode.JointImpedance
+            )
+        except FrankaException as error:
+            raise DeviceError(str(error)) from None
+        # Where libfranka's examples begin, since version 0.15.
+        self._read()
+        self.row = self.sent = tuple(self.state.q)
+
+    def room(self) -> int:
+        """Rows that are due by the robot's clock, of which the last one is sent."""
+        if self.before or self.answered:
+            return 0
+        return 1 if self.k < 0 else self.due
+
+    def write(self, k: int, row: Row) -> None:
+        """Set the row of the next answer."""
+        self.due -= 1
+        if k == 0:
+            self._align(row)
+        self.k, self.row = k, row
+
+    def is_done(self) -> bool:
+        """Whether the robot has confirmed the last row."""
+        return not self.before and self.confirmed == self.k
+
+    def samples(self) -> Iterable[Sample]:
+        """Answer the state, and return the samples that the robot has confirmed."""
+        if self.control is not None and not self.answered:
+            k, self.sent = self.before.popleft() if self.before else (self.k, self.row)
+            self._answer(finished=False)
+            if k >= 0 or self.clock % RARE == 0:
+                self.open = (self.clock, k, self.sent, tuple(self.state.q))
+        complete, self.complete = self.complete, []
+        return complete
+
+    def finish(self) -> None:
+        """Hold the last row."""
+        self.k = -1
+
+    def wait(self) -> None:
+        """Wait for the next state."""
+        self._read()
+        if self.control is None and self.clock % RARE == 0:
+            q = tuple(self.state.q)
+            self.complete.append((self.clock, -1, q, q))
+
+    def close(self) -> None:
+        """End the control at the last row."""
+        if self.control is None:
+            return
+        try:
+            if self.answered:
+                self._read()
+            self._answer(finished=True)
+        except DeviceError:
+            # The robot has ended the control.
+            pass
+
+    def _align(self, row: Row) -> None:
+        """Plan the way from the held position to row 0, which is the last one of it."""
+        distance = max(abs(a - b) for a, b in zip(self.row, row, strict=True))
+        if distance > FARTHEST:
+            raise DeviceError(f"the robot is {distance:.4f} rad from the first set-point")
+        for i in range(1, ALIGNING if distance else 1):
+            x = i / ALIGNING
+            w = x**3 * (10 - x * (15 - 6 * x))
+            between = (a + w * (b - a) for a, b in zip(self.row, row, strict=True))
+            self.before.append((-1, tuple(between)))
+        self.before.append((0, row))
+
+    def _is_here(self) -> bool:
+        """Whether the robot is simulated on this machine."""
+        try:
+            return ipaddress.ip_address(self.address).is_loopback
+        except ValueError:
+            return self.address == "localhost"
+
+    def _read(self) -> None:
+        """Read a state, and confirm the row of the one before."""
+        try:
+            if self.control is None:
+                self.state: RobotState = self.robot.read_once()
+            else:
+                self.state, _ = self.control.readOnce()
+        except FrankaException as error:
+            raise DeviceError(str(error)) from None
+        clock = round(self.state.time.to_sec() / CYCLE)
+        self.due, self.clock, self.answered = clock - self.clock, clock, False
+        if self.open is not None:
+            number, k, row, measured = self.open
+            used = tuple(self.state.q_d)
+            if max(abs(a - b) for a, b in zip(row, used, strict=True)) > SAME:
+                row = used
+            self.complete.append((number, k, row, measured))
+            self.open, self.confirmed = None, k
+
+    def _answer(self, *, finished: bool) -> None:
+        """Answer a state with the row that was sent last or is to be sent."""
+        assert self.control is not None
+        command = JointPositions(list(self.sent))
+        command.motion_finished = finished
+        try:
+            self.control.writeOnce(command)
+        except FrankaException as error:
+            raise DeviceError(str(error)) from None
+        self.answered = True
+
+
+if __name__ == "__main__":
+    main(Franka(sys.argv[2]))

@@ -1,0 +1,271 @@
+"""Feeder for Universal Robots: a program on the controller takes rows from RTDE registers.
+
+Registers 24 to 47 are those that UR reserves for external RTDE clients. They hold four rows, so the
+program has the next rows if this process comes late. It needs the standard library only.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import struct
+import sys
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+
+from armcontour.controllers.devices.feeder import DeviceError, Row, Sample, main
+
+RTDE_PORT, SCRIPT_PORT = 30004, 30002
+DOF, SLOTS, FIRST = 6, 4, 24
+# Longest time without an answer [s], and number of packages until the program runs.
+TIMEOUT, PACKAGES = 2.0, 2500
+# At rest, one package in so many is a sample.
+RARE = 50
+# RTDE guide: robot mode RUNNING, safety mode NORMAL, runtime state PLAYING.
+RUNNING, NORMAL, PLAYING = 7, 1, 2
+MODES = {2: "reduced", 3: "protective stop", 5: "safeguard stop", 6: "emergency stop"}
+MODES |= {4: "recovery", 7: "emergency stop", 8: "violation", 9: "fault"}
+SIZES = {"DOUBLE": "d", "VECTOR6D": "6d", "INT32": "i", "UINT32": "I"}
+OUTPUTS = [
+    *("timestamp", "target_q", "actual_q", "robot_mode", "safety_mode", "runtime_state"),
+    *("target_speed_fraction", "output_int_register_24", "output_int_register_25"),
+    *(f"output_double_register_{FIRST + j}" for j in range(DOF)),
+]
+INPUTS = [
+    *("input_int_register_24", "input_int_register_25"),
+    *(f"input_double_register_{FIRST + i}" for i in range(SLOTS * DOF)),
+]
+# The program counts the cycles k of a motion; it holds the last row where the next one is missing.
+# Register 24 has the newest row, -1 between motions, and 25 is 0 for the end. Outputs are k, the
+# program's number, and the row. Without inputs for 0.1 s the controller ends the program.
+PROGRAM = """\
+def armcontour():
+  q = get_target_joint_positions()
+  k = -1
+  rtde_set_watchdog("input_int_register_24", 10, "stop")
+  while read_input_integer_register(25) != 0:
+    newest = read_input_integer_register(24)
+    if newest < 0:
+      k = -1
+    elif k < newest:
+      k = k + 1
+      slot = 24 + 6 * (k % 4)
+      q = [read_input_float_register(slot), read_input_float_register(slot + 1), \
+read_input_float_register(slot + 2), read_input_float_register(slot + 3), \
+read_input_float_register(slot + 4), read_input_float_register(slot + 5)]
+    end
+    write_output_integer_register(24, k)
+    write_output_float_register(24, q[0])
+    write_output_float_register(25, q[1])
+    write_output_float_register(26, q[2])
+    write_output_float_register(27, q[3])
+    write_output_float_register(28, q[4])
+    write_output_float_register(29, q[5])
+    write_output_integer_register(25, PROGRAM_NUMBER)
+    servoj(q, 0, 0, CYCLE, LOOKAHEAD, GAIN)
+  end
+  write_output_integer_register(25, 0)
+  stopj(4.0)
+end
+"""
+
+
+class Ur:
+    """A robot of Universal Robots.
+
+    Args:
+        address: Address of the robot.
+        cycle: Cycle of its controller [s].
+        lookahead: Look-ahead time of `servoj` [s].
+        gain: Gain of `servoj`.
+    """
+
+    def __init__(self, address: str, cycle: float, lookahead: float, gain: float) -> None:
+        self.address, self.cycle, self.lookahead, self.gain = address, cycle, lookahead, gain
+        self.number, self.running, self.fresh = int.from_bytes(os.urandom(3)) + 1, False, False
+        self.slots: list[Row] = [(0.0,) * DOF] * SLOTS
+        self.newest, self.k = -1, -1
+        self.last = self.count = 0
+        self.received = b""
+        self.complete: list[Sample] = []
+
+    def connect(self) -> Row:
+        """Connect, and return the joint positions that the controller is commanded to."""
+        self.rtde = self._open(RTDE_PORT)
+        # Protocol version 2; the recipes of outputs and inputs; start.
+        if self._ask("V", struct.pack(">H", 2)) != b"\x01":
+            raise DeviceError("the controller has no RTDE protocol of version 2")
+        outputs = self._ask("O", struct.pack(">d", 1 / self.cycle) + ",".join(OUTPUTS).encode())
+        self.layout = struct.Struct(">B" + self._types(OUTPUTS, outputs))
+        inputs = self._ask("I", ",".join(INPUTS).encode())
+        self.inputs = struct.Struct(">B" + self._types(INPUTS, inputs))
+        self.recipe = inputs[0]
+        if self._ask("S", b"") != b"\x01":
+            raise DeviceError("the controller does not start to send its state")
+        self.wait()
+        mode, safety, _, speed = self.state[13:17]
+        if mode != RUNNING:
+            raise DeviceError(f"the robot is not running: its mode is {mode}")
+        if safety != NORMAL:
+            raise DeviceError(f"the robot's safety mode is {MODES.get(safety, safety)}")
+        if abs(speed - 1) > 1e-6:
+            raise DeviceError(f"the speed slider is at {100 * speed:.0f} %: set it to 100 %")
+        return tuple(self.state[1:7])
+
+    def start(self) -> None:
+        """Start the program, which holds the position."""
+        if self.running:
+            return
+        self._send_inputs(1)
+        text = PROGRAM.replace("PROGRAM_NUMBER", str(self.number)).replace("GAIN", str(self.gain))
+        text = text.replace("CYCLE", str(self.cycle)).replace("LOOKAHEAD", str(self.lookahead))
+        with self._open(SCRIPT_PORT) as script:
+            script.sendall(text.encode())
+            # An end while states have not been read could discard the program.
+            script.shutdown(socket.SHUT_WR)
+            for _ in range(PACKAGES):
+                while select.select([script], [], [], 0)[0] and script.recv(1 << 16):
+                    pass
+                self.wait()
+                self._send_inputs(1)
+                if self.state[18] == self.number:
+                    break
+            else:
+                raise DeviceError("its program does not start: set the robot to remote control")
+        self.running = True
+
+    def room(self) -> int:
+        """Rows that fit into the registers."""
+        if self.newest < 0 <= self.k:
+            return 0
+        return self.k + SLOTS - self.newest
+
+    def write(self, k: int, row: Row) -> None:
+        """Put a row into its slot."""
+        self.slots[k % SLOTS] = row
+        self.newest = k
+
+    def is_done(self) -> bool:
+        """Whether the program has used the newest row."""
+        return self.k == self.newest
+
+    def samples(self) -> Iterable[Sample]:
+        """Send the registers, once in a cycle, and return the samples."""
+        if self.running and self.fresh:
+            self._send_inputs(1)
+            self.fresh = False
+        complete, self.complete = self.complete, []
+        return complete
+
+    def finish(self) -> None:
+        """Hold the last row."""
+        self.newest = -1
+
+    def wait(self) -> None:
+        """Wait for a package of the controller's state."""
+        count = self.count
+        while self.count == count:
+            kind, data = self._receive()
+            if kind == "U":
+                self._take(data)
+        while self._has_package() or select.select([self.rtde], [], [], 0)[0]:
+            kind, data = self._receive()
+            if kind == "U":
+                self._take(data)
+
+    def close(self) -> None:
+        """End the program and disconnect."""
+        if not hasattr(self, "rtde"):
+            return
+        with suppress(DeviceError):
+            if self.running:
+                self.running = False
+                self._send_inputs(0)
+                for _ in range(RARE):
+                    self.wait()
+                    if self.state[18] != self.number:
+                        break
+        self.rtde.close()
+
+    def _open(self, port: int) -> socket.socket:
+        """Connect to a port of the controller."""
+        try:
+            opened = socket.create_connection((self.address, port), TIMEOUT)
+        except OSError as error:
+            raise DeviceError(f"{self.address}, port {port}: {error}") from None
+        opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return opened
+
+    def _send(self, kind: str, data: bytes) -> None:
+        try:
+            self.rtde.sendall(struct.pack(">HB", len(data) + 3, ord(kind)) + data)
+        except OSError as error:
+            raise DeviceError(f"the connection to {self.address} ended: {error}") from None
+
+    def _ask(self, kind: str, data: bytes) -> bytes:
+        """Send a request and return the answer."""
+        self._send(kind, data)
+        while True:
+            answered, answer = self._receive()
+            if answered == kind:
+                return answer
+
+    def _has_package(self) -> bool:
+        """Whether a whole package was received."""
+        data = self.received
+        return len(data) >= 3 and len(data) >= int.from_bytes(data[:2], "big")
+
+    def _receive(self) -> tuple[str, bytes]:
+        """The next package: its kind and data."""
+        while not self._has_package():
+            try:
+                data = self.rtde.recv(1 << 16)
+            except OSError as error:
+                raise DeviceError(f"the controller sends no state: {error}") from None
+            if not data:
+                raise DeviceError("the controller ended the connection")
+            self.received += data
+        size, kind = struct.unpack_from(">HB", self.received)
+        data, self.received = self.received[3:size], self.received[size:]
+        return chr(kind), data
+
+    def _types(self, names: Sequence[str], answer: bytes) -> str:
+        """The format of a recipe that the controller has accepted."""
+        types = answer[1:].decode().split(",")
+        for name, kind in zip(names, types, strict=True):
+            if kind not in SIZES:
+                reason = "is used by another client" if kind == "IN_USE" else f"is {kind}"
+                raise DeviceError(f"{name} {reason}")
+        return "".join(SIZES[x] for x in types)
+
+    def _send_inputs(self, run: int) -> None:
+        """Send the registers."""
+        values = [x for row in self.slots for x in row]
+        self._send("U", self.inputs.pack(self.recipe, self.newest, run, *values))
+
+    def _take(self, data: bytes) -> None:
+        """Take a package of the controller's state."""
+        # The number of the recipe comes before timestamp, target_q, actual_q, and the others.
+        self.state = self.layout.unpack(data)[1:]
+        self.count += 1
+        self.fresh = True
+        clock = round(self.state[0] / self.cycle)
+        runtime, number = self.state[15], self.state[18]
+        measured = tuple(self.state[7:13])
+        if self.running:
+            if runtime != PLAYING or number != self.number:
+                safety = self.state[14]
+                raise DeviceError(
+                    f"its program ended: safety mode {MODES.get(safety, 'normal')}, runtime state "
+                    f"{runtime}"
+                )
+            self.k = self.state[17]
+            if self.k >= 0 or clock % RARE == 0:
+                self.complete.append((clock, self.k, tuple(self.state[19:25]), measured))
+        elif clock % RARE == 0:
+            self.complete.append((clock, -1, tuple(self.state[1:7]), measured))
+
+
+if __name__ == "__main__":
+    main(Ur(sys.argv[2], *map(float, sys.argv[3:6])))

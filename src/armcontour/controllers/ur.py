@@ -1,0 +1,79 @@
+"""Universal Robots as a controller: `servoj` every 2 ms, by RTDE and a program on the robot."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from armcontour.controllers.controller import Command, Controller
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import ControllerRefused
+from armcontour.core.render import number
+from armcontour.core.result import Row
+from armcontour.core.text import count_noun
+from armcontour.robot import Arm, Limits
+from armcontour.robot.limits import or_unlimited
+
+DOF = 6
+
+
+class Ur(Controller):
+    """A robot of Universal Robots, in remote control.
+
+    Written from the vendor's documentation and tested against a double of its protocol. It has
+    never run on a robot.
+
+    Args:
+        address: Address of the robot.
+        cycle: Cycle of its controller [s]: 2 ms, CB3 8 ms.
+        lookahead: Look-ahead time of `servoj` [s], 0.03 to 0.2.
+        gain: Gain of `servoj`, 100 to 2000.
+    """
+
+    name = "ur"
+    ahead = 5
+
+    def __init__(
+        self, address: str, *, cycle: float = 2e-3, lookahead: float = 0.1, gain: float = 300.0
+    ) -> None:
+        super().__init__()
+        self.address, self.cycle, self.lookahead, self.gain = address, cycle, lookahead, gain
+
+    def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
+        """Compare the number of joints, and set-points with ranges and speeds of the arm."""
+        if arm.dof != DOF:
+            raise ControllerRefused(
+                f"ur has {DOF} joints, but the arm {arm.name} has {count_noun(arm.dof, 'joint')}."
+            )
+        lower, upper = arm.limits.joint_lower, arm.limits.joint_upper
+        beyond = np.zeros_like(q)
+        if lower is not None and upper is not None:
+            beyond = np.maximum(q - upper, lower - q)
+        i, j = divmod(int(beyond.argmax()), DOF)
+        if beyond[i, j] > 0:
+            raise ControllerRefused(
+                f"A set-point of joint {j + 1} is {number(beyond[i, j], 'rad')} outside the range "
+                "of the robot: move the path.",
+                joint=j,
+                needed=float(q[i, j]),
+            )
+        most = or_unlimited(arm.limits.joint_velocity, DOF)
+        speed = np.abs(np.diff(q, axis=0)).max(axis=0) / self.cycle
+        j = int(np.argmax(speed / most))
+        if speed[j] > most[j]:
+            raise ControllerRefused(
+                f"Set-points move joint {j + 1} with {number(speed[j], 'rad/s')}, above the "
+                f"{number(most[j], 'rad/s')} of the robot: lower joint_velocity, or give the plan "
+                "a larger reserve.",
+                joint=j,
+                needed=float(speed[j]),
+                allowed=float(most[j]),
+            )
+        return [Row("ur.speed", float(speed[j] / most[j]), "1", "speed of the robot's limit")]
+
+    def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> Command:
+        words = [sys.executable, "-m", "armcontour.controllers.devices.ur"]
+        settings = map(repr, (self.cycle, self.lookahead, self.gain))
+        return Command([*words, str(folder / "samples.txt"), self.address, *settings])

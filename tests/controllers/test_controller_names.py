@@ -1,0 +1,44 @@
+"""The options --on, --address and --hal of the command play."""
+
+import pytest
+
+import armcontour as ac
+from armcontour.cli.play_command import controller_of
+from armcontour.controllers import Franka, Ur
+from armcontour.files import parse_job
+
+JOB = """
+name: line
+arm: {arm}
+path: {{points: [[0.40, 0, 0.3], [0.45, 0, 0.3]]}}
+servo: {{kp: 25, kv: 150}}
+runs: {{plain: {{timing: {{method: optimal}}, compensation: {{method: none}}}}}}
+"""
+
+
+def job(arm):
+    return parse_job(JOB.format(arm=arm))
+
+
+def test_a_robot_is_named_by_its_address():
+    franka = controller_of(job("fr3"), "franka", "192.0.2.7", None)
+    assert isinstance(franka, Franka) and (franka.address, franka.model) == ("192.0.2.7", "fr3")
+    panda = controller_of(job("panda"), "franka", "192.0.2.7", None)
+    assert isinstance(panda, Franka) and panda.model == "panda"
+    ur = controller_of(job("ur5e"), "ur", "192.0.2.7", None)
+    assert isinstance(ur, Ur) and ur.address == "192.0.2.7"
+
+
+@pytest.mark.parametrize(
+    ("name", "address", "hal", "reason"),
+    [
+        ("franka", None, None, "--on franka needs the address of the robot"),
+        ("ur", None, None, "--on ur needs the address of the robot"),
+        ("ur", "192.0.2.7", "a.hal", "--hal is for linuxcnc"),
+        ("linuxcnc", "192.0.2.7", None, "--address is for franka and ur"),
+        ("kuka", "192.0.2.7", None, "takes linuxcnc, franka or ur"),
+    ],
+)
+def test_no_address_is_assumed(name, address, hal, reason):
+    with pytest.raises(ac.InvalidInput, match=reason):
+        controller_of(job("ur5e"), name, address, hal)

@@ -1,0 +1,145 @@
+"""UR's adapter against a double of the controller, on a loopback address."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.control.compensation import NoCompensation
+from armcontour.controllers import Motion, Ur, play
+from armcontour.controllers.commands import Stopper
+from armcontour.core.errors import ControllerLost, ControllerRefused
+from armcontour.files import parse_job
+from armcontour.motion import SetPoints
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="needs loopback addresses")
+DOUBLE = Path(__file__).with_name("ur_double.py")
+START = np.array([0.0, -1.57, 1.57, -1.57, -1.57, 0.0])
+JOB = """
+name: line
+arm: ur5e
+path: {points: [[0.40, 0, 0.1], [0.45, 0, 0.1]], orientation: {rpy: [180 deg, 0, 0]}}
+limits: {speed: 0.1}
+servo: {kp: 25, kv: 150}
+cycle: 0.002
+runs: {compensated: {timing: {method: optimal}, compensation: {method: inverse}}}
+"""
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return ac.load_arm("ur5e")
+
+
+@pytest.fixture
+def double():
+    """Start a double with some words; returns its address, and the words that it has printed."""
+    pid = os.getpid()
+    address = f"127.{pid >> 16 & 255}.{pid >> 8 & 255}.{pid & 255}"
+    started = []
+
+    def start(*words):
+        process = subprocess.Popen(
+            [sys.executable, DOUBLE, address, *words],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        started.append(process)
+        assert process.stdout.readline() == "listening\n"
+        return address, process
+
+    yield start
+    for process in started:
+        process.stdin.close()
+        process.stdout.close()
+        process.wait()
+
+
+def motion(arm, begin, end, stops=True):
+    """A motion of the joints along a line."""
+    line = ac.JointPath.spline(np.stack([begin, end]), [0.0, 1.0])
+    trajectory = ac.plan(line, arm, arm.limits, ac.Optimal(reserve=0.05))
+    q = trajectory.sample(2e-3).q
+    set_points = SetPoints(cycle=2e-3, q=q, trajectory=trajectory, method="none")
+    servo = ac.ServoModel(kp=1.0, order="first")
+    stopper = Stopper(set_points, servo, NoCompensation(), arm, 2e-3)
+    return Motion(q=stopper.q, next_stop=stopper if stops else None)
+
+
+def test_every_row_is_used_in_its_cycle_and_recorded(arm, double):
+    address, _ = double()
+    there, back = motion(arm, START, START + 0.1), motion(arm, START + 0.1, START)
+    with Ur(address) as robot:
+        robot.connect(arm, START)
+        assert np.array_equal(robot.position(), START)
+        for part in (there, back):
+            record = robot.stream(part)
+            assert record.faithful and not record.notes and record.stopped is None
+            # The last row is held until the feeder has seen it.
+            n = len(part.q)
+            assert n <= len(record.command) <= n + 5
+            assert np.array_equal(record.command[:n], part.q)
+            assert np.allclose(np.diff(record.t), 2e-3, atol=1e-12)
+            assert np.array_equal(robot.position(), part.q[-1])
+            # The double's joints, from the row before.
+            moved = record.measured[:-1] + 0.1 * (record.command[1:] - record.measured[:-1])
+            assert np.abs(moved - record.measured[1:]).max() < 1e-12
+
+
+def test_a_dry_run_compares_and_sends_no_program(double):
+    address, process = double()
+    played = play(parse_job(JOB), Ur(address), speed_factor=1.0)
+    assert played.record is None and played.distance > 0.1
+    assert {x.name for x in played.checks} == {"ur.speed"}
+    process.stdin.close()
+    assert process.stdout.read() == ""
+
+
+@pytest.mark.parametrize(
+    ("word", "reason"),
+    [
+        ("target_speed_fraction=0.5", "the speed slider is at 50 %"),
+        ("safety_mode=3", "the robot's safety mode is protective stop"),
+        ("robot_mode=5", "the robot is not running"),
+        ("used=input_int_register_24", "input_int_register_24 is used by another client"),
+    ],
+)
+def test_robots_that_cannot_play_are_refused(arm, double, word, reason):
+    address, _ = double(word)
+    with Ur(address) as robot, pytest.raises(ControllerRefused, match=reason):
+        robot.connect(arm, START)
+
+
+def test_an_address_without_a_robot_is_refused(arm):
+    with Ur("127.0.0.1") as robot, pytest.raises(ControllerRefused, match="port 30004"):
+        robot.connect(arm, START)
+
+
+def test_a_protective_stop_ends_the_motion_with_its_record(arm, double):
+    address, _ = double("stopped_at=100")
+    part = motion(arm, START, START + 0.1, stops=False)
+    with Ur(address) as robot:
+        robot.connect(arm, START)
+        with pytest.raises(ControllerLost, match="protective stop") as lost:
+            robot.stream(part)
+    record = lost.value.record
+    assert 50 < len(record.t) <= 101
+    assert np.array_equal(record.command, part.q[: len(record.t)])
+
+
+def test_what_the_robot_cannot_do_is_refused(arm):
+    robot, q = Ur("127.0.0.1"), np.repeat(START[None], 5, axis=0)
+    fast, far = q.copy(), q.copy()
+    fast[3, 2] += 0.01
+    far[3, 1] = 7.0
+    with pytest.raises(ControllerRefused, match="joint 3 with 286.5 deg/s, above the 180 deg/s"):
+        robot.check(arm, arm.limits, fast)
+    with pytest.raises(ControllerRefused, match="joint 2 .* outside the range"):
+        robot.check(arm, arm.limits, far)
+    with pytest.raises(ControllerRefused, match="ur has 6 joints, but the arm FR3 has 7"):
+        robot.check(ac.load_arm("fr3"), arm.limits, q)

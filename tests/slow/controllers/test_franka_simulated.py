@@ -1,0 +1,191 @@
+"""Franka's adapter against franky-sim, a simulator of the FCI's protocol at 1 kHz.
+
+The simulator has a servo of first order with a gain of 10 1/s, and no reflexes: the limits are
+those of libfranka's limiter. A motion in which this machine was late is repeated.
+"""
+
+import os
+import subprocess
+import sys
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.oracle.test_franka_limiter import commands_changed, fast_line, recipes, square
+
+import armcontour as ac
+from armcontour.control.compensation import NoCompensation
+from armcontour.controllers import Franka, Motion, identify_on, play
+from armcontour.controllers.commands import Stopper
+from armcontour.controllers.controller import START
+from armcontour.controllers.player import approach_of
+from armcontour.files import parse_job
+from armcontour.motion import SetPoints
+
+pytestmark = pytest.mark.skipif(
+    find_spec("franky_sim") is None or find_spec("pylibfranka") is None,
+    reason="needs franky-sim and pylibfranka, which have wheels for Linux on x86-64 with Python "
+    "3.11 and 3.12",
+)
+HOME = np.array([0.0, 0.0, 0.0, -1.57, 0.0, 1.57, 0.785])
+GAIN = 10.0
+FIRST = ac.ServoFit(model="first")
+TRIES = 5
+JOB = """
+name: square
+arm: fr3
+path:
+  points: [[0.40, -0.05, 0.3], [0.50, -0.05, 0.3], [0.50, 0.05, 0.3], [0.40, 0.05, 0.3],
+    [0.40, -0.05, 0.3]]
+  orientation: {axis: [0, 0, -1]}
+corners: {tolerance: 0.5 mm, continuity: curvature}
+cycle: 1 ms
+accuracy: 5 mm
+limits:
+  speed: 0.25
+  joint_velocity: [1.98, 0.98, 1.48, 1.23, 2.98, 1.48, 2.98]
+  joint_acceleration: [9.99, 9.99, 9.99, 9.99, 9.99, 9.99, 9.99]
+  joint_jerk: [4750, 4750, 4750, 4750, 4750, 4750, 4750]
+servo: {kp: 10, order: first}
+runs:
+  smooth: {compensation: {method: none}}
+"""
+
+
+@pytest.fixture(scope="module")
+def address():
+    pid = os.getpid()
+    address = f"127.{pid >> 16 & 255}.{pid >> 8 & 255}.{pid & 255}"
+    program = Path(sys.executable).with_name("franky-sim")
+    process = subprocess.Popen(
+        [sys.executable, "-u", program, "--simulator", "mujoco", "--hostname", address],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    # Before other processes, where the system allows it.
+    with suppress(OSError):
+        os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(30))
+    next(x for x in process.stdout if "Connect to the server" in x)
+    yield address
+    process.terminate()
+    process.wait()
+    process.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def robot(address):
+    with Franka(address) as robot:
+        robot.connect(ac.load_arm("fr3"), HOME)
+        yield robot
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return ac.load_arm("fr3")
+
+
+@pytest.fixture(scope="module")
+def limits(arm):
+    return arm.limits.replace(**recipes()["fr3"])
+
+
+@pytest.fixture(scope="module")
+def job():
+    return parse_job(JOB)
+
+
+def stopper_of(trajectory, arm):
+    q = trajectory.sample(1e-3).q
+    set_points = SetPoints(cycle=1e-3, q=q, trajectory=trajectory, method="none")
+    servo = ac.ServoModel(kp=GAIN, order="first")
+    return Stopper(set_points, servo, NoCompensation(), arm, 1e-3)
+
+
+def played(robot, motion, job, limits, wanted=lambda: False):
+    """The record of a motion that is played from its start, until one is faithful."""
+    for _ in range(TRIES):
+        if np.abs(robot.position() - motion.q[0]).max() > START:
+            robot.stream(approach_of(job, limits, robot.position(), motion.q[0], 1e-3))
+        record = robot.stream(motion, wanted)
+        if record.faithful:
+            return record
+    pytest.skip(f"This machine is too busy: {' '.join(record.notes)}")
+
+
+def random_program(arm, limits, seed):
+    """Two polylines with a motion between them."""
+    rng = np.random.default_rng(seed)
+    contours = []
+    for _ in range(2):
+        points = rng.uniform((0.35, -0.15, 0.25), (0.5, 0.15, 0.4), size=(4, 3))
+        contours.append(ac.Contour(path=ac.Path.polyline(points).pointing((0.0, 0.0, -1.0))))
+    program = ac.Program(moves=(contours[0], ac.Rapid(), contours[1]))
+    rounded = ac.round_corners(program, tolerance=1e-3, continuity="curvature")
+    return ac.plan(rounded, arm, limits.replace(speed=0.3), ac.Optimal(reserve=0.05))
+
+
+MOTIONS = {
+    "square": square,
+    "fast line": fast_line,
+    **{f"program {k}": lambda arm, limits, k=k: random_program(arm, limits, k) for k in range(3)},
+}
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_motions_are_played_as_sent_and_the_limiter_changes_nothing(name, robot, arm, limits, job):
+    stopper = stopper_of(MOTIONS[name](arm, limits), arm)
+    rows = robot.check(arm, limits, stopper.q)
+    assert all(x.value <= 1 for x in rows)
+    record = played(robot, Motion(q=stopper.q, next_stop=stopper), job, limits)
+    n = len(stopper.q) - 5
+    assert record.stopped is None and np.array_equal(record.command[:n], stopper.q[:n])
+    assert commands_changed("fr3", record.command) == 0
+    print(name, len(record.t), {x.name: round(x.value, 3) for x in rows})
+
+
+def test_a_stop_ends_on_the_path_and_the_limiter_changes_nothing(robot, arm, limits, job):
+    trajectory = square(arm, limits)
+    stopper = stopper_of(trajectory, arm)
+    tool = arm.forward(trajectory(np.linspace(0, trajectory.duration, 20_000)))
+    path = ac.Path.polyline(tool[:, :3, 3])
+    for share in (0.2, 0.5):
+        far = share * np.abs(stopper.q - stopper.q[0]).max()
+
+        def is_far(far=far):
+            return np.abs(robot.position() - stopper.q[0]).max() > far
+
+        motion = Motion(q=stopper.q, next_stop=stopper)
+        record = played(robot, motion, job, limits, is_far)
+        assert record.stopped is not None and record.stopped < trajectory.duration * 1e3
+        assert commands_changed("fr3", record.command) == 0
+        assert np.abs(np.diff(record.command[-100:], axis=0)).max() < 1e-12
+        away = path.project(arm.forward(record.command)[:, :3, 3]).distance.max()
+        assert away < 1e-6
+        print(share, record.stopped, away)
+
+
+def test_the_gain_is_identified(address, job):
+    for _ in range(TRIES):
+        try:
+            found = identify_on(job, Franka(address), execute=True, options=FIRST)
+            break
+        except ac.InvalidInput as error:
+            reason = error
+    else:
+        pytest.skip(f"This machine is too busy: {reason}")
+    servo = found.fit.servo_model()
+    print(servo.order, np.round(servo.kp, 3), np.round(1e3 * np.atleast_1d(servo.dead_time), 2))
+    assert np.abs(servo.kp / GAIN - 1).max() < 0.05
+
+
+def test_play_moves_to_the_start_plays_and_gives_a_log(address, job):
+    for _ in range(TRIES):
+        result = play(job, Franka(address), execute=True, speed_factor=0.5)
+        if result.record.faithful:
+            break
+    assert result.log.command.shape == result.record.command.shape
+    assert result.distance > 0.1 and result.record.stopped is None
+    dry = play(job, Franka(address), speed_factor=0.5)
+    assert dry.record is None and {x.name for x in dry.checks} > {"fci.jerk"}
