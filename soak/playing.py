@@ -58,7 +58,7 @@ FEEDER = "armcontour.controllers.devices.linuxcnc"
 # Longest time of a motion with its begin and end [s].
 PATIENCE = 60.0
 ATTEMPTS = 3
-# Requests after this may come too late for a stop, more so on a busy machine [s].
+# Requests after this may come too late for a stop [s].
 LATEST = 3.5
 
 
