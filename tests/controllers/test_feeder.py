@@ -151,8 +151,15 @@ def test_a_motion_is_stopped_once(bench):
     assert bench.commands == [0, 1, 2, 3, 4, 5, 60, 61, 62] and bench.events == ["X 6", "D"]
 
 
+def test_rows_after_the_last_stop_in_hand_are_not_sent(bench):
+    bench.send(*MOTION, "T 4", *rows(40), "E", "T 6", *rows(60, 61, 62), "E", "G")
+    bench.loop(5)
+    assert bench.commands == [0, 1, 2, 3, 4, 5, 60, 61, 62]
+    assert bench.events == ["A", "X 6", "D"]
+
+
 def test_stops_are_of_one_motion(bench):
-    bench.send(*MOTION, "T 6", *rows(60), "E", "G")
+    bench.send(*MOTION, "T 6", *rows(60), "E", "T 10", *rows(9), "E", "G")
     bench.loop(5)
     bench.send("M", *rows(1, 2, 3), "E", "G", "S")
     bench.loop(2)

@@ -11,7 +11,6 @@ Words such as `safety_mode=3` set a variable, `used=input_int_register_24` is an
 
 from __future__ import annotations
 
-import os
 import select
 import socket
 import struct
@@ -174,18 +173,13 @@ class Double:
             raise ProgramEnd from None
 
 
-def end_with_input() -> None:
-    """End this process when its input is closed."""
-    sys.stdin.read()
-    os._exit(0)
-
-
 if __name__ == "__main__":
     address, *words = sys.argv[1:]
     given = dict(x.split("=") for x in words if "=" in x)
     used = given.pop("used", "")
     state = {x: int(y) if x in NAMES else float(y) for x, y in given.items()}
     double = Double(address, state, used, paced="paced" in words)
-    threading.Thread(target=end_with_input, daemon=True).start()
+    threading.Thread(target=double.serve, daemon=True).start()
     print("listening", flush=True)
-    double.serve()
+    # The double ends when its input is closed.
+    sys.stdin.read()

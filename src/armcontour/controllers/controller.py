@@ -39,6 +39,8 @@ CONNECTING, CLOSING = 20.0, 60.0
 PAUSE = 5e-3
 # First guess of the time that a stop needs to be computed and sent [s].
 LEAD = 0.15
+# Time between two stops in hand [s].
+INTERVAL = 0.2
 # Largest distance of a joint from the first set-point [rad].
 START = 1e-3
 # Set-points, and the commands that the controller recorded, are equal within this [rad].
@@ -212,11 +214,16 @@ class _StopSender(threading.Thread):
         self.lead = LEAD
         self._ended = threading.Event()
 
+    @property
+    def due(self) -> int:
+        """The first cycle that a stop which is computed now can replace."""
+        return self.played + self.ahead + round(self.lead / self.cycle)
+
     def send_next(self) -> int:
         """Compute and send the next stop, and return its cycle."""
         assert self.motion.next_stop is not None
         begun = time.monotonic()
-        stop = self.motion.next_stop(self.played + self.ahead + round(self.lead / self.cycle))
+        stop = self.motion.next_stop(self.due + round(INTERVAL / self.cycle))
         self.lead = max(self.lead, 2 * (time.monotonic() - begun) + PAUSE)
         self.sent[stop.k] = stop.q
         self.channel.send([f"T {stop.k}", *rows_as_lines(stop.q), "E"])
@@ -227,12 +234,11 @@ class _StopSender(threading.Thread):
         try:
             while not self._ended.is_set():
                 k = self.send_next()
-                while self.played + self.ahead + round(self.lead / self.cycle) < k:
-                    if self._ended.wait(PAUSE):
-                        return
                 if k >= len(self.motion.q):
                     return
-                self._ended.wait(PAUSE)
+                while self.due < k:
+                    if self._ended.wait(PAUSE):
+                        return
         except ArmContourError as error:
             self.error = error
 
@@ -418,6 +424,8 @@ class Controller(ABC):
         deviation = float(np.abs(command - q[np.minimum(k, len(q) - 1)]).max(initial=0.0))
         if channel.event("W") is not None:
             notes = [*notes, "The feeder had no sign of life from this process and stopped."]
+        if channel.event("A") is not None:
+            notes = [*notes, "The next stop was not ready in time, so the last one was taken."]
         if channel.event("V") is not None:
             notes = [*notes, "A process of the feeder was lost, and another one stopped."]
         if missing:

@@ -200,13 +200,11 @@ NAMES = tuple(CONTROLLERS)
 def interpolate_points(points: Any, controller: Annotated[str, Choice(NAMES)]) -> CommandCurve:
     """The curve from which a controller takes its commands between points.
 
-    | controller | interpolation | commands |
-    |---|---|---|
-    | `jtc` | quintics, cubics or lines, as the points have derivatives | one cycle ahead |
-    | `jtc_spline` | of positions: the clamped cubic spline; else as `jtc` | one cycle ahead |
-    | `jtc_none` | the next point | one cycle ahead |
-    | `linuxcnc` | the uniform cubic B-spline | two intervals of the points later |
-    | `hold` | the newest point | when it is due |
+    - `jtc`: quintics, cubics or lines, as the points have derivatives; one cycle ahead
+    - `jtc_spline`: of positions the clamped cubic spline, else as `jtc`; one cycle ahead
+    - `jtc_none`: the next point; one cycle ahead
+    - `linuxcnc`: the uniform cubic B-spline; two intervals of the points later
+    - `hold`: the newest point, when it is due
 
     Sources: `trajectory.cpp` and `joint_trajectory_controller.cpp` of ros2_controllers 6.9.0
     (94e74de), `cubic.c` of LinuxCNC 2.9.

@@ -20,9 +20,9 @@ Lines to a feeder, with the cycle k of a motion counted from 0:
 
 Lines from a feeder: `R q1 q2 ...` connected, at these commanded positions; `s number k command
 measured` a sample of the controller's clock, k is -1 between motions; `X k` a stop from cycle k on;
-`D` the motion has ended; `W` no sign of life, so the next stop is taken; `V` the sender or a
-process of the feeder is gone, so the next stop is taken; `F message` the controller failed. A cycle
-that a sample repeats had no row in time.
+`D` the motion has ended; `A` no later stop has come, so the last one is taken; `W` no sign of life,
+so the next stop is taken; `V` the sender or a process of the feeder is gone, so the next stop is
+taken; `F message` the controller failed. A cycle that a sample repeats had no row in time.
 """
 
 from __future__ import annotations
@@ -278,12 +278,18 @@ class Feeder:
         if not self.playing:
             return
         self.stops = {k: rows for k, rows in self.stops.items() if k >= self.sent}
+        # Rows after the last stop in hand are not sent: then nothing could stop on the path.
+        last = max(self.stops, default=len(self.rows))
+        if self.stops and not self.stop_wanted and last == self.sent < len(self.rows):
+            self.say("A")
+            self.stop_wanted = True
         if self.stop_wanted and self.stops:
             k = min(self.stops)
             self.take_stop(k)
             self.state[3] = k + 1
             self.say("X", k)
-        for _ in range(min(self.device.room(), len(self.rows) - self.sent)):
+            last = len(self.rows)
+        for _ in range(min(self.device.room(), min(last, len(self.rows)) - self.sent)):
             self.device.write(self.sent, self.rows[self.sent])
             self.sent += 1
             self.state[2] = self.sent
