@@ -87,7 +87,7 @@ class Motion(Checked):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlayedMotion(Checked):
-    """What a controller recorded of a motion.
+    """Record of a motion by its controller.
 
     Args:
         t: Times by the controller's clock, 0 at the first set-point [s], (n,).
@@ -168,7 +168,7 @@ class _Channel:
         return next((x for x in reversed(self.events) if x[0] == kind), None)
 
     def describe_failure(self) -> str:
-        """Why the process has ended, as far as it is known."""
+        """The reason why the process has ended, if it is known."""
         if self.failure:
             return self.failure
         errors = (self.folder / "stderr.txt").read_text(errors="replace").split()
@@ -404,7 +404,7 @@ class Controller(ABC):
     def _record(
         self, begin: int, motion: Motion, stops: Mapping[int, FloatArray], notes: list[str]
     ) -> PlayedMotion:
-        """What the samples from number `begin` on show of a motion."""
+        """Record of a motion from the samples since number `begin`."""
         channel, dof = self._connected(), motion.q.shape[1]
         table = np.array(channel.samples[begin:], dtype=float).reshape(-1, 2 + 2 * dof)
         # Before the first row the controller may still hold the last one of another motion.

@@ -90,7 +90,7 @@ class Played(Result):
         )
 
     def to_data(self) -> Data:
-        """What moved or would move."""
+        """The run, its checks, and the motion if one was executed."""
         record = self.record
         moved = None if record is None else record.stopped is None
         rows = [

@@ -59,7 +59,7 @@ class RobotIdentification(Result):
 
     @property
     def stopped(self) -> bool:
-        """Whether a motion was stopped, or not begun."""
+        """True if a motion was stopped, or not begun."""
         records = [x.record for x in self.played.values()]
         executed = any(x is not None for x in records)
         return executed and any(x is None or x.stopped is not None for x in records)

@@ -73,7 +73,7 @@ class RobotLearning(Result):
 
     @property
     def stopped(self) -> bool:
-        """Whether the last motion was stopped on request, or not begun."""
+        """True if the last motion was stopped on request, or not begun."""
         return self.ended == STOPPED
 
     def to_data(self) -> Data:
@@ -118,7 +118,7 @@ class RobotLearner:
 
     @property
     def goes_on(self) -> bool:
-        """Whether another run follows."""
+        """True if another run follows."""
         return not self.result.ended and len(self.result.logs) < self.runs
 
     @property
@@ -222,7 +222,7 @@ class RobotLearner:
 
 
 def _ran_away(record: PlayedMotion, watch: tuple[FloatArray, float] | None, cycle: float) -> bool:
-    """Whether a motion was stopped as a joint was too far from its expected position."""
+    """True if a motion was stopped because a joint was too far from its expected position."""
     if record.stopped is None or watch is None:
         return False
     expected, band = watch

@@ -221,7 +221,7 @@ def _slow_down(joint_path: JointPath, duration: float) -> JointPath:
 
 
 def _is_within(path: JointPath, arm: Arm, limits: Limits) -> bool:
-    """Whether a motion along a path over time is within the limits at both ends of its pieces."""
+    """True if a motion along a path over time is within the limits at both ends of its pieces."""
     for t, side in ((path.breaks[:-1], "right"), (path.breaks[1:], "left")):
         states = States(arm, [path(t, k, side=side) for k in range(4)])
         if any((use.ratio > 1).any() for use in states.uses(limits)):

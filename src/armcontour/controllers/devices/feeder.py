@@ -60,7 +60,7 @@ class DeviceError(Exception):
 
 
 class Device(Protocol):
-    """What a feeder needs of a controller."""
+    """Interface of a controller for its feeder."""
 
     def connect(self) -> Row:
         """Connect, hold the position, and return the commanded joint positions."""
@@ -75,7 +75,7 @@ class Device(Protocol):
         """Send the row of cycle k."""
 
     def is_done(self) -> bool:
-        """Whether all rows that were sent are executed."""
+        """True if all rows that were sent are executed."""
 
     def samples(self) -> Iterable[Sample]:
         """Samples since the last call."""
@@ -98,7 +98,7 @@ class GuardedDevice(Device, Protocol):
 
 
 class Output(Protocol):
-    """What gets lines; its buffer is unlimited."""
+    """Output for lines, with an unlimited buffer."""
 
     def write(self, text: str, /) -> object:
         """Keep a text."""

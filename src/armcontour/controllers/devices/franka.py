@@ -87,7 +87,7 @@ class Franka:
         self.k, self.row = k, row
 
     def is_done(self) -> bool:
-        """Whether the robot has confirmed the last row."""
+        """True if the robot has confirmed the last row."""
         return not self.before and self.confirmed == self.k
 
     def samples(self) -> Iterable[Sample]:
@@ -136,7 +136,7 @@ class Franka:
         self.before.append((0, row))
 
     def _is_here(self) -> bool:
-        """Whether the robot is simulated on this machine."""
+        """True if the robot is simulated on this machine."""
         try:
             return ipaddress.ip_address(self.address).is_loopback
         except ValueError:

@@ -111,7 +111,7 @@ class LinuxCNC:
         self.out.write((float(k), *row))
 
     def is_done(self) -> bool:
-        """Whether the FIFO is empty."""
+        """True if the FIFO is empty."""
         return int(self.out.depth) == 0
 
     def samples(self) -> Iterable[Sample]:

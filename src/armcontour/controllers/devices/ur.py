@@ -147,7 +147,7 @@ class Ur:
         self.newest = k
 
     def is_done(self) -> bool:
-        """Whether the program has used the newest row."""
+        """True if the program has used the newest row."""
         return self.k == self.newest
 
     def samples(self) -> Iterable[Sample]:
@@ -212,7 +212,7 @@ class Ur:
                 return answer
 
     def _has_package(self) -> bool:
-        """Whether a whole package was received."""
+        """True if a whole package was received."""
         data = self.received
         return len(data) >= 3 and len(data) >= int.from_bytes(data[:2], "big")
 

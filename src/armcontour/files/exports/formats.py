@@ -75,7 +75,7 @@ class ExportFormat(Checked):
 
     @property
     def at_stops(self) -> bool:
-        """Whether tables need points at the stops of a trajectory, at which files end."""
+        """True if tables need points at the stops of a trajectory, at which files end."""
         return self.points_per_file is not None and not self.regular and not self.in_motion
 
     def digit_of(self, table: SetPointTable) -> float | None:
