@@ -124,7 +124,7 @@ def play(
 
     The run is planned again at a share of its speed and with a reserve of 2 % at least, then
     compensated; set-points are never stretched. The robot moves to the start in joint space, at
-    this share of its speed. A stop ends on the path, within the limits.
+    10 % of its speed at most. A stop ends on the path, within the limits.
 
     >>> from armcontour.controllers import LinuxCNC
     >>> ac.play(ac.read_job("job.yaml"), LinuxCNC("machine.hal")).record is None
@@ -240,7 +240,8 @@ def perform_motion(
             return played
         if distance > START:
             tell(Step(("moving to the start",)))
-            limits = limits_of(job, played.plan)
+            slower = min(SLOW / played.speed_factor, 1.0)
+            limits = _scaled(limits_of(job, played.plan), slower)
             approach = approach_of(job, limits, on.position(), motion.q[0], on.cycle)
             on.stream(approach, wanted)
             if wanted():
@@ -256,14 +257,20 @@ def limits_of(job: Job, planned: RunResult) -> Limits:
 
 def at_speed(chosen: Run, job: Job, factor: float, reserve: float = RESERVE) -> Run:
     """The run at a share of its speed, with a reserve."""
-    limits = resolve_limits("play", job.arm, chosen.limits)
-    scaled = {
+    limits = _scaled(resolve_limits("play", job.arm, chosen.limits), factor)
+    changed = {x: getattr(limits, x) for x in POWERS if getattr(limits, x) is not None}
+    timing = replace(chosen.timing, reserve=max(chosen.timing.reserve, reserve))
+    return replace(chosen, limits=chosen.limits.replace(**changed), timing=timing)
+
+
+def _scaled(limits: Limits, factor: float) -> Limits:
+    """Limits of a motion at a share of its speed."""
+    changed = {
         name: np.multiply(getattr(limits, name), factor**power)
         for name, power in POWERS.items()
         if getattr(limits, name) is not None
     }
-    timing = replace(chosen.timing, reserve=max(chosen.timing.reserve, reserve))
-    return replace(chosen, limits=chosen.limits.replace(**scaled), timing=timing)
+    return limits.replace(**changed)
 
 
 def approach_of(
