@@ -3,6 +3,7 @@
 import pytest
 
 import armcontour as ac
+from armcontour.cli.options import ControllerOptions
 from armcontour.cli.play_command import controller_of
 from armcontour.controllers import Franka, Ur
 from armcontour.files import parse_job
@@ -21,11 +22,11 @@ def job(arm):
 
 
 def test_a_robot_is_named_by_its_address():
-    franka = controller_of(job("fr3"), "franka", "192.0.2.7", None)
+    franka = controller_of(job("fr3"), "franka", ControllerOptions(address="192.0.2.7"))
     assert isinstance(franka, Franka) and (franka.address, franka.model) == ("192.0.2.7", "fr3")
-    panda = controller_of(job("panda"), "franka", "192.0.2.7", None)
+    panda = controller_of(job("panda"), "franka", ControllerOptions(address="192.0.2.7"))
     assert isinstance(panda, Franka) and panda.model == "panda"
-    ur = controller_of(job("ur5e"), "ur", "192.0.2.7", None)
+    ur = controller_of(job("ur5e"), "ur", ControllerOptions(address="192.0.2.7"))
     assert isinstance(ur, Ur) and ur.address == "192.0.2.7"
 
 
@@ -41,4 +42,4 @@ def test_a_robot_is_named_by_its_address():
 )
 def test_no_address_is_assumed(name, address, hal, reason):
     with pytest.raises(ac.InvalidInput, match=reason):
-        controller_of(job("ur5e"), name, address, hal)
+        controller_of(job("ur5e"), name, ControllerOptions(address=address, hal=hal))

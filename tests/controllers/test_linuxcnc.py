@@ -171,7 +171,7 @@ def test_a_hal_file_of_other_joints_is_refused(job, tmp_path, refuses, old, new,
     refuses(lambda: play(job, LinuxCNC(file), speed_factor=1.0), ControllerRefused, *words)
 
 
-@pytest.mark.parametrize("servo", [{"dead_time": 2e-3}, {"ki": 10.0}, {"friction": 1e-3}])
+@pytest.mark.parametrize("servo", [{"dead_time": 2e-3}, {"velocity_feedforward": 1.0}])
 def test_a_servo_that_is_not_simulated_is_refused(job, servo, refuses):
     on = controller(servo=SERVO.replace(**servo))
     refuses(lambda: play(job, on, speed_factor=1.0), InvalidInput, *servo)

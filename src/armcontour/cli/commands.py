@@ -297,9 +297,13 @@ def learn(
     job_options: JobOptions,
 ) -> None:
     """Learn the set-points of the next run from the log of the last, or with --on from runs."""
+    if options.on is not None:
+        from armcontour.cli.robot_commands import learn_robot
+
+        raise typer.Exit(learn_robot(job, job_options, options))
     from armcontour.cli.learn_command import learn_file
 
-    raise typer.Exit(learn_file(job, job_options, options))
+    learn_file(job, job_options, options)
 
 
 @_command(ROBOT, "play job.yaml --on linuxcnc --speed-factor '50 %' --execute --out played")

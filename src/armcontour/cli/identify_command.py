@@ -63,7 +63,7 @@ def _identify_servos(logs: list[FilePath], command: IdentifyOptions, arm: Arm | 
     from armcontour.files.robot_file import servo_yaml
 
     unseen = [_read(log, command) for log in command.validate or []]
-    options = ServoFit(model=command.model, kinematics=arm, **shared_options(command))
+    options = ServoFit(model=command.model, kinematics=arm, **_shared_options(command))
     samples = [_read(log, command) for log in logs]
     with search_progress("identifying") as progress:
         fit = identify(samples, options, progress=progress)
@@ -94,7 +94,7 @@ def _identify_robot(jobs: list[FilePath], command: IdentifyOptions) -> int:
     for name in ("arm", "servo", "gravity", "validate", "columns", "topic", "start", "end"):
         option = {"start": "from", "end": "to"}.get(name, name)
         raise_if(getattr(command, name) is not None, f"--{option} is for logs: remove it or --on.")
-    result = identify_robot(jobs[0], command)
+    result = identify_robot(jobs[0], command, _shared_options(command))
     fit = result.fit
     if fit is None:
         if command.as_json:
@@ -124,7 +124,7 @@ def _identify_bodies(logs: list[FilePath], command: IdentifyOptions, name: str, 
     from armcontour.files.robots.loading import arm_names
 
     servo = None if command.servo is None else read_servo(command.servo, arm.dof)
-    options = BodyFit(gravity=command.gravity, **shared_options(command))
+    options = BodyFit(gravity=command.gravity, **_shared_options(command))
     samples = [_read(log, command) for log in logs]
     with search_progress("identifying") as progress:
         fit = identify_bodies(samples, arm, servo, options, progress=progress)
@@ -145,7 +145,7 @@ def _identify_bodies(logs: list[FilePath], command: IdentifyOptions, name: str, 
     return DONE if fit.determined else DOUBTFUL
 
 
-def shared_options(command: IdentifyOptions) -> dict[str, Any]:
+def _shared_options(command: IdentifyOptions) -> dict[str, Any]:
     """The specified options that both kinds of identification have."""
     from armcontour.cli.inputs import read_option
     from armcontour.core.quantities import Interval

@@ -18,15 +18,11 @@ if TYPE_CHECKING:
     from armcontour.jobs.run_learning import JudgedStudy, LearningStudy
 
 
-def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -> int:
-    """Learn a run of a job from a log, or evaluate the log; print, write, return the exit code."""
+def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -> None:
+    """Learn a run of a job from a log, or evaluate the log; print and write the result."""
     from armcontour.files import ResultFolder
     from armcontour.files.result_folder import data_json
 
-    if options.on is not None:
-        from armcontour.cli.robot_commands import learn_robot
-
-        return learn_robot(file, job_options, options)
     _refuse_missing(options)
     window = read_window(options.start, options.end)
 
@@ -45,7 +41,6 @@ def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -
         _print(study, options)
     if options.out is not None and options.open_report:
         open_page(options.out / "report.html")
-    return 0
 
 
 def _refuse_missing(options: LearnOptions) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import threading
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from armcontour.cli.console import Console, open_page
 from armcontour.cli.inputs import open_job, read_option
@@ -28,9 +28,10 @@ LOG = "logs/run_{}.csv"
 DRY = "Dry run: nothing moved. With --execute the robot moves."
 
 
-def identify_robot(file: FilePath, options: IdentifyOptions) -> RobotIdentification:
+def identify_robot(
+    file: FilePath, options: IdentifyOptions, fit_options: dict[str, Any]
+) -> RobotIdentification:
     """Play the motions of an identification, or compare them only."""
-    from armcontour.cli.identify_command import shared_options
     from armcontour.control.identification import ServoFit
     from armcontour.controllers import identify_on
     from armcontour.core.checks import raise_if
@@ -57,7 +58,7 @@ def identify_robot(file: FilePath, options: IdentifyOptions) -> RobotIdentificat
             reserve=reserve,
             excitation=options.excitation,
             execute=options.execute,
-            options=ServoFit(model=options.model, kinematics=job.arm, **shared_options(options)),
+            options=ServoFit(model=options.model, kinematics=job.arm, **fit_options),
             wanted=stop.is_set,
             progress=progress,
         )

@@ -157,7 +157,7 @@ class RobotLearner:
             record = played.record
             if not self.execute or self.wanted() or record is None:
                 break
-            ran_away = _ran_away(record, watch)
+            ran_away = _ran_away(record, watch, self.on.cycle)
             if ran_away or (record.stopped is None and record.faithful):
                 break
         if not self.execute:
@@ -221,12 +221,13 @@ class RobotLearner:
             )
 
 
-def _ran_away(record: PlayedMotion, watch: tuple[FloatArray, float] | None) -> bool:
+def _ran_away(record: PlayedMotion, watch: tuple[FloatArray, float] | None, cycle: float) -> bool:
     """Whether a motion was stopped as a joint was too far from its expected position."""
     if record.stopped is None or watch is None:
         return False
     expected, band = watch
-    k = np.minimum(np.arange(min(record.stopped, len(record.measured))), len(expected) - 1)
+    k = np.rint(record.t / cycle).astype(int)
+    k = np.minimum(k[k < record.stopped], len(expected) - 1)
     return bool(np.abs(record.measured[: len(k)] - expected[k]).max(initial=0.0) > band)
 
 

@@ -42,7 +42,7 @@ from typing import Protocol
 # Longest time without a line from the sender before the next stop is taken [s].
 SILENCE = 0.5
 # Longest pause of a guarded feeder before its guard takes its place [s].
-HALT = 0.15
+HALT = 0.2
 # Stops that a guard keeps.
 KEPT = 8
 # Pause of the loop between two looks at the controller [s].

@@ -63,6 +63,7 @@ class LinuxCNC:
     def take_over(self) -> int:
         """Go on where another process ended; number of rows, which misses one if the FIFO wraps."""
         self.attach(f"{COMPONENT}-guard")
+        self.waiting = True
         seen: list[int] = []
         # The thread may be between its FIFO and its pins: several cycles have to agree.
         while len(seen) < AGREEING or len(set(seen[-AGREEING:])) > 1:
