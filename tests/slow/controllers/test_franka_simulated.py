@@ -1,7 +1,7 @@
 """Franka's adapter against franky-sim, a simulator of the FCI's protocol at 1 kHz.
 
-The simulator has a servo of first order with a gain of 10 1/s, friction, and no reflexes: limits are
-those of libfranka's limiter. A motion in which this machine was late is repeated.
+The simulator has a servo of first order with a gain of 10 1/s, friction, and no reflexes. Limits
+are those of libfranka's limiter. A motion in which this machine was late is repeated.
 """
 
 import os
