@@ -97,8 +97,8 @@ def test_exports_come_back(tmp_path, mac, arm, form):
     place = file.with_stem("paper")
     FORMATS[form]().write(plan, place)
     again = read_trajectory(place, arm.joint_names)
-    np.testing.assert_allclose(again.q, x.q, 0, 1e-12 if form == "mcap" else 0.51e-7)
-    assert form == "mcap" or again.resolution["q"] == pytest.approx(1e-7)
+    np.testing.assert_allclose(again.q, x.q, 0, 1e-12 if form == "mcap" else 0.51e-9)
+    assert form == "mcap" or again.resolution["q"] == pytest.approx(1e-9)
 
 
 INNER = "{joint_names: [a], points: [{positions: [1.5], " + AT_ONCE + "]}"

@@ -357,7 +357,7 @@ def test_resuming_at_an_end_within_a_contour_and_where_something_is_switched():
             (
                 lambda s=resume_at: prepare(drawn, Process(resume_at=s)),
                 f"{resume_at:g} m",
-                "0.3 m long",
+                "0.3 m",
             )
         )
     lead = Lead(length=0.02)

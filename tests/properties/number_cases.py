@@ -522,6 +522,8 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--noise": ("# rad", "0.1 mrad, # mrad/s"),
 }
 TEXTS = {
+    # Options of play and of --on are tested in tests/controllers.
+    "--address", "--band", "--on", "--reserve", "--speed-factor",
     "--arm", "--base", "--cell", "--cluster", "--color", "--columns", "--continuity",
     "--contour", "--controller", "--corner-shape", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",

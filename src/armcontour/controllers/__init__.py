@@ -3,6 +3,7 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
+    "armcontour.core.errors": "ControllerLost ControllerRefused",
     "controller": "Controller Motion PlayedMotion Stop",
     "franka": "Franka",
     "linuxcnc": "LinuxCNC",

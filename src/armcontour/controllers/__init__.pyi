@@ -12,3 +12,5 @@ from armcontour.controllers.robot_learning import RobotLearner as RobotLearner
 from armcontour.controllers.robot_learning import RobotLearning as RobotLearning
 from armcontour.controllers.robot_learning import learn_on as learn_on
 from armcontour.controllers.ur import Ur as Ur
+from armcontour.core.errors import ControllerLost as ControllerLost
+from armcontour.core.errors import ControllerRefused as ControllerRefused

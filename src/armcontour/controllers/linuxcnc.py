@@ -15,6 +15,7 @@ from armcontour.controllers.controller import Command, Controller
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
+from armcontour.core.file_access import read_text
 from armcontour.core.render import number
 from armcontour.core.result import Row
 from armcontour.core.text import count_noun
@@ -158,7 +159,7 @@ def _check_file(file: FilePath, arm: Arm) -> None:
     Raises:
         ControllerRefused: Their number or names differ.
     """
-    text = file.read_text(encoding="utf-8", errors="replace")
+    text = read_text(file, "HAL file")
     floats = {x: len(y) for x, y in re.findall(r"^\s*loadrt (\w+) .*cfg=(f+)\b", text, re.M)}
     for component, count in (("streamer", arm.dof + 1), ("sampler", 2 * arm.dof + 1)):
         if floats.get(component) != count:

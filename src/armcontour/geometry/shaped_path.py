@@ -207,7 +207,8 @@ def check_correspondence(places: npt.ArrayLike, objective: Path, path: Path) -> 
     near = 1e-9 * (1 + ends[1])
     if pairs.ndim != 2 or not pairs.size or (np.abs(pairs[[0, -1]] - ends) > near).any():
         raise InvalidInput(
-            "places of a shaped path, corresponding arc lengths, must lead from start to end."
+            "places of a shaped path, corresponding arc lengths, must lead from its start to its "
+            "end."
         )
     if (np.diff(pairs, axis=0) < 0).any():
         raise InvalidInput("places of a shaped path, corresponding arc lengths, must not decrease.")

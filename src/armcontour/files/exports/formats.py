@@ -78,6 +78,7 @@ class ExportFormat(Checked):
         """True if tables need points at the stops of a trajectory, at which files end."""
         return self.points_per_file is not None and not self.regular and not self.in_motion
 
+    @checked
     def digit_of(self, table: SetPointTable) -> float | None:
         """Last digit of joint positions [rad]; None for binary files and templates of users.
 
@@ -97,6 +98,7 @@ class ExportFormat(Checked):
         most = read_points_per_file(self.points_per_file)
         return (table,) if most is None else split_table(table, most, in_motion=self.in_motion)
 
+    @checked
     def describe(
         self, parts: Sequence[SetPointTable], name_output: Callable[[str, int | str], str]
     ) -> list[str]:
@@ -113,6 +115,7 @@ class ExportFormat(Checked):
         every = [*describe_parts(parts, most), *(sentence for x in found for sentence in x)]
         return list(dict.fromkeys(every))
 
+    @checked
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table directly to a path, without a temporary file.
 
@@ -172,6 +175,7 @@ class CsvFormat(TableFormat):
     decimals: Decimals | None = None
     comments: bool = False
 
+    @checked
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a file."""
         write_csv(table, file, decimals=self.decimals, comments=self.comments)
@@ -205,6 +209,7 @@ class RosYamlFormat(TrajectoryFormat):
     decimals: Decimals | None = None
     tolerances: GoalTolerances | None = None
 
+    @checked
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a file."""
         write_ros_yaml(table, file, decimals=self.decimals, tolerances=self.tolerances)
@@ -242,6 +247,7 @@ class URScriptFormat(ExportFormat):
     analog: Analog | None = None
     call: bool = False
 
+    @checked
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a file."""
         write_urscript(table, file, self.outputs, call=self.call)
@@ -267,6 +273,7 @@ class TemplateFormat(TableFormat):
         """Name of the template."""
         return str(self.template)
 
+    @checked
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a file."""
         write_template(table, file, self.template, self.outputs)
