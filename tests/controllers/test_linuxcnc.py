@@ -182,18 +182,21 @@ def test_stops_are_checked():
         Stop(k=-1, q=np.zeros((2, 2)))
 
 
-def test_without_a_terminal_nothing_is_executed(tmp_path):
+@pytest.mark.parametrize("name", ["play", "identify", "learn"])
+def test_without_a_terminal_nothing_is_executed(tmp_path, name):
+    """A pipe that has the name of the arm is no terminal."""
     (tmp_path / "job.yaml").write_text(JOB, encoding="utf-8")
-    words = ["play", str(tmp_path / "job.yaml"), "--on", "linuxcnc", "--execute"]
+    words = [name, str(tmp_path / "job.yaml"), "--on", "linuxcnc", "--execute", "--out"]
     done = subprocess.run(
-        [sys.executable, "-m", "armcontour", *words],
-        stdin=subprocess.DEVNULL,
+        [sys.executable, "-m", "armcontour", *words, str(tmp_path / "out")],
+        input="PMK-3s\n",
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 10
     assert "terminal" in done.stderr and "nothing moves" in done.stderr
+    assert not (tmp_path / "out").exists()
 
 
 @needs_linuxcnc

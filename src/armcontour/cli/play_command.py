@@ -31,7 +31,7 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
     """Play a run of a job, print and write the record, and return the exit code."""
     from armcontour.controllers import play
     from armcontour.controllers.player import plan_played
-    from armcontour.core.errors import ControllerRefused, InvalidInput
+    from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import AngularDistance, Factor
     from armcontour.files import ResultFolder
     from armcontour.files.result_folder import data_json
@@ -39,10 +39,7 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
 
     if options.out is not None and not options.execute:
         raise InvalidInput("--out is for the log of a motion: add --execute, or remove --out.")
-    if options.execute and not sys.stdin.isatty():
-        raise ControllerRefused(
-            "--execute asks on a terminal before a robot moves, but there is none; nothing moves."
-        )
+    refuse_without_terminal(options)
     speed_factor = read_option("--speed-factor", options.speed_factor, Factor)
     band = read_option("--band", options.band, AngularDistance)
     assert speed_factor is not None
@@ -112,6 +109,16 @@ def controller_of(job: Job, name: str, options: ControllerOptions) -> Controller
     if options.drives is not None:
         raise InvalidInput("--drives is for simulated joints: remove it or --hal.")
     return LinuxCNC(options.hal)
+
+
+def refuse_without_terminal(options: ControllerOptions) -> None:
+    """Refuse to move a robot where nobody can confirm it."""
+    from armcontour.core.errors import ControllerRefused
+
+    if options.execute and not sys.stdin.isatty():
+        raise ControllerRefused(
+            "--execute asks on a terminal before a robot moves, but there is none; nothing moves."
+        )
 
 
 def confirm(job: Job, controller: Controller) -> None:

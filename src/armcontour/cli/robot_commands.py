@@ -11,7 +11,13 @@ from armcontour.cli.console import Console, open_page
 from armcontour.cli.inputs import open_job, read_option
 from armcontour.cli.interrupts import on_interrupt
 from armcontour.cli.options import JobOptions
-from armcontour.cli.play_command import DONE, STOPPED, confirm, controller_of
+from armcontour.cli.play_command import (
+    DONE,
+    STOPPED,
+    confirm,
+    controller_of,
+    refuse_without_terminal,
+)
 from armcontour.cli.progress_bars import search_progress
 from armcontour.core.progress import subprogress
 
@@ -41,6 +47,7 @@ def identify_robot(
         options.execute and options.out is None,
         "--execute requires --out, the folder for servo.yaml and the logs.",
     )
+    refuse_without_terminal(options)
     assert options.on is not None
     reserve, stop = read_option("--reserve", options.reserve, Reserve), threading.Event()
     assert reserve is not None
@@ -84,6 +91,7 @@ def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) 
         options.execute and options.out is None,
         "--execute requires --out, the folder for logs, set-points and report.",
     )
+    refuse_without_terminal(options)
     reserve = read_option("--reserve", options.reserve, Reserve)
     band = read_option("--band", options.band, AngularDistance)
     assert options.on is not None and reserve is not None
