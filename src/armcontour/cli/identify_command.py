@@ -24,15 +24,15 @@ STOPPED_EARLY = "nothing was identified."
 def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
     """Identify servos or an arm with masses, print the result, and return the exit code."""
     from armcontour.cli.check_command import ARM_OPTIONS, named_arm
+    from armcontour.cli.play_command import refuse_without_controller
     from armcontour.core.checks import raise_if
 
     lonely = options.out is None and (options.open_report or options.force)
     raise_if(lonely, "--open and --force go with --out, the folder for the report.")
     if options.on is not None:
         return _identify_robot(logs, options)
-    for name in ("execute", "drives", "hal", "address", "run_name", "sets", "excitation"):
-        option = f"--{'run' if name == 'run_name' else 'set' if name == 'sets' else name}"
-        raise_if(bool(getattr(options, name)), f"{option} goes with --on: name a controller too.")
+    others = {"run_name": "--run", "sets": "--set", "excitation": "--excitation"}
+    refuse_without_controller(options, others)
     if options.arm is None:
         for name in ("servo", "gravity", *ARM_OPTIONS):
             message = f"--{name.replace('_', '-')} goes with --arm: name the arm too."
@@ -84,9 +84,10 @@ def _verdict(fit: Identification) -> int:
 
 def _identify_robot(jobs: list[FilePath], command: IdentifyOptions) -> int:
     """Identify the servos of a robot from motions that it plays."""
-    from armcontour.cli.play_command import STOPPED
-    from armcontour.cli.robot_commands import DRY, identify_robot, log_text
+    from armcontour.cli.play_command import DRY, STOPPED
+    from armcontour.cli.robot_commands import identify_robot
     from armcontour.core.checks import raise_if
+    from armcontour.files.log_file import log_text
     from armcontour.files.result_folder import data_json
     from armcontour.files.robot_file import servo_yaml
 

@@ -45,10 +45,10 @@ def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -
 
 def _refuse_missing(options: LearnOptions) -> None:
     """Reject options without those that they require."""
+    from armcontour.cli.play_command import refuse_without_controller
     from armcontour.core.errors import InvalidInput
 
-    if options.execute or options.drives is not None or options.hal is not None:
-        raise InvalidInput("--execute, --drives and --hal require a controller: give --on.")
+    refuse_without_controller(options)
     if options.out is None and (options.open_report or options.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
     if options.judge_only:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import sys
 import threading
+from collections.abc import Mapping
 from contextlib import nullcontext
-from functools import partial
 from pathlib import Path as FilePath
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import typer
@@ -25,12 +26,14 @@ if TYPE_CHECKING:
 
 # Exit codes: played to its end, or a dry run; stopped on the path.
 DONE, STOPPED = 0, 1
+DRY = "Dry run: nothing moved. With --execute the robot moves."
+# Options of a controller by their fields.
+OF_CONTROLLER = {x: f"--{x}" for x in ("execute", "drives", "hal", "address")}
 
 
 def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> int:
     """Play a run of a job, print and write the record, and return the exit code."""
-    from armcontour.controllers import play
-    from armcontour.controllers.player import plan_played
+    from armcontour.controllers.player import check_speed, plan_played, play_planned
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import AngularDistance, Factor
     from armcontour.files import ResultFolder
@@ -43,6 +46,7 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
     speed_factor = read_option("--speed-factor", options.speed_factor, Factor)
     band = read_option("--band", options.band, AngularDistance)
     assert speed_factor is not None
+    check_speed(speed_factor, learned=options.set_points is not None)
     stop = threading.Event()
     with (
         nullcontext()
@@ -51,18 +55,18 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
     ):
         with search_progress("playing") as progress:
             job = open_job(file, job_options, subprogress(progress, "reading"))
+            controller = controller_of(job, options.on, options)
+            job, plan = plan_played(job, options.run_name, speed_factor, progress=progress)
             set_points = None
             if options.set_points is not None:
-                job_played, plan = plan_played(job, options.run_name, progress=progress)
-                set_points = read_set_points(options.set_points, job_played, plan)
-        controller = controller_of(job, options.on, options)
+                set_points = read_set_points(options.set_points, job, plan)
         if options.execute:
             confirm(job, controller)
         with on_interrupt(stop.set), search_progress("playing") as progress:
-            played = play(
+            played = play_planned(
                 job,
+                plan,
                 controller,
-                run_name=options.run_name,
                 execute=options.execute,
                 speed_factor=speed_factor,
                 band=band,
@@ -111,8 +115,19 @@ def controller_of(job: Job, name: str, options: ControllerOptions) -> Controller
     return LinuxCNC(options.hal)
 
 
+def refuse_without_controller(
+    options: ControllerOptions, others: Mapping[str, str] = MappingProxyType({})
+) -> None:
+    """Reject options of a controller without --on; `others` are options of a command by field."""
+    from armcontour.core.checks import raise_if
+
+    for name, option in {**OF_CONTROLLER, **others}.items():
+        message = f"{option} goes with --on: name a controller too."
+        raise_if(bool(getattr(options, name)), message)
+
+
 def refuse_without_terminal(options: ControllerOptions) -> None:
-    """Refuse to move a robot where nobody can confirm it."""
+    """Refuse to move a robot without a terminal on which the user confirms it."""
     from armcontour.core.errors import ControllerRefused
 
     if options.execute and not sys.stdin.isatty():
@@ -135,11 +150,11 @@ def confirm(job: Job, controller: Controller) -> None:
 
 def _write(played: Played, folder: ResultFolder) -> None:
     """Write the log and the summary."""
-    from armcontour.files.log_file import write_log
+    from armcontour.files.log_file import log_text
     from armcontour.files.result_folder import data_json
 
     if played.record is not None:
-        folder.place("log.csv", partial(write_log, log=played.log))
+        folder.write("log.csv", log_text(played.log))
     folder.write("summary.json", data_json(played.to_data()))
 
 
@@ -148,7 +163,7 @@ def _print(played: Played, options: PlayOptions) -> None:
     console = Console()
     console.show(played.to_data())
     if not options.execute:
-        console.print("Dry run: nothing moved. With --execute the robot moves.")
+        console.print(DRY)
     elif played.record is None:
         console.print("Stopped before the motion.")
     elif options.out is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import threading
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -13,6 +12,7 @@ from armcontour.cli.interrupts import on_interrupt
 from armcontour.cli.options import JobOptions
 from armcontour.cli.play_command import (
     DONE,
+    DRY,
     STOPPED,
     confirm,
     controller_of,
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 # Kind of a result folder of runs on a robot, which goes on.
 KIND = "learn --on"
 LOG = "logs/run_{}.csv"
-DRY = "Dry run: nothing moved. With --execute the robot moves."
 
 
 def identify_robot(
@@ -69,15 +68,6 @@ def identify_robot(
             wanted=stop.is_set,
             progress=progress,
         )
-
-
-def log_text(log: Log) -> str:
-    """A log as the text of a CSV file."""
-    from armcontour.files.log_file import write_log
-
-    text = io.StringIO()
-    write_log(text, log)
-    return text.getvalue()
 
 
 def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) -> int:
@@ -172,6 +162,7 @@ def _named(log: Log, source: str, job: Job) -> Log:
 def _write(result: RobotLearning, folder: ResultFolder) -> None:
     """Write logs, set-points of the best run, summary and report."""
     from armcontour.cli.learn_command import write_study
+    from armcontour.files.log_file import log_text
 
     for k, log in enumerate(result.logs, 1):
         folder.write(LOG.format(k), log_text(log))

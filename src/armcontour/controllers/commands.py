@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from armcontour.control.compensation import CompensationOptions
+from armcontour.control.compensation import CompensationOptions, NoCompensation
 from armcontour.control.compensation.compensator import unchecked_set_points
-from armcontour.controllers.controller import Stop
+from armcontour.controllers.controller import Motion, Stop
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import NotRealizable
 from armcontour.motion import SetPoints, Trajectory
@@ -68,8 +68,9 @@ class Stopper:
         self.q = commands_at(set_points, cycle, servo.interpolation)
         # Learned set-points of a robot with more dead time than its model are earlier than those of
         # the compensation by whole cycles, but they are the same rows.
-        self._start_time: float | None = None
-        self._planned = self._commands(set_points.trajectory)
+        planned = self._compensate(set_points.trajectory)
+        self._start_time = planned.start_time
+        self._planned = commands_at(planned, cycle, servo.interpolation)
 
     def __call__(self, k: int) -> Stop:
         """The stop that replaces the set-points from cycle k on.
@@ -79,12 +80,16 @@ class Stopper:
         """
         plan, foresight = self.set_points.trajectory, FORESIGHT
         while foresight <= LONGEST_FORESIGHT:
-            assert self._start_time is not None
             t = k * self.cycle + self._start_time
             t += float(np.max(self.servo.dead_time)) + foresight * self.set_points.cycle
             if t >= plan.duration:
                 return Stop(k=k, q=self.q[min(k, len(self.q) - 1) :])
-            q = self._commands(stop(plan, max(t, 0.0)))
+            stopped = self._compensate(stop(plan, max(t, 0.0)))
+            if abs(stopped.start_time - self._start_time) > SAME * stopped.cycle:
+                raise NotRealizable(
+                    "The set-points of a stop start at another time than the plan's."
+                )
+            q = commands_at(stopped, self.cycle, self.servo.interpolation)
             if np.abs(q[:k] - self._planned[:k]).max(initial=0.0) < SAME:
                 return Stop(k=k, q=q[k:] + self._correction(k, len(q) - k))
             foresight *= 2
@@ -93,17 +98,10 @@ class Stopper:
             "the compensation look too far ahead."
         )
 
-    def _commands(self, trajectory: Trajectory) -> FloatArray:
-        """Set-points of a trajectory at the controller's cycles, compensated as the plan is."""
+    def _compensate(self, trajectory: Trajectory) -> SetPoints:
+        """Set-points of a trajectory, compensated as the plan is."""
         cycle = self.set_points.cycle
-        set_points = unchecked_set_points(
-            trajectory, self.servo, self.options, cycle=cycle, arm=self.arm
-        )
-        if self._start_time is None:
-            self._start_time = set_points.start_time
-        if abs(set_points.start_time - self._start_time) > SAME * cycle:
-            raise NotRealizable("The set-points of a stop start at another time than the plan's.")
-        return commands_at(set_points, self.cycle, self.servo.interpolation)
+        return unchecked_set_points(trajectory, self.servo, self.options, cycle=cycle, arm=self.arm)
 
     def _correction(self, k: int, count: int) -> FloatArray:
         """The learned change of the set-points from cycle k on, which fades out (count, dof)."""
@@ -112,3 +110,11 @@ class Stopper:
         x = np.clip(number * self.cycle / FADING, 0.0, 1.0)
         faded = 1 - x**3 * (10 - x * (15 - 6 * x))
         return np.asarray(learned[np.minimum(number, len(learned) - 1)] * faded[:, None])
+
+
+def uncompensated_motion(trajectory: Trajectory, arm: Arm, cycle: float) -> Motion:
+    """The motion along a trajectory without compensation, with its stops."""
+    q = trajectory.sample(cycle).q
+    set_points = SetPoints(cycle=cycle, q=q, trajectory=trajectory, method="none")
+    stopper = Stopper(set_points, ServoModel(order="delay"), NoCompensation(), arm, cycle)
+    return Motion(q=stopper.q, next_stop=stopper)

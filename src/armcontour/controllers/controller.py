@@ -47,6 +47,12 @@ START = 1e-3
 SAME = 1e-9
 # Largest number of characters of an error message of a feeder.
 SHOWN = 600
+# Notes on events of a feeder.
+EVENTS = {
+    "W": "The feeder had no sign of life from this process and stopped.",
+    "A": "The next stop was not ready in time, so the last one was taken.",
+    "V": "A process of the feeder was lost, and another one stopped.",
+}
 
 Positions = Annotated[FloatArray, Quantity("rad"), Axes("n", "joints")]
 
@@ -222,7 +228,10 @@ class _StopSender(threading.Thread):
     def send_next(self) -> int:
         """Compute and send the next stop, and return its cycle."""
         assert self.motion.next_stop is not None
-        begun = time.monotonic()
+        begun, played = time.monotonic(), self.played
+        if self.channel.event("X") is None:
+            # A motion of minutes has thousands of stops.
+            self.sent = {k: q for k, q in self.sent.items() if k >= played}
         stop = self.motion.next_stop(self.due + round(INTERVAL / self.cycle))
         self.lead = max(self.lead, 2 * (time.monotonic() - begun) + PAUSE)
         self.sent[stop.k] = stop.q
@@ -306,12 +315,11 @@ class Controller(ABC):
             reason = "it does not answer" if channel.alive else channel.describe_failure()
             self.close()
             raise ControllerRefused(f"{self.name} cannot be reached: {reason}")
-        if len(channel.positions) != arm.dof:
+        try:
+            self._check_joints(arm, len(channel.positions))
+        except ControllerRefused:
             self.close()
-            raise ControllerRefused(
-                f"{self.name} has {count_noun(len(channel.positions), 'joint')}, but the arm "
-                f"{arm.name} has {arm.dof}."
-            )
+            raise
 
     def position(self) -> FloatArray:
         """The commanded joint positions [rad], (dof,)."""
@@ -388,6 +396,14 @@ class Controller(ABC):
             raise InvalidInput(f"{self.name} is not connected: call connect first.")
         return self._channel
 
+    def _check_joints(self, arm: Arm, dof: int) -> None:
+        """Refuse an arm with another number of joints than the controller."""
+        if arm.dof != dof:
+            raise ControllerRefused(
+                f"{self.name} has {count_noun(dof, 'joint')}, but the arm {arm.name} has "
+                f"{count_noun(arm.dof, 'joint')}."
+            )
+
     def _check_start(self, motion: Motion) -> None:
         """Refuse a motion that does not begin where the controller holds the robot."""
         distance = np.abs(motion.q[0] - self.position())
@@ -422,22 +438,16 @@ class Controller(ABC):
         late = int((np.diff(k[k < len(q) - 1]) == 0).sum())
         command = table[:, 2 : 2 + dof]
         deviation = float(np.abs(command - q[np.minimum(k, len(q) - 1)]).max(initial=0.0))
-        if channel.event("W") is not None:
-            notes = [*notes, "The feeder had no sign of life from this process and stopped."]
-        if channel.event("A") is not None:
-            notes = [*notes, "The next stop was not ready in time, so the last one was taken."]
-        if channel.event("V") is not None:
-            notes = [*notes, "A process of the feeder was lost, and another one stopped."]
+        notes = [*notes, *(x for kind, x in EVENTS.items() if channel.event(kind) is not None)]
         if missing:
-            notes = [*notes, f"{count_noun(missing, 'sample')} of the record are missing."]
+            notes.append(f"{count_noun(missing, 'sample')} of the record are missing.")
         if late:
-            notes = [*notes, f"{count_noun(late, 'set-point')} came late."]
+            notes.append(f"{count_noun(late, 'set-point')} came late.")
         if deviation > SAME:
-            notes = [
-                *notes,
+            notes.append(
                 f"The controller used other set-points than those sent, by up to "
-                f"{number(deviation, 'rad')}.",
-            ]
+                f"{number(deviation, 'rad')}."
+            )
         return PlayedMotion(
             t=(clock - (clock[0] if len(clock) else 0.0)) * self.cycle,
             command=command,

@@ -6,17 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from armcontour.control.compensation import NoCompensation
-from armcontour.controllers.commands import Stopper
+from armcontour.controllers.commands import uncompensated_motion
 from armcontour.controllers.controller import Motion
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.job import Job
-from armcontour.motion import JointPath, PathLaw, Rates, SetPoints, Trajectory
+from armcontour.motion import JointPath, PathLaw, Trajectory
 from armcontour.robot import Limits
 from armcontour.robot.limit_use import States
-from armcontour.robot.servo import ServoModel
 
 # Duration, and time in which the motion begins and in which it ends [s].
 DURATION, FADING = 12.0, 2.0
@@ -74,10 +72,7 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
         clearance = clearance_of(job, trajectory)
         within = all((x.ratio <= 1).all() for x in states.uses(limits))
         if within and (clearance is None or clearance.satisfied):
-            q = trajectory.sample(cycle).q
-            points = SetPoints(cycle=cycle, q=q, trajectory=trajectory, method="none")
-            stopper = Stopper(points, ServoModel(order="delay"), NoCompensation(), job.arm, cycle)
-            return Motion(q=stopper.q, next_stop=stopper)
+            return uncompensated_motion(trajectory, job.arm, cycle)
         size /= 2
     reason = clearance.sentence if within and clearance is not None else "a limit is active."
     raise ControllerRefused(f"The joints cannot be excited about the begin of the run: {reason}")
@@ -121,6 +116,6 @@ def _trajectory(
     begin = (states[0][:-1], states[1][:-1], states[2][:-1])
     end = (states[0][1:], states[1][1:], states[2][1:])
     path = JointPath.hermite(t, begin, end)
-    ones, zeros = np.ones(len(t) - 1), np.zeros(len(t) - 1)
-    law = PathLaw(joint_path=path, breaks=t, s=t, rates=Rates(ones, zeros, zeros, zeros))
-    return replace(base, laws=(law,), path=None, stretches=(), spans=(), events=())
+    return replace(
+        base, laws=(PathLaw.over_time(path),), path=None, stretches=(), spans=(), events=()
+    )

@@ -15,7 +15,6 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.render import number
 from armcontour.core.result import Row
-from armcontour.core.text import count_noun
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
@@ -140,11 +139,7 @@ class Franka(Controller):
 
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
         """Compare arm, limits and set-points with those of the FCI."""
-        if arm.dof != DOF:
-            raise ControllerRefused(
-                f"franka has {DOF} joints, but the arm {arm.name} has "
-                f"{count_noun(arm.dof, 'joint')}."
-            )
+        self._check_joints(arm, DOF)
         allowed = LIMITS[self.model]
         # Stops on the path are as smooth as the plan.
         for name, most in (("acceleration", allowed.acceleration), ("jerk", allowed.jerk)):

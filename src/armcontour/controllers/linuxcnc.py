@@ -135,22 +135,24 @@ class LinuxCNC(Controller):
             shutil.copy(self.hal_file, file)
         environment = {"RTAPI_FIFO_PATH": str(folder / "rtapi"), "HOME": str(folder)}
         environment["PYTHONPATH"] = str(SOURCE)
-        apart: list[str] = []
         if os.geteuid() == 0:
             environment["RTAPI_UID"] = str(NOBODY)
             folder.chmod(0o711)
             os.chown(folder, NOBODY, NOBODY)
-            apart = ["unshare", "--ipc"]
-        elif self.hal_file is None:
-            apart = ["unshare", "--map-current-user", "--ipc"]
-            if subprocess.run([*apart, "true"], capture_output=True, check=False).returncode:
-                apart = []
-        if self.hal_file is not None:
-            # The HAL of a machine has one fixed address that other programs use, too.
-            apart = []
+        # The HAL of a machine has one fixed address that other programs use, too.
+        apart = _own_ipc() if self.hal_file is None else []
         words = [*apart, SYSTEM_PYTHON, "-m", "armcontour.controllers.devices.linuxcnc"]
         words += [str(folder / "samples.txt"), str(file), str(self.ahead), str(arm.dof)]
         return Command(words, environment, clean_up=(RTAPI, "exit"))
+
+
+def _own_ipc() -> list[str]:
+    """The command that gives a program shared memory of its own; empty if there is none."""
+    if os.geteuid() == 0:
+        return ["unshare", "--ipc"]
+    command = ["unshare", "--map-current-user", "--ipc"]
+    failed = subprocess.run([*command, "true"], capture_output=True, check=False).returncode
+    return [] if failed else command
 
 
 def _check_file(file: FilePath, arm: Arm) -> None:

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armcontour.control.compensation import NoCompensation
-from armcontour.controllers.commands import Stopper
+from armcontour.controllers.commands import Stopper, uncompensated_motion
 from armcontour.controllers.controller import START, Controller, Motion, PlayedMotion
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
@@ -26,7 +25,6 @@ from armcontour.motion import JointPath, Log, SetPoints
 from armcontour.planning import plan
 from armcontour.planning.options import Optimal
 from armcontour.robot import Limits, resolve_limits
-from armcontour.robot.servo import ServoModel
 
 # Share of the planned speed by default.
 SLOW = 0.1
@@ -149,18 +147,51 @@ def play(
         ControllerLost: The controller failed during the motion.
         ArmContourError: The run cannot be planned.
     """
+    check_speed(speed_factor, learned=set_points is not None)
+    played_job, planned = plan_played(job, run_name, speed_factor, progress=progress)
+    return play_planned(
+        played_job,
+        planned,
+        on,
+        execute=execute,
+        speed_factor=speed_factor,
+        band=band,
+        set_points=set_points,
+        wanted=wanted,
+        progress=progress,
+    )
+
+
+def check_speed(speed_factor: float, *, learned: bool) -> None:
+    """Refuse a speed factor above 1, or another one than 1 for learned set-points."""
     if speed_factor > 1:
         raise InvalidInput(f"speed_factor is at most 1, but {speed_factor:g}.")
-    played_job, planned = plan_played(job, run_name, speed_factor, progress=progress)
+    if learned and speed_factor != 1.0:
+        raise InvalidInput("Learned set-points are for the full speed: give speed_factor=1.")
+
+
+def play_planned(
+    job: Job,
+    planned: RunResult,
+    on: Controller,
+    *,
+    execute: bool,
+    speed_factor: float,
+    band: float | None,
+    set_points: SetPoints | None,
+    wanted: Callable[[], bool],
+    progress: Progress | None,
+) -> Played:
+    """Play a run that `plan_played` has planned; arguments as of `play`."""
     if set_points is not None:
-        _check_same_plan(set_points, planned, speed_factor)
+        _check_same_plan(set_points, planned)
     if planned.kept is False:
         raise ControllerRefused(
             f"The simulation of run {planned.run.name} is not within its limits or accuracy: see "
             "armcontour run."
         )
     return perform(
-        played_job,
+        job,
         planned,
         on,
         set_points=set_points,
@@ -279,16 +310,12 @@ def approach_of(
     """A straight motion of the joints to the first set-point, clear of arm and cell.
 
     Raises:
-        Collision: The arm would collide.
+        ControllerRefused: The arm would come too near to itself or its cell.
     """
     line = JointPath.spline(np.stack([position, start]), [0.0, 1.0])
     _check_clear(job, line)
     trajectory = plan(line, job.arm, limits.of_joints, Optimal(reserve=RESERVE))
-    q = trajectory.sample(cycle).q
-    set_points = SetPoints(cycle=cycle, q=q, trajectory=trajectory, method="none")
-    servo = ServoModel(order="delay")
-    stopper = Stopper(set_points, servo, NoCompensation(), job.arm, cycle)
-    return Motion(q=stopper.q, next_stop=stopper)
+    return uncompensated_motion(trajectory, job.arm, cycle)
 
 
 def _check_clear(job: Job, line: JointPath) -> None:
@@ -305,10 +332,8 @@ def _check_clear(job: Job, line: JointPath) -> None:
         )
 
 
-def _check_same_plan(set_points: SetPoints, planned: RunResult, factor: float) -> None:
+def _check_same_plan(set_points: SetPoints, planned: RunResult) -> None:
     """Refuse learned set-points of another plan."""
-    if factor != 1.0:
-        raise InvalidInput("Learned set-points are for the full speed: give speed_factor=1.")
     before, now = set_points.trajectory, planned.trajectory
     if (
         abs(before.duration - now.duration) > 1e-9

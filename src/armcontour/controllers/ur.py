@@ -12,7 +12,6 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused
 from armcontour.core.render import number
 from armcontour.core.result import Row
-from armcontour.core.text import count_noun
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
@@ -43,10 +42,7 @@ class Ur(Controller):
 
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
         """Compare the number of joints, and set-points with ranges and speeds of the arm."""
-        if arm.dof != DOF:
-            raise ControllerRefused(
-                f"ur has {DOF} joints, but the arm {arm.name} has {count_noun(arm.dof, 'joint')}."
-            )
+        self._check_joints(arm, DOF)
         lower, upper = arm.limits.joint_lower, arm.limits.joint_upper
         beyond = np.zeros_like(q)
         if lower is not None and upper is not None:

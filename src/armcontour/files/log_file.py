@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import math
 import re
 from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -83,18 +84,20 @@ def read_log(
     return _read(location, (), (start, end), unwrap, columns, topic, commanded=True)[0]
 
 
-def write_log(file: FilePath | TextIO, log: Log) -> None:
-    """Write a log as CSV that `read_log` takes, with all digits."""
+def log_text(log: Log) -> str:
+    """A log as the text of a CSV file that `read_log` takes, with all digits."""
+    text = io.StringIO()
     titles = [f"{kind} {j + 1} [rad]" for kind in BOTH for j in range(log.dof)]
     comment = "" if log.interpolation is None else f"# interpolation: {log.interpolation}\n"
     np.savetxt(
-        file,
+        text,
         np.column_stack([log.t, log.command, log.measured]),
         delimiter=",",
         fmt="%.17g",
         header=f"{comment}{','.join(['t [s]', *titles])}",
         comments="",
     )
+    return text.getvalue()
 
 
 def read_run_log(

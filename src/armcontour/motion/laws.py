@@ -286,6 +286,14 @@ class PathLaw(LawAlongPath):
             values.setflags(write=False)
         return cls(joint_path=joint_path, breaks=breaks, s=s, rates=rates)
 
+    @classmethod
+    def over_time(cls, joint_path: JointPath) -> PathLaw:
+        """The law of a joint path whose parameter is the time from 0 [s]."""
+        breaks = joint_path.breaks
+        ones, zeros = np.ones(len(breaks) - 1), np.zeros(len(breaks) - 1)
+        rates = Rates(ds=ones, dds=zeros, slope=zeros, jerk=zeros)
+        return cls(joint_path=joint_path, breaks=breaks, s=breaks, rates=rates)
+
     @property
     def speeds(self) -> FloatArray:
         """Path speeds at the breaks [m/s], (n + 1,)."""

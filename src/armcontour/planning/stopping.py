@@ -15,7 +15,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Time
-from armcontour.motion import JointPath, Law, PathLaw, Rates, Trajectory
+from armcontour.motion import JointPath, Law, PathLaw, Trajectory
 from armcontour.planning.constraints import (
     AngularAcceleration,
     Constraint,
@@ -188,12 +188,7 @@ def _smooth_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> Law | None:
             high = middle
         else:
             low = middle
-    path = _slow_down(joint_path, high)
-    n = len(path.breaks) - 1
-    ones, zeros = np.ones(n), np.zeros(n)
-    return PathLaw(
-        joint_path=path, breaks=path.breaks, s=path.breaks, rates=Rates(ones, zeros, zeros, zeros)
-    )
+    return PathLaw.over_time(_slow_down(joint_path, high))
 
 
 def _slow_down(joint_path: JointPath, duration: float) -> JointPath:

@@ -289,7 +289,7 @@ class Feeder:
             self.state[3] = k + 1
             self.say("X", k)
             last = len(self.rows)
-        for _ in range(min(self.device.room(), min(last, len(self.rows)) - self.sent)):
+        for _ in range(min(self.device.room(), last - self.sent, len(self.rows) - self.sent)):
             self.device.write(self.sent, self.rows[self.sent])
             self.sent += 1
             self.state[2] = self.sent
