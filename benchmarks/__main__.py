@@ -157,7 +157,7 @@ def measure_all(
 
     Args:
         lines: What is measured.
-        baselines: The baseline that tells which lines seem slower.
+        baselines: The baseline with which lines are compared.
         times: How often each line is measured.
         keep: Called with all that was measured so far, after each line.
     """

@@ -278,8 +278,8 @@ def draw_fig08_trajectory() -> Figure:
         (right, np.degrees(q), at_right),
     ):
         axes.plot(*points.T, "o", color=style.BLACK, ms=3.5, zorder=5)
-        beside = np.array(offsets.split(), float).reshape(-1, 2)
-        for k, (point, offset) in enumerate(zip(points, beside, strict=True)):
+        label_offsets = np.array(offsets.split(), float).reshape(-1, 2)
+        for k, (point, offset) in enumerate(zip(points, label_offsets, strict=True)):
             style.label(axes, f"$P_{k}$", tuple(point), tuple(offset))
         axes.margins(0.08)
     path_axes.set(title="(a) Cartesian space", xlabel="$x$ [mm]", ylabel="$y$ [mm]", aspect="equal")

@@ -27,7 +27,7 @@ def mend(app: Any, name: str, source: list[str]) -> None:
     # Texts of the repository keep their links, which go out from its root.
     folder = ROOT if page.parent == FOLDER / "project" else page.parent
 
-    def mended(match: re.Match[str]) -> str:
+    def relative_link(match: re.Match[str]) -> str:
         target = (folder / match["target"]).resolve()
         if not target.is_relative_to(ROOT) or not target.exists():
             return match[0]
@@ -42,4 +42,4 @@ def mend(app: Any, name: str, source: list[str]) -> None:
         to = Path(os.path.relpath(target, page.parent)).as_posix()
         return f"{match['mark']}[{match['text']}]({to}{anchor})"
 
-    source[0] = LINK.sub(mended, source[0])
+    source[0] = LINK.sub(relative_link, source[0])

@@ -27,7 +27,7 @@ REGULAR = 1e-4
 # Times this near to a cycle, in cycles, are on the cycle.
 ON_CYCLE = 1e-6
 # Largest number of commands: half an hour at 1 kHz. A check of more takes gigabytes.
-MOST_COMMANDS = 2_000_000
+MAX_COMMANDS = 2_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -99,9 +99,9 @@ class CommandCurve(Checked):
         check_cycle(cycle)
         delay = self.lag - self.ahead * cycle
         last = np.ceil((self.curve.duration - self.origin + delay) / cycle - ON_CYCLE)
-        if last > MOST_COMMANDS:
+        if last > MAX_COMMANDS:
             raise InvalidInput(
-                f"At {rate:g} Hz the trajectory has {last:.0f} commands, but {MOST_COMMANDS} are "
+                f"At {rate:g} Hz the trajectory has {last:.0f} commands, but {MAX_COMMANDS} are "
                 "the limit: give a lower rate, or a part of the trajectory."
             )
         t = np.arange(-self.ahead - 1, int(last) + 2) * cycle
@@ -109,7 +109,7 @@ class CommandCurve(Checked):
         return np.asarray(t, dtype=np.float64), self(np.round(t - delay, 9))
 
 
-class Controller(NamedTuple):
+class ControllerLaw(NamedTuple):
     """A controller: its title, and the function that gives the curve for points."""
 
     title: str
@@ -184,13 +184,13 @@ def _hold(points: _Points) -> Mapping[str, Any]:
     return _fields("held", t, _powers(points.q))
 
 
-CONTROLLERS: Mapping[str, Controller] = MappingProxyType(
+CONTROLLERS: Mapping[str, ControllerLaw] = MappingProxyType(
     {
-        "jtc": Controller("joint_trajectory_controller of ROS 2", _jtc),
-        "jtc_spline": Controller("the same with positions_upsampling", _jtc_spline),
-        "jtc_none": Controller("the same with interpolation_method: none", _jtc_none),
-        "linuxcnc": Controller("LinuxCNC's cubic interpolation (cubic.c)", _linuxcnc),
-        "hold": Controller("a controller that holds the newest point", _hold),
+        "jtc": ControllerLaw("joint_trajectory_controller of ROS 2", _jtc),
+        "jtc_spline": ControllerLaw("the same with positions_upsampling", _jtc_spline),
+        "jtc_none": ControllerLaw("the same with interpolation_method: none", _jtc_none),
+        "linuxcnc": ControllerLaw("LinuxCNC's cubic interpolation (cubic.c)", _linuxcnc),
+        "hold": ControllerLaw("a controller that holds the newest point", _hold),
     }
 )
 NAMES = tuple(CONTROLLERS)

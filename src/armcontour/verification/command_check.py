@@ -26,7 +26,7 @@ from armcontour.verification.trajectory_check import PathDeviation, TimeSamples,
 
 # Times per interval of a law at which its distance is computed, and the number of them in all above
 # which there are fewer: the peak of a smooth error is 0.3 % higher at most with 32.
-PLACES, MOST_TIMES = 32, 400_000
+PLACES, MAX_TIMES = 32, 400_000
 # Interpolations whose velocity jumps at points.
 IN_STEPS = ("lines", "held", "next point")
 # Ratio above which the points themselves, and not the interpolation, exceed a limit.
@@ -81,7 +81,7 @@ class CommandCheck(Result):
 
     def to_data(self) -> Data:
         """The verdict, the distances, and the use of every limit."""
-        title, at = CONTROLLERS[self.controller].title, number(self.rate, "Hz")
+        title, rate = CONTROLLERS[self.controller].title, number(self.rate, "Hz")
         far = self.path_deviation
         path = f"at t = {number(far.t, 's')}, s = {number(far.s, 'm')}" if far else ""
         distance = far.distance if far else None
@@ -89,7 +89,7 @@ class CommandCheck(Result):
         return Data(
             "Commands",
             (
-                Row("verdict", self.verdict, "", "verdict", f"{title} at {at}", VERDICT),
+                Row("verdict", self.verdict, "", "verdict", f"{title} at {rate}", VERDICT),
                 *(Row(x, getattr(self, x)) for x in ("controller", "reference")),
                 Row("rate", self.rate, "Hz"),
                 Row("law", self.law, "", "interpolation"),
@@ -163,7 +163,7 @@ def check_commands(
     ideal = reference or best.curve
     q, exact = curve(times), ideal(np.minimum(times, ideal.duration))
     distance = np.linalg.norm(arm.tool_position(q) - arm.tool_position(exact), axis=1)
-    found = CommandCheck(
+    result = CommandCheck(
         controller=controller,
         law=curve.law,
         rate=rate,
@@ -177,7 +177,7 @@ def check_commands(
         path_deviation=far,
         advice="",
     )
-    return replace(found, advice=_advise(found, points, bounds, arm))
+    return replace(result, advice=_advise(result, points, bounds, arm))
 
 
 def _commands(curve: CommandCurve, rate: float) -> TimeSamples:
@@ -189,7 +189,7 @@ def _commands(curve: CommandCurve, rate: float) -> TimeSamples:
 def _times(points: TimeSamples) -> FloatArray:
     """Times at the points and between them, from the first point on [s], (n,)."""
     t = np.round(np.asarray(points.t) - points.t[0], 9)
-    count = int(np.clip(MOST_TIMES // len(t), 2, PLACES))
+    count = int(np.clip(MAX_TIMES // len(t), 2, PLACES))
     inside = t[:-1, None] + np.arange(count) / count * np.diff(t)[:, None]
     return np.append(inside.ravel(), t[-1])
 
@@ -213,28 +213,28 @@ def _second_differences(points: TimeSamples, limits: Limits) -> FloatArray:
     return use_of("joint_acceleration", limits, mean).largest
 
 
-def _advise(found: CommandCheck, points: TimeSamples, limits: Limits, arm: Arm) -> str:
+def _advise(result: CommandCheck, points: TimeSamples, limits: Limits, arm: Arm) -> str:
     """A sentence on commands whose accelerations exceed the limit; empty if none does."""
-    use = next((x for x in found.uses if x.name == "joint_acceleration"), None)
+    use = next((x for x in result.uses if x.name == "joint_acceleration"), None)
     if use is None or use.joint is None or use.verdict != "violated":
         return ""
-    joint, at = joint_label(use.joint + 1, arm.joint_names), number(found.rate, "Hz")
-    needed = f"{number(use.ratio, '1')} of its acceleration limit at {at}"
-    if found.own_acceleration > FAR_ABOVE:
+    joint, rate = joint_label(use.joint + 1, arm.joint_names), number(result.rate, "Hz")
+    needed = f"{number(use.ratio, '1')} of its acceleration limit at {rate}"
+    if result.own_acceleration > FAR_ABOVE:
         return (
             f"The velocity of the points changes in steps: joint {joint} needs {needed}. No "
             "interpolation is much gentler; a limit of jerk (limits: joint_jerk) or a reserve "
             "reduces this."
         )
-    if found.law in IN_STEPS:
-        smooth = _commands(interpolate_points(points, "jtc_spline"), found.rate)
+    if result.law in IN_STEPS:
+        smooth = _commands(interpolate_points(points, "jtc_spline"), result.rate)
         spline = _second_differences(smooth, limits).max()
         return (
-            f"The velocity of {found.law} changes in steps at the points: joint {joint} needs "
+            f"The velocity of {result.law} changes in steps at the points: joint {joint} needs "
             f"{needed}. With velocities and accelerations at the points (--derivatives 2) it needs "
             f"{number(spline, '1')}; one point per cycle needs less, too."
         )
     return (
-        f"Between the points, the {found.law} of joint {joint} need {needed}: one point per cycle, "
-        "a limit of jerk or a reserve reduces this."
+        f"Between the points, the {result.law} of joint {joint} need {needed}: one point per "
+        "cycle, a limit of jerk or a reserve reduces this."
     )

@@ -83,8 +83,8 @@ def identify(
     of the encoder. A weak model, with at most 80 %, is written if that reduces the contour error
     where it was not fitted; otherwise the delay of the joint is, or nothing.
 
-    >>> found = ac.identify(ac.read_log("log.csv"))
-    >>> found.determined, found.joints[0].order
+    >>> identification = ac.identify(ac.read_log("log.csv"))
+    >>> identification.determined, identification.joints[0].order
     (True, 'delay')
 
     Args:

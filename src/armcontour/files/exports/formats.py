@@ -109,10 +109,10 @@ class ExportFormat(Checked):
             name_output: Gives the text that sets the output of an event, for messages.
         """
         most, outputs = read_points_per_file(self.points_per_file), outputs_of(self)
-        found = [
+        sentences = [
             describe_program(x, self.label, outputs, name_output, self.digit_of(x)) for x in parts
         ]
-        every = [*describe_parts(parts, most), *(sentence for x in found for sentence in x)]
+        every = [*describe_parts(parts, most), *(sentence for x in sentences for sentence in x)]
         return list(dict.fromkeys(every))
 
     @checked

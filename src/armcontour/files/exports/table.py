@@ -246,7 +246,7 @@ def make_table(
         samples, start, plan = data.sample(step), 0.0, data
         stops = _stops(data)
         if at_stops:
-            samples = _sample_stops(data, samples, step)
+            samples = _sample_stops(data, samples, stops, step)
     moved = (
         Samples(
             t=samples.t,
@@ -344,9 +344,9 @@ def _stops(plan: Trajectory) -> FloatArray:
     return np.unique(ends[still])
 
 
-def _sample_stops(plan: Trajectory, samples: Samples, cycle: float) -> Samples:
+def _sample_stops(plan: Trajectory, samples: Samples, stops: FloatArray, cycle: float) -> Samples:
     """Samples with points at the stops of the plan, instead of points that are near to them."""
-    t, stops = samples.t, _stops(plan)
+    t = samples.t
     if not len(stops):
         return samples
     sides = np.concatenate([[-np.inf], stops, [np.inf]])

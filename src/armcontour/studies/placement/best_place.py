@@ -63,8 +63,8 @@ def place(
     bound of the duration are not planned; the best place is the same as if all were. Corners of the
     shape free are replaced by arcs.
 
-    >>> found = ac.place(ac.read_job("job.yaml"), processes=1)
-    >>> found.best.values
+    >>> placement = ac.place(ac.read_job("job.yaml"), processes=1)
+    >>> placement.best.values
     {'x': -0.005}
 
     Args:
