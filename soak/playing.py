@@ -59,7 +59,7 @@ FEEDER = "armcontour.controllers.devices.linuxcnc"
 PATIENCE = 60.0
 ATTEMPTS = 3
 # Requests after this may come too late for a stop [s].
-LATEST = 3.5
+LATEST = 4.4
 
 
 @cache
@@ -325,7 +325,7 @@ def try_lost_controller(draw: random.Random) -> Outcome:
     trial = Trial(draw.uniform(0.3, 4.5), kill)
     said, record = trial.lost()
     notes = [] if said else ["the motion ended as if nothing had happened"]
-    if len(record.t) < 1000 * trial.at - 1500:
+    if len(record.t) < 1000 * trial.at - 500:
         notes.append(f"{len(record.t)} samples of {trial.at:.3f} s were kept")
     kind = "LinuxCNC killed" if controller else "feeder and guard killed"
     return Outcome(kind=kind, result="lost", notes=notes + trial.close())
