@@ -1,8 +1,8 @@
 """Biarcs and transitions: curves that join points with given tangents and curvatures.
 
 A biarc is a pair of tangent arcs. A transition is a chain of quintics over arc length. Neighbouring
-segments share point, tangent and curvature to the last digit. Between its ends a quintic follows
-the curve that it approximates, at a speed that is 1 within `UNEVEN`.
+segments share point, tangent and curvature to the last digit. The norm of a quintic's derivative is
+1 within `UNEVEN`, so its parameter is the arc length.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from armcontour.geometry.segments import Segments, largest_bend
 STRAIGHT = 1e-12
 # Largest relative difference between the arc length and the parameter of a transition.
 UNEVEN = 1e-6
-# Largest distance between a transition and the arcs that replace it: no arm resolves a nanometre
-# [m].
+# Largest distance between a transition and the arcs that replace it [m]; no arm resolves a
+# nanometre.
 DRAWN = 1e-9
 # Distance of a biarc from a curve whose curvature changes evenly by d over a length w, divided by
-# d w²; and safety factor on that distance.
+# d w²; and safety factor for this distance.
 BIARC = 1 / 324
 MORE = 1.25
 
@@ -38,9 +38,9 @@ def make_biarcs(
     t1: FloatArray,  # Unit tangents at the end points, (n, dimension)
     share: FloatArray | float = 1.0,
 ) -> tuple[Segments, Segments]:
-    """First and second arcs of the biarcs from p0 to p1 with a given share of tangent lengths."""
-    # The values are not finite where no biarc exists: for equal ends with equal tangents.
-    # `share`: tangent length of the first arc over that of the second, (n,) or one for all.
+    """First and second arcs of the biarcs from p0 to p1 with a given ratio of tangent lengths."""
+    # The values are not finite where no biarc exists, such as for equal ends with equal tangents.
+    # `share`: tangent length of the first arc divided by that of the second, (n,) or a number.
     chord, w = p1 - p0, np.asarray(share)[..., None]
     # |chord - d (w t0 + t1)| = (1 + w) d, solved for the positive d without cancellation.
     c, b = dot(chord, chord), dot(chord, w * t0 + t1)
@@ -56,8 +56,8 @@ def _arc(
     start: FloatArray, tangent: FloatArray, end_tangent: FloatArray, tangent_length: FloatArray
 ) -> Segments:
     """Arcs from start points and tangents to end tangents, with given tangent lengths."""
-    # Arcs are computed from tangents and not from end points, so even very short arcs have equal
-    # tangents where they meet.
+    # Arcs are computed from tangents and not from end points, so the tangents are equal where even
+    # very short arcs meet.
     half = np.arctan2(length(end_tangent - tangent), length(end_tangent + tangent))
     bent = half > STRAIGHT
     across = end_tangent - dot(end_tangent, tangent)[:, None] * tangent
@@ -76,9 +76,9 @@ def _arc(
 
 
 def biarc_distance(points: FloatArray, first: Segments, second: Segments) -> FloatArray:
-    """Largest distance of the k points of each biarc from its two circles [m], (n,)."""
-    # The distance is infinite where a biarc is not finite.
-    # `points`: points to compare with each biarc [m], (n, k, dimension).
+    """Largest distance from k points to the two circles of each biarc [m], (n,)."""
+    # The distance is infinite if the values of a biarc are not finite.
+    # `points`: the points for each biarc [m], (n, k, dimension).
     after = dot(points - second.starts[:, None], second.tangents[:, None]) > 0
     distances = np.where(after, _from_circle(points, second), _from_circle(points, first))
     worst = np.asarray(distances.max(axis=1))
@@ -100,7 +100,7 @@ def _from_circle(points: FloatArray, arcs: Segments) -> FloatArray:
 
 
 def _finite(arcs: Segments) -> BoolArray:
-    """True for arcs whose values are all finite, (n,)."""
+    """Mask of the arcs whose values are all finite, (n,)."""
     vectors = (arcs.starts, arcs.tangents, arcs.normals)
     rows = [np.isfinite(x).all(axis=1) for x in vectors]
     rows += [np.isfinite(x) for x in (arcs.curvatures, arcs.lengths)]
@@ -119,15 +119,14 @@ def length(v: FloatArray) -> FloatArray:
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
     """Scalar products of vectors along the last axis."""
-    # For arrays of short vectors faster than a sum along an axis.
+    # For arrays of short vectors, einsum is faster than a sum along an axis.
     return np.asarray(np.einsum("...k,...k->...", a, b))
 
 
 def join_by_quintics(begin: Contact, end: Contact, lengths: FloatArray) -> Segments:
-    """One quintic from each of n contacts to another, without speeds, tolerances and tags."""
-    # `begin`: contacts at the starts of the quintics; `end`: contacts at their ends; points are
-    # relative to the starts, so even tiny quintics keep their digits; `lengths`: their arc lengths
-    # [m], (n,).
+    """Table of n quintics with given contacts at both ends, without speeds, tolerances and tags."""
+    # `begin`: contacts at the starts; `end`: contacts at the ends, whose points are relative to the
+    # starts, so even tiny quintics have full precision; `lengths`: arc lengths [m], (n,).
     none = np.zeros_like(begin[0])
     coefficients = quintic(lengths, (none, *begin[1:]), end)
     curvature = length(begin[2])
@@ -143,10 +142,10 @@ def join_by_quintics(begin: Contact, end: Contact, lengths: FloatArray) -> Segme
 
 
 def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
-    """Segments with arcs instead of transitions, within `DRAWN` of the transitions."""
-    # Returns lines and arcs, which are the original segments if there are no transitions; and the
-    # arc lengths of the original segments at which they start [m], (n,). An arc is never longer
-    # than the part that it replaces.
+    """Replace transitions by arcs within `DRAWN`; also returns the original arc lengths."""
+    # Returns a table of lines and arcs, which is `segments` if there are no transitions, and for
+    # each line and arc the arc length on the original path at which it starts [m], (n,). An arc is
+    # never longer than the part that it replaces.
     bent = segments.bent
     if not bent.any():
         return segments, segments.breaks[:-1]
@@ -161,7 +160,7 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
         for order in (0, 1)
     ]
     ends[1::2] = (unit(x) for x in ends[1::2])
-    with np.errstate(invalid="ignore"):  # straight quintics have no normal
+    with np.errstate(invalid="ignore"):  # A straight quintic has no normal.
         halves = make_biarcs(*ends)
     source = np.flatnonzero(bent)[row]
     columns = {x: getattr(segments, x)[source] for x in ("speeds", "tolerances", "tags")}
@@ -191,7 +190,7 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
 
 
 def tangent_and_curvature(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Unit tangents and curvature vectors [1/m], by first and second derivatives of curves."""
+    """Unit tangents and curvature vectors [1/m], from first and second derivatives of curves."""
     speed2 = dot(first, first)
     across = second - (dot(first, second) / speed2)[..., None] * first
     return first / np.sqrt(speed2)[..., None], across / speed2[..., None]

@@ -1,9 +1,9 @@
 """Blends at corners next to arcs: pairs of tangent arcs, or connections, within a corner error.
 
 A blend replaces the tangent length t of both segments at a corner by two arcs. Each arc has more
-curvature than its neighbouring segment, by nearly the same amount. Without a corner, the blend is
-the two segments; between two lines it is the single arc of (10)-(16). Where the curvature must not
-jump, a blend is a connection (connections.py). See docs/concepts/rounding.md.
+curvature than its neighbouring segment, by nearly the same amount. If the turn is zero, the blend
+equals both segments; between two lines it is the single arc of (10)-(16). Where the curvature must
+not jump, a blend is a connection (connections.py). See docs/concepts/rounding.md.
 """
 
 from __future__ import annotations
@@ -20,17 +20,18 @@ from armcontour.geometry.corner_curves import CornerBounds, CornerCurves, Corner
 from armcontour.geometry.rounded_orientation import middle_fraction
 from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, share_limits
 
-# Relative error of a search for a tangent length. Bisection from a nanometre to a kilometre takes
-# less than a third of these steps.
+# Relative error of a search for a tangent length, and largest number of its steps. Every third step
+# is a bisection; from a nanometre to a kilometre, bisection needs less than a third of these steps.
 NEAR = 1e-9
 STEPS = 120
-# Smallest tangent length; shorter ones approach the distance of repeated points [m].
+# Smallest tangent length [m]. Shorter blends approach the distance of repeated points.
 SHORTEST = 2 * REPEATED_POINT
-# Largest turn of a blend's arcs and of the arcs that it replaces [rad]: no arc turns back, so the
-# distance between blend and path is largest at the corner.
+# Largest turn of a blend's arcs and of the arcs that it replaces [rad]. With this limit no arc
+# turns back, so the distance between blend and path is largest at the corner.
 WIDEST = np.pi / 2
+# Rounding error of a turn [rad].
 ROUNDING = 1e-9
-# A blend uses its tolerance fully if it does so within this fraction, the error of the search.
+# A blend counts as not shrunk if it reaches a bound within this relative error of the search.
 FULL = 1e-6
 # Fractions of each half of a connection at which its distance from the path is evaluated.
 LOOKS = np.linspace(0.0, 1.0, 17)
@@ -47,11 +48,11 @@ class _Pairs:
 
 
 class _Blend(CornerKind):
-    """Base class of blends."""
+    """A curve next to an arc, whose tangent length `fit` determines by a search."""
 
     @abstractmethod
     def shares(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Largest used fraction of a bound, and the curvature [1/m], for tangent lengths t."""
+        """Largest ratio to a bound, and inward curvature [1/m], for tangent lengths t [m], (n,)."""
 
     def shortest(self, half: FloatArray) -> FloatArray:
         return np.full(len(half), REPEATED_POINT)
@@ -79,9 +80,9 @@ class _Blend(CornerKind):
 
     def _search(self, bounds: CornerBounds, state: FloatArray) -> FloatArray:
         """Largest tangent lengths within bounds [m], (n,)."""
-        # Uses false position on logarithms, where the excess is nearly linear; every third step
-        # bisects. `state` has the logarithms of lengths that satisfy and that violate the bounds,
-        # and the excess of both, (4, n).
+        # The search uses false position on logarithms, in which the excess is nearly linear; every
+        # third step is a bisection. The rows of `state` are the logarithms of a length that
+        # satisfies and of a length that violates the bounds, and the excess of both, (4, n).
         active = np.arange(len(bounds.half))
         for step in range(STEPS):
             low, high, under, over = state[:, active]
@@ -99,7 +100,7 @@ class _Blend(CornerKind):
         return np.asarray(np.exp(state[0]))
 
     def _excess(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Logarithmic excess of blends over their bounds, with and without that of the radius."""
+        """Logarithm of the largest ratio to a bound, with and without the bound of the radius."""
         any_radius, curvature = self.shares(bounds, t)
         need = 1 / (bounds.radius * np.maximum(curvature, 0.0))
         wide = np.where(np.isfinite(bounds.radius), need, 0.0)
@@ -108,7 +109,7 @@ class _Blend(CornerKind):
 
 
 class _Pair(_Blend):
-    """Two tangent arcs."""
+    """A pair of tangent arcs."""
 
     smooth = False
 
@@ -135,7 +136,7 @@ class _Pair(_Blend):
 
 
 class _Connection(_Blend):
-    """A connection, whose curvature is continuous."""
+    """A connection with continuous curvature."""
 
     smooth = True
 
@@ -144,7 +145,7 @@ class _Connection(_Blend):
         back, ahead = around_vertices(bounds.before, bounds.after)
         x, peaks = connections.nearest, []
         for begin, end, old, old_begin in ((0 * x, x, back, t), (x, 1 + 0 * x, ahead, 0 * t)):
-            # One half and the part that it replaces, both parametrized evenly.
+            # Deviation of one half from the part that it replaces, both parametrized evenly.
             deviations = [
                 connections.begin
                 + connections.evaluate(EVERY, begin + share * (end - begin))
@@ -177,7 +178,7 @@ def _drawn(
     error: FloatArray,
     curvature: FloatArray,
 ) -> CornerCurves:
-    """Blends as `CornerCurves`, from largest curvatures, corner errors and inward curvatures."""
+    """Make `CornerCurves` from segments, largest curvatures, corner errors, inward curvatures."""
     full = (error >= bounds.error * (1 - FULL)) | (curvature <= (1 + FULL) / bounds.radius)
     with np.errstate(divide="ignore"):
         return CornerCurves(
@@ -188,7 +189,7 @@ def _drawn(
 def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
     """Pairs of tangent arcs with given tangent lengths [m], (n,)."""
     corner, inward = after.starts, after.tangents - before.end_tangents
-    # Points relative to the corner, so that even tiny blends keep their digits.
+    # Points are relative to the corner, so even tiny blends have full precision.
     back, ahead = around_vertices(before, after)
     p0, t0 = back.evaluate(EVERY, t), -unit(back.evaluate(EVERY, t, 1))
     p1, t1 = ahead.evaluate(EVERY, t), unit(ahead.evaluate(EVERY, t, 1))
@@ -207,12 +208,13 @@ def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
 
 
 def _peak(values: FloatArray) -> FloatArray:
-    """Upper bounds of smooth functions sampled at even points, values (points, n)."""
-    # Between samples a peak exceeds the nearest sample by an eighth of the second difference.
+    """Upper bounds of n smooth functions with evenly spaced samples `values`, (samples, n)."""
+    # Between samples a peak exceeds the nearest sample by approximately an eighth of the second
+    # difference; a sixth is a safe bound.
     inner = values[1:-1]
     rise = np.abs(values[2:] - 2 * inner + values[:-2]) / 6
     peaks = inner + np.where((inner >= values[2:]) & (inner >= values[:-2]), rise, 0.0)
-    # At an end the values may fall towards it.
+    # If the values decrease towards an end, the peak can be between the end and the next sample.
     for ends, end_rise in ((values[:3], rise[0]), (values[:-4:-1], rise[-1])):
         falls = 3 * ends[0] < 4 * ends[1] - ends[2]
         peaks = np.concatenate([peaks, [ends[0] + np.where(falls, end_rise, 0.0)]])
@@ -221,8 +223,8 @@ def _peak(values: FloatArray) -> FloatArray:
 
 def _distance(first: Segments, second: Segments) -> FloatArray:
     """Distance of the corner, which is the origin, from the two arcs of each blend [m], (n,)."""
-    # It is measured from the point where the arcs meet, which is near the corner, so no digits are
-    # lost.
+    # Coordinates are relative to the point where the arcs meet. This point is near the corner, so
+    # no significant digits are lost.
     v = -second.starts
     x = dot(v, second.tangents)
     after = x > 0
@@ -237,11 +239,11 @@ def _distance(first: Segments, second: Segments) -> FloatArray:
 
 
 def _tangent_length(rows: Segments, t: FloatArray) -> FloatArray:
-    """Tangent lengths of the parts of length t of lines and arcs [m]."""
+    """Tangent lengths of arcs, or lines, of length t [m], (n,)."""
     half = rows.curvatures * t / 2
     return np.asarray(t / 2 * np.sinc(half / np.pi) / np.cos(half))
 
 
 def _inward(arcs: Segments, inward: FloatArray) -> FloatArray:
-    """Curvatures of arcs [1/m], below zero for those that bend away from a direction."""
+    """Signed curvatures of arcs [1/m], negative for arcs that bend away from a direction."""
     return np.asarray(np.where(dot(arcs.normals, inward) >= 0, 1, -1) * arcs.curvatures)

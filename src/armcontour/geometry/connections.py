@@ -1,4 +1,4 @@
-"""Smooth connections across a vertex, between a point before and a point after it.
+"""Smooth connections across a vertex, between a point before and a point after the vertex.
 
 A connection has the points, tangents, curvatures and changes of curvature of the segments at both
 ends. It is a polynomial of degree 7, drawn as transitions: quintics between points on it.
@@ -27,15 +27,16 @@ from armcontour.geometry.biarcs import (
 from armcontour.geometry.segments import EVERY, Segments, largest_bend
 
 DEGREE = 7
-# Maps the residuals of the end's value and derivatives, after the first four coefficients, to the
-# last four coefficients.
+# Matrix from residuals to the last four coefficients. The residuals are the value and the first
+# three derivatives at the end, minus the contributions of the first four coefficients.
 LAST = np.linalg.inv([[math.perm(j, k) for j in range(4, 8)] for k in range(4)])
-# Nodes and weights of the integration of arc length, exact to rounding errors for the curves here.
+# Nodes and weights of the integration of arc length, exact up to rounding errors for connections.
 PLACES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 SHARES = (PLACES + 1) / 2
-# Iterations that adapt the length of a connection to its parametrization, which need not be exact.
+# Number of iterations that scale the end derivatives by the length of the connection. The scale
+# need not be exact.
 ROUNDS = 3
-# Newton steps to a parameter of a connection; they converge to rounding errors.
+# Number of Newton steps to a parameter of a connection, which converge up to rounding errors.
 STEPS = 8
 # Largest number of quintics in each half of a connection, and the fractions of each quintic at
 # which its speed is checked.
@@ -43,8 +44,8 @@ MAX_PARTS = 64
 LOOKS = np.linspace(0.1, 0.9, 5)
 # Parameters at which the shape of a connection is checked.
 MANY = np.linspace(0.0, 1.0, 33)
-# Limits on the relative speed, on the turn from the middle direction, and on the largest curvature
-# times the length. A connection beyond them is not a single even curve.
+# Limits for a connection without loops and cusps: smallest and largest speed divided by the mean
+# speed, smallest cosine of the angle to the mean direction, and largest curvature times mean speed.
 SLOWEST, FASTEST = 0.5, 1.6
 FARTHEST = np.cos(np.radians(72))
 TIGHTEST = 10.0
@@ -141,8 +142,8 @@ def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
 
 
 def around_vertices(before: Segments, after: Segments) -> tuple[Segments, Segments]:
-    """Segments before vertices, reversed, and those after them, all starting at the origin."""
-    # Points near a vertex then keep all their digits.
+    """Segments before vertices, reversed, and segments after them, all starting at the origin."""
+    # Points near a vertex then have full precision.
     zero = np.zeros_like(after.starts)
     back = before.run(np.arange(len(before)), np.full(len(before), True))
     return back.replace(starts=zero), after.replace(starts=zero)
@@ -151,11 +152,11 @@ def around_vertices(before: Segments, after: Segments) -> tuple[Segments, Segmen
 def draw_connections(
     connections: Connections, vertices: FloatArray, middle: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray]:
-    """Transitions along connections, with a speed that is 1 within `UNEVEN`."""
-    # `vertices`: their vertices [m], (n, dimension); `middle`: parameters x at which their halves
-    # meet, from 0 to 1, (n,).
-    # Returns the transitions in order, the connection of each, and the mask of those before the
-    # middle.
+    """Transitions along connections; their parameter is the arc length within `UNEVEN`."""
+    # `vertices`: vertices of the connections [m], (n, dimension); `middle`: parameters x at which
+    # both halves of each connection meet, from 0 to 1, (n,).
+    # Returns the transitions in order, the index of the connection of each, and the mask of the
+    # transitions before the middle.
     parts = np.full(len(connections), 1)
     drawn, owners, first = _draw_halves(connections, vertices, middle, parts)
     while True:
@@ -167,7 +168,7 @@ def draw_connections(
             return drawn, owners, first
         worst = np.zeros(len(connections))
         np.maximum.at(worst, owners, uneven)
-        # The unevenness falls with about the fifth power of the lengths.
+        # The unevenness decreases approximately with the fifth power of the lengths.
         count = np.ceil(parts[rough] * (worst[rough] / (UNEVEN / 2)) ** 0.2)
         parts[rough] = np.minimum(np.maximum(count, parts[rough] + 1), MAX_PARTS)
         drawn, owners, first = _draw_halves(connections, vertices, middle, parts)
@@ -212,11 +213,12 @@ def bound_deviation(
     drawn: Segments, old: Segments, i: IntArray, ends: tuple[FloatArray, FloatArray], parts: int
 ) -> FloatArray:
     """Bounds of the distances between transitions and the parts of a path that they replace [m]."""
-    # Both are passed evenly. On each of the `parts`, the difference D of their points is at most
-    # the larger value at the ends plus an eighth of the largest D''.
-    # `i`: the segment that each transition replaces a part of, (n,); `ends`: distances along these
-    # segments of the ends of these parts [m], (n,) each.
-    # Returns bounds of the distance of either from the other, (n,).
+    # Corresponding points move evenly along both. On each of the `parts`, the distance D of
+    # corresponding points is at most the larger value at the ends plus an eighth of the largest
+    # second derivative.
+    # `i`: index of the segment of which each transition replaces a part, (n,); `ends`: distances
+    # along this segment at which the part starts and ends [m], (n,) each.
+    # Returns bounds of the distance in both directions, (n,).
     row, number = number_parts(np.full(len(drawn), parts))
     h = drawn.lengths[row] / parts
     step = ((ends[1] - ends[0]) / parts)[row]
@@ -228,8 +230,8 @@ def bound_deviation(
         )
         for share in (0, 1)
     ]
-    # The second derivative of the old path by the arc length of the transition at the middle of the
-    # part, and its largest change on either side.
+    # Second derivative of the old path by the arc length of the transition in the middle of the
+    # part, and bound of its change on either side of the middle.
     second_derivative = ratio[:, None] ** 2 * old.evaluate(segment, low + step / 2, 2)
     change = old.curvatures[segment] ** 2
     if old.quintics.size:

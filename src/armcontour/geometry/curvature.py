@@ -1,8 +1,8 @@
 """Paths with continuous curvature: transitions where lines and arcs meet without a corner.
 
 Where the tangent is continuous and the curvature jumps by d, a connection of the length w on either
-side leaves the path by about d w² / 130. So w is as long as the tolerance and the neighbours allow.
-The deviation is proven, with both paths passed evenly (`bound_deviation`).
+side deviates from the path by approximately d w² / 130. Therefore w is as large as the tolerance
+and the neighbours allow. `bound_deviation` proves that the deviation is within the tolerance.
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ from armcontour.geometry.shaped_path import ShapedPath
 # Curvatures that differ by less than this fraction, or by less than the floor [1/m], count as
 # equal: over a metre of path the floor turns the tangent by a nanoradian.
 SAME_BEND, BEND_FLOOR = 1e-9, 1e-9
-# Deviation of a connection from the path at a small turn, over its half length squared and the jump
-# of the curvature.
+# Deviation of a connection from the path at a small turn, divided by the square of its half length
+# and by the jump of the curvature.
 SMALL = 0.0077
 # Largest turn of either half of a connection [rad].
 WIDEST = 1.2
-# Connections shorter than this on either side are not made, because motions pass them hardly faster
-# than a full stop [m].
+# Smallest length of a connection on either side [m]. A shorter connection saves hardly any time
+# compared with a full stop.
 SHORTEST = 1e-6
-# Largest number of times that a connection outside the tolerance is shortened, the largest factor
-# of one shortening, and the safety factor on the length that the deviation requires.
+# Largest number of iterations that shorten a connection outside the tolerance, largest factor of
+# one iteration, and safety factor for the length that the deviation requires.
 TRIES, SHORTER, SAFE = 20, 0.95, 0.99
 # Factor by which connections with a loop or a cusp are shortened.
 HALF = 0.5
-# Parts of each quintic in which deviations are bounded: first few, then many where few do not prove
-# the tolerance. Number of connections that are drawn together.
+# Numbers of parts of each quintic for the bound of the deviation: FEW at first, and MANY if FEW do
+# not prove the tolerance. Largest number of connections that are computed together.
 FEW, MANY, AT_A_TIME = 2, 16, 4000
 
 
@@ -58,8 +58,8 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
     allowed = tolerance
     if isinstance(path, ShapedPath):
         raise InvalidInput(
-            "The curvature of a shaped path follows from its timing and cannot be changed: smooth "
-            "the curvature of a path that is not shaped."
+            "The curvature of a shaped path was optimized together with its timing and cannot be "
+            "changed. Smooth the curvature of a path that is not shaped."
         )
     vertex, limits, w = _find_jumps(path, allowed)
     parts = [
@@ -76,7 +76,7 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
 
 
 def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Vertices with a jump of curvature but no stop, and their tolerances and lengths [m]."""
+    """Vertices with a jump of curvature but no stop, tolerances and connection lengths [m]."""
     rows, orientation = path.segments, path.orientation
     vectors = [rows.evaluate(EVERY, u, 2) for u in (rows.lengths, 0 * rows.lengths)]
     jump = length(vectors[0][:-1] - vectors[1][1:])
@@ -90,7 +90,7 @@ def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, Flo
     tolerances = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
     limits = np.minimum(tolerance, np.minimum(tolerances[vertex], tolerances[vertex + 1]))
     tight = np.maximum(path.curvatures[vertex], path.curvatures[vertex + 1])
-    # Corners, which may be rounded later, keep half of their segments.
+    # Half of each segment next to a corner is reserved, because the corner can be rounded later.
     every = np.where(sharp, np.inf, 0.0)
     every[vertex] = np.minimum(np.sqrt(limits / (SMALL * jump[vertex])), WIDEST / tight)
     w = fit_lengths(every, np.arange(len(every)), path.lengths)[vertex]
@@ -100,8 +100,9 @@ def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, Flo
 def _draw_within_tolerance(
     path: Path, vertex: IntArray, w: FloatArray, allowed: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray, FloatArray]:
-    """Transitions within the tolerance, their vertices and sides, and their lengths [m], (n,)."""
-    # Connections outside the tolerance are shortened and drawn again; length 0 means no transition.
+    """Transitions within the tolerance, their vertices and sides, and lengths per vertex [m]."""
+    # Connections outside the tolerance are shortened and drawn again; length 0 means that a vertex
+    # has no connection.
     w = np.where(w < SHORTEST, 0.0, w)
     done = [np.zeros(0, dtype=np.intp)]
     drawn = [path.segments[:0]]
@@ -136,7 +137,8 @@ def _draw_transitions(
     sound = connections.sound
     middle = np.where(sound, connections.nearest, 0.5)
     drawn, owners, before = draw_connections(connections, rows.starts[vertex + 1], middle)
-    # The part of the path that each transition replaces: both halves are passed evenly.
+    # `ends`: ends of the part of the path that each transition replaces. All transitions of a half
+    # replace the same length.
     half = 2 * owners + ~before
     count = np.bincount(half)
     _, number = number_parts(count)
@@ -157,8 +159,8 @@ def _draw_transitions(
 def _insert_transitions(
     path: Path, vertex: IntArray, w: FloatArray, drawn: Segments, after: IntArray, first: BoolArray
 ) -> tuple[Path, FloatArray]:
-    """The path with transitions, and corresponding arc lengths on both paths [m], (m, 2)."""
-    # Speeds, tolerances and tags stay on their sides of the vertex.
+    """Insert transitions; returns the path, and corresponding arc lengths on both paths [m]."""
+    # A transition has the speed, tolerance and tag of the segment on its side of the vertex.
     originals = path.segments[np.where(first, after, after + 1)]
     columns = {x: getattr(originals, x) for x in ("speeds", "tolerances", "tags")}
     cut = np.zeros(len(path) + 1)
@@ -169,7 +171,7 @@ def _insert_transitions(
         np.asarray(np.bincount(index, drawn.lengths * x, minlength=len(w)), dtype=float)
         for x in (first, ~first)
     ]
-    # Arc lengths of the places before, at and after the vertices on both paths.
+    # Arc lengths on both paths of the start, the vertex and the end of each connection.
     growth, s = sides[0] + sides[1] - 2 * w, path.breaks[vertex + 1]
     old = np.stack([s - w, s, s + w], axis=1)
     steps = np.stack([0 * w, sides[0] - w, growth], axis=1)
