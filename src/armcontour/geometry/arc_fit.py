@@ -146,7 +146,7 @@ def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArr
 
 
 def _orient(orientation: Orientation, table: Segments, matched_s: FloatArray) -> Orientation:
-    """Transfer an orientation to other segments, by the arc lengths of the waypoints on both [m]."""
+    """Transfer an orientation to other segments, by arc lengths of the waypoints on both [m]."""
     if orientation.follows:
         return carry_frame(table, orientation.starts[0], axis_only=orientation.axis_only)
     middle = (table.breaks[:-1] + table.breaks[1:]) / 2

@@ -194,7 +194,7 @@ def describe_unfinished(paths: Iterable[Path]) -> list[str]:
     return [
         f"the search for the shape{subject} ended early, because a tolerance of "
         f"{number(early[0].tolerance, 'm')} needs too many nodes. The path is the fastest one "
-        "found until then. Specify a larger tolerance, or use rounded corners, which need no search."
+        "found until then. Specify a larger tolerance, or round the corners, which needs no search."
     ]
 
 

@@ -1,4 +1,4 @@
-"""Offsets and crossings of lines and arcs in the plane, the core of kerfs and of G41 and G42.
+"""Offsets and crossings of lines and arcs in the plane, for kerfs and cutter compensation.
 
 A table of pieces has a row for each line or arc; its columns are named below.
 """
@@ -10,11 +10,11 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.sampling import number_parts
 
-# Points with a smaller distance are equal [m].
+# Points closer than this distance [m] count as equal.
 SAME_PLACE = 1e-9
 # Sine of the angle between two lines below which they are parallel.
 PARALLEL = 1e-12
-# Approximate number of pairs of pieces that are intersected together, which bounds the memory.
+# Approximate number of pairs of pieces that are intersected together, which limits the memory.
 PAIRS = 200_000
 
 # Columns of a table of pieces: start x, y, unit tangent x, y, curvature, positive to the left,
@@ -51,11 +51,10 @@ def turns_between(arriving: FloatArray, leaving: FloatArray) -> FloatArray:
 
 @np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
 def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Lengths by which inside corners shorten two pieces to their crossing [m], (n,) each."""
-    # `before`: the pieces that lead to the corners, (n, 6); `after`: the pieces that lead away, (n,
-    # 6).
-    # Returns the lengths to the crossing nearest to the end of the first piece; NaN without a
-    # crossing after the start of the second piece. They may be longer than the pieces.
+    """Lengths by which both pieces at inside corners are cut at their crossing [m], (n,) each."""
+    # `before`, `after`: the pieces before and after the corners, (n, 6) each.
+    # The crossing is the one nearest to the end of the first piece. The lengths are NaN without a
+    # crossing after the start of the second piece, and can exceed the lengths of the pieces.
     points = _common_points(before, after)
     ahead = _places(after, points)
     back = before[:, LENGTH, None] - _places(before, points)
@@ -70,11 +69,13 @@ def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, Floa
 
 @np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
 def find_crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
-    """All points at which pieces meet each other, including their ends."""
-    # Returns the two pieces of each meeting, (m, 2), and its distances along them [m], (m, 2).
+    """All points at which pieces cross or touch each other, including their ends."""
+    # Returns the indices of both pieces at each point, (m, 2), and the distances of the point along
+    # both pieces [m], (m, 2).
     low, high = _boxes(pieces)
     order = np.argsort(low[:, 0])
-    # Boxes of later pieces in this order overlap up to the first one that begins too far right.
+    # In this order, the box of a piece can overlap only the boxes up to the first box that starts
+    # to the right of it.
     last = np.searchsorted(low[order, 0], high[order, 0] + SAME_PLACE, side="right")
     count = np.maximum(last - np.arange(len(order)) - 1, 0)
     parts = np.cumsum(count) // PAIRS
@@ -89,7 +90,7 @@ def find_crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
         ends = pieces[pairs, LENGTH][:, None, :]
         row, point = np.nonzero(((along >= -SAME_PLACE) & (along <= ends + SAME_PLACE)).all(axis=2))
         along, ends = along[row, point], ends[row, 0]
-        # A point near an end is this end.
+        # A point near the end of a piece is moved to this end.
         along = np.where(ends - along <= SAME_PLACE, ends, along)
         meetings.append(pairs[row])
         distances.append(np.where(along <= SAME_PLACE, 0.0, along))
@@ -121,10 +122,10 @@ def _boxes(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _places(pieces: FloatArray, points: FloatArray) -> FloatArray:
-    """Distances along pieces, extended beyond their ends, of points (n, m, 2) on them, (n, m)."""
+    """Distances of points (n, m, 2) along n pieces that are extended beyond their ends, (n, m)."""
     offset, tangents = points - pieces[:, None, :2], pieces[:, None, TX : TY + 1]
     along, k = (offset * tangents).sum(axis=2), pieces[:, CURVATURE, None]
-    # The direction from the centre: angle 0 at the start, growing along the arc.
+    # Direction from the centre, which is 0 at the start and increases along the arc.
     angle = np.arctan2(along * np.abs(k), 1 - _cross(tangents, offset) * k)
     radius = 1 / np.where(k == 0, np.inf, np.abs(k))
     u = np.where(angle < 0, angle + 2 * np.pi, angle) * radius
@@ -134,12 +135,12 @@ def _places(pieces: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Common points of pairs of extended pieces, (n, 4, 2), NaN for missing ones."""
-    # A line or circle with curvature k and left normal n at its point 0 has k x.x / 2 = n.x at its
-    # points x. The difference of two such equations is the straight line w.x = r. This needs
-    # neither centres nor radii, so nearly straight arcs lose no digits. Where pieces coincide,
-    # their ends are the points.
-    # The piece with more curvature comes first.
+    """Common points of pairs of extended pieces [m], (n, 4, 2), NaN for missing points."""
+    # A line or circle through the origin with curvature k and left normal n there consists of the
+    # points x with k x.x / 2 = n.x. The difference of two such equations is the straight line
+    # w.x = r. This method uses neither centres nor radii, so nearly straight arcs lose no digits.
+    # Where pieces coincide, the result is their ends.
+    # The piece with more curvature is `a`.
     turned = (np.abs(b[:, CURVATURE]) > np.abs(a[:, CURVATURE]))[:, None]
     a, b = np.where(turned, b, a), np.where(turned, a, b)
     ka, kb = a[:, CURVATURE], b[:, CURVATURE]
@@ -151,7 +152,8 @@ def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
     foot, along = (r / size**2)[:, None] * w, turned_left(w) / size[:, None]
     slope = (na * along).sum(axis=1)
     constant = ka * (foot * foot).sum(axis=1) / 2 - (na * foot).sum(axis=1)
-    # The points foot + s along with ka s² / 2 - slope s + rest = 0; touching ones miss by rounding.
+    # The common points are foot + s along with ka s² / 2 - slope s + constant = 0. Rounding errors
+    # can make the discriminant slightly negative where pieces touch.
     inside = slope**2 - 2 * ka * constant
     inside[inside < -2 * np.abs(ka) * SAME_PLACE / size] = np.nan
     parallel = (ka == 0) & (np.abs(slope) < PARALLEL)

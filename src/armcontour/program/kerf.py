@@ -45,24 +45,24 @@ from armcontour.program.offset_curves import (
 from armcontour.program.process import WASTE, Lead, Process
 from armcontour.program.rounded_corners import draw_with_arcs
 
-# Bisection steps of the search for the largest kerf that fits: relative error 0.0001.
+# Number of bisections in the search for the largest kerf that fits (relative error 0.0001).
 HALVINGS = 14
 # Fraction of a lead, next to the contour that it touches, on which contact is ignored.
 CONTACT = 0.01
-# Bisection steps of the search for the longest lead that fits: relative error 0.0001.
+# Number of bisections in the search for the longest lead that fits (relative error 0.0001).
 SIDE_HALVINGS = 14
 
 
 def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, float, float]]:
     """Parts of the tool path that separate material: path, first and last arc length, kerf [m]."""
-    # `process`: the process that it was prepared for.
+    # `process`: the process for which the program was prepared.
     parts = []
     for contour in program.contours:
         layer, (begin, end) = process.of_layer(contour.layer), contour.at_work
         if not layer.kerf:
             continue
         if layer.begins_on:
-            # The path down from the height of the pierce comes first.
+            # The line down from the height of the pierce does not separate material.
             begin = 0.0 if layer.pierce is None else layer.pierce.height
         parts.append(
             (contour.path, begin, contour.path.length if layer.ends_on else end, layer.kerf)
@@ -71,7 +71,7 @@ def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, flo
 
 
 def apply_kerf(program: Program, process: Process) -> Program:
-    """The program with its contours offset by half the kerf."""
+    """Offset the contours of a program by half the kerf."""
     # `program`: the program as it is drawn; `process`: kerf, its side, and the upward direction.
     contours = program.contours
     kerfs = [process.of_layer(x.layer).kerf or 0.0 for x in contours]
@@ -105,27 +105,29 @@ def _kerf_sides(contours: Sequence[Contour], kerfs: Sequence[float], process: Pr
 
 
 def _notes_on_open(names: Sequence[str]) -> list[str]:
-    """A note on the open contours that a kerf in the waste does not offset, by their names."""
+    """A note on open contours that are not offset, by their names; empty without such contours."""
     if not names:
         return []
     suffix = f" and {len(names) - 1} more open contours stay" if len(names) > 1 else " stays"
     return [
-        f"{names[0]}{suffix} where drawn, because an open contour has no waste side: "
-        "kerf_side left or right offsets open contours, too."
+        f"{names[0]}{suffix} where drawn, because an open contour has no waste side. Set kerf_side "
+        "to left or right to offset open contours, too."
     ]
 
 
 def _flatten(contour: Contour, number: int, process: Process) -> Segments:
-    """The segments of a contour seen from above."""
+    """Segments of a contour projected along `up`; raise InvalidInput if they have no side."""
     called, up, rows = contour_called(contour, number), process.up, contour.path.segments
     if contour.work is not None:
-        raise InvalidInput(f"{called} has leads already: a kerf is for contours without them.")
+        raise InvalidInput(
+            f"{called} already has leads, but a kerf can only offset contours without leads."
+        )
     if rows.dimension == 3:
         slopes = np.abs([rows.tangents @ up, rows.normals @ up])
         if slopes.max() > PARALLEL:
             raise InvalidInput(
-                f"{called} leaves the plane across the upward direction, so a kerf has no side "
-                "there: remove the kerf, or ignore the z of the drawing."
+                f"{called} leaves the plane perpendicular to the upward direction, so its kerf has "
+                "no side there. Remove the kerf, or ignore the z of the drawing."
             )
         rows = rows.replace(
             starts=seen_from_above(rows.starts, up),
@@ -137,7 +139,7 @@ def _flatten(contour: Contour, number: int, process: Process) -> Segments:
         x, y = (1e3 * crossing).tolist()
         raise InvalidInput(
             f"{called} crosses or touches itself at ({x:.6g}, {y:.6g}) mm, so its kerf has no "
-            "side: correct the drawing, or remove the kerf."
+            "side. Correct the drawing, or remove the kerf."
         )
     return rows
 
@@ -145,12 +147,12 @@ def _flatten(contour: Contour, number: int, process: Process) -> Segments:
 def _offset(
     rows: Segments, contour: Contour, number: int, kerf: float, side: str
 ) -> list[OffsetPart]:
-    """The parts of a contour's offset."""
+    """The parts of a contour's offset by half the kerf; raise InvalidInput if it does not fit."""
     called, sign = contour_called(contour, number), 1 if side == "left" else -1
 
     def parts_of(width: float) -> list[OffsetPart]:
         parts = offset_segments(rows, sign * width / 2, closed=contour.closed)
-        # Closed parts of the offset of an open contour are inside its curls.
+        # Closed parts of the offset of an open contour lie inside its curls and are discarded.
         return parts if contour.closed else [x for x in parts if not x.closed]
 
     offset_parts = parts_of(kerf)
@@ -159,9 +161,9 @@ def _offset(
         for _ in range(HALVINGS):
             middle = (fits + too_wide) / 2
             fits, too_wide = (middle, too_wide) if parts_of(middle) else (fits, middle)
-        result = "removes the whole contour" if contour.closed else "has no room next to it"
+        result = "removes the whole contour" if contour.closed else "does not fit next to it"
         raise InvalidInput(
-            f"{called}: a kerf of {1e3 * kerf:.6g} mm {result}; the largest kerf that fits is "
+            f"{called}: a kerf of {1e3 * kerf:.6g} mm {result}. The largest kerf that fits is "
             f"{1e3 * fits:.4g} mm.",
             needed=kerf,
             allowed=fits,
@@ -170,7 +172,7 @@ def _offset(
         reason = "has events on it" if contour.events else "is open"
         raise InvalidInput(
             f"{called} {reason}, and a kerf of {1e3 * kerf:.6g} mm divides it into "
-            f"{len(offset_parts)} pieces: give a smaller kerf."
+            f"{len(offset_parts)} pieces. Specify a smaller kerf."
         )
     return offset_parts
 
@@ -181,7 +183,7 @@ def _check_distances(
     parts: Sequence[Sequence[OffsetPart]],
     kerfs: Sequence[float],
 ) -> None:
-    """Raise InvalidInput for contours of which one is cut into along the other."""
+    """Raise InvalidInput if the cut along one contour cuts into another contour."""
     indices = [i for i, x in enumerate(flat) if x is not None]
     if len(indices) < 2:
         return
@@ -205,8 +207,8 @@ def _check_distances(
     raise InvalidInput(
         f"{_called_on_layer(contours, first)} and {_called_on_layer(contours, second)} cross, or "
         f"are nearer to each other than the kerf of {1e3 * kerf:.6g} mm, so the cut along one "
-        "cuts into the other: move them apart, give a smaller kerf, or give a layer that is not "
-        "cut through the kerf null in process.by_layer."
+        "cuts into the other. Move them apart, specify a smaller kerf, or set kerf: null in "
+        "process.by_layer for a layer that is not cut through."
     )
 
 
@@ -219,8 +221,8 @@ def _called_on_layer(contours: Sequence[Contour], number: int) -> str:
 def _contours_of(
     contour: Contour, number: int, parts: Sequence[OffsetPart], up: FloatArray
 ) -> list[Contour]:
-    """The contours from the parts of an offset, the part nearest to the start first."""
-    # Without parts it is the original contour.
+    """Contours along the parts of an offset, the part nearest to the start point first."""
+    # Without parts, the original contour is returned.
     if not parts:
         return [contour]
     source = contour.path
@@ -245,7 +247,7 @@ def _contours_of(
 
 
 def _path_of_part(part: OffsetPart, source: Path, up: FloatArray) -> Path:
-    """The path of a part, with speeds, tolerances, tags and orientation of its source."""
+    """The path of an offset part, with speeds, tolerances, tags and orientation of its source."""
     rows = part.segments
     originals = source.segments[part.rows]
     columns = {x: getattr(originals, x) for x in ("speeds", "tolerances", "tags")}
@@ -256,7 +258,7 @@ def _path_of_part(part: OffsetPart, source: Path, up: FloatArray) -> Path:
         columns |= {x: getattr(rows, x) @ axes.T for x in ("tangents", "normals")}
     rows = rows.replace(**columns)
     if part.closed:
-        # The first segment is that whose start is nearest to the start of the source.
+        # The path starts with the segment whose start is nearest to the start of the source.
         distances = np.linalg.norm(rows.starts - source(0.0), axis=1)
         order: IntArray = np.roll(np.arange(len(rows)), -int(np.argmin(np.round(distances, 9))))
         rows = rows[order]
@@ -267,7 +269,7 @@ def _path_of_part(part: OffsetPart, source: Path, up: FloatArray) -> Path:
 
 
 def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) -> Orientation:
-    """The tool orientation along an offset, relative to the tangent as along its source."""
+    """Tool orientation along an offset, constant or at the same angle to the tangent."""
     rows, start = path.segments, orientation(0.0)
     same = orientation.fixed and all(
         np.abs(x - start).max() <= REPEATED_POINT for x in orientation.starts
@@ -283,8 +285,8 @@ def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) 
         rates = tangent_rates(rows)
     elif not same:
         raise InvalidInput(
-            "A kerf needs a tool orientation that is constant or follows the tangent: remove the "
-            "kerf."
+            "A kerf needs a tool orientation that is constant or follows the tangent. Change the "
+            "orientation, or remove the kerf."
         )
     return Orientation.even(
         rows.lengths, turned, rates, axis_only=orientation.axis_only, follows=orientation.follows
@@ -292,7 +294,7 @@ def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) 
 
 
 def _replaced(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) -> list[Move]:
-    """The moves with other contours; rapids away from a contour start at its new end."""
+    """Replace the contours among moves; rapids away from a contour start at its new end."""
     away, number = rapids_leading_away(moves), 0
     result: list[Move] = []
     for move in moves:
@@ -309,14 +311,14 @@ def _replaced(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) -> list[
 
 
 def cut_contours(contours: Sequence[Contour], process: Process) -> BoolArray:
-    """Mask of the contours that are cut: those with a kerf; all without any kerf."""
+    """Mask of the contours that are cut, (n,): contours with a kerf, or all if none has one."""
     mask = np.array([process.of_layer(x.layer).kerf is not None for x in contours])
     return mask if mask.any() else ~mask
 
 
 def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
     """The scrap side of every contour in its direction of travel, "left" or "right"."""
-    # Closed contours inside an odd number of other contours that are cut are holes, on any layer.
+    # A closed contour inside an odd number of other contours that are cut is a hole, on any layer.
     # The scrap side of open contours is "left".
     # `contours`: the contours in their direction of travel; `process`: kerfs of the layers, and the
     # direction from which the contours are viewed.
@@ -327,7 +329,7 @@ def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
 
 
 class LeadPlacement:
-    """Leads of the contours of a program, in the scrap and clear of all cut contours."""
+    """Lays the leads of a program's contours in the scrap, so that they cross no cut contour."""
 
     def __init__(self, contours: Sequence[Contour], process: Process) -> None:
         # `contours`: the contours before they get overlaps and leads.
@@ -336,12 +338,12 @@ class LeadPlacement:
         self._sides = waste_sides(contours, process) if needed else ["left"] * len(contours)
         self._cut = cut_contours(contours, process)
         self._around: tuple[FloatArray, FloatArray] | None = None
-        # Leads that are shorter than requested: fraction of the length, and a description.
+        # Leads that are shorter than requested: fraction of the requested length, and description.
         self._shortened: list[tuple[float, str]] = []
 
     def lay(self, number: int, path: Path, lead: Lead, length: float, *, after: bool) -> Path:
         """The lead-in or the lead-out of contour `number`."""
-        # `length`: length of the lead [m]; one of automatic length is shortened to what fits;
+        # `length`: requested length [m]; a lead of automatic length is shortened until it fits;
         # `after`: true for the lead-out.
         contour = self._contours[number]
         side = self._sides[number] if lead.side == WASTE else lead.side
@@ -368,7 +370,7 @@ class LeadPlacement:
         if not fits:
             raise InvalidInput(
                 f"{location}: an arc {kind} does not fit into the scrap at the "
-                f"{'end' if after else 'start'} of the contour: choose another start point "
+                f"{'end' if after else 'start'} of the contour. Choose another start point "
                 "(process.begin).",
                 needed=length,
                 allowed=0.0,
@@ -376,7 +378,7 @@ class LeadPlacement:
         if lead.length is not None:
             raise InvalidInput(
                 f"{location}: a {kind} of {1e3 * length:.4g} mm crosses a contour or leaves the "
-                f"scrap; the longest that fits is {1e3 * fits:.4g} mm.",
+                f"scrap. The longest {kind} that fits is {1e3 * fits:.4g} mm.",
                 needed=length,
                 allowed=fits,
             )
@@ -386,7 +388,7 @@ class LeadPlacement:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """A sentence on leads that are shorter than the tool needs to reach its speed, if any."""
+        """A sentence on leads that are too short to reach the speed; empty without such leads."""
         if not self._shortened:
             return ()
         count = count_noun(len(self._shortened), "lead")
@@ -398,7 +400,7 @@ class LeadPlacement:
     def _beyond(self, contour: Contour, path: Path, after: bool) -> FloatArray | None:
         """Unit tangent of a closed contour on the other side of the vertex that a lead touches."""
         outline = contour.path
-        # A contour with an overlap does not end at its start.
+        # A contour with an overlap does not end at its start point.
         if np.linalg.norm(outline.end - outline.starts[0]) > REPEATED_POINT:
             return None
         nearest = outline.project(path(path.length if after else 0.0)[None])
@@ -412,7 +414,7 @@ class LeadPlacement:
         return outline(s or outline.length, 1, side="left")
 
     def _fits(self, lead: Path, after: bool) -> bool:
-        """True if a lead crosses no contour that is cut, and its free end lies in the scrap."""
+        """True if a lead crosses no cut contour and its free end lies in the scrap."""
         lead, up = lead.reversed() if after else lead, self._process.up
         cut = [x for x, kept in zip(self._contours, self._cut, strict=True) if kept]
         if self._around is None:
@@ -421,7 +423,8 @@ class LeadPlacement:
         pieces, boxes = self._around
         lead_pieces = _pieces(lead, up)
         tip = lead_pieces[0, :2]
-        # No part of a piece or of the lead is farther from its start than its length.
+        # Only pieces within reach of the lead are tested. No point of a piece or of the lead is
+        # farther from its start than its length.
         apart = np.linalg.norm(pieces[:, :2] - tip, axis=1)
         near = pieces[apart <= pieces[:, LENGTH] + lead.length + REPEATED_POINT]
         pairs, distances = find_crossings(np.concatenate([lead_pieces, near]))
@@ -439,7 +442,7 @@ class LeadPlacement:
 
 
 def _box(pieces: FloatArray) -> FloatArray:
-    """Corners of a box around pieces, (2, 2)."""
+    """Lower and upper corner of a box around pieces [m], (2, 2)."""
     starts, lengths = pieces[:, :2], pieces[:, LENGTH:]
     return np.stack([(starts - lengths).min(axis=0), (starts + lengths).max(axis=0)])
 

@@ -18,18 +18,18 @@ from armcontour.geometry.biarcs import draw_arcs
 from armcontour.geometry.segments import Segments
 from armcontour.program.moves import Contour
 
-# Number of chords of a quarter circle that is tilted, so its projection is no arc.
+# Number of chords per quarter circle of a tilted arc, whose projection is not an arc.
 CHORDS = 32
-# Two unit vectors are parallel if the perpendicular component is smaller.
+# A unit vector with a smaller component along `up` counts as perpendicular to `up`.
 PARALLEL = 1e-6
 NONE = np.empty((0, 8))
-# Approximate number of pairs of a point and a chord that are tested together, to bound the memory.
+# Approximate number of pairs of a point and a chord that are tested together, to limit the memory.
 PAIRS = 200_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Nesting:
-    """Contours inside other contours."""
+    """Areas of contours, and the contours inside each of them."""
 
     # True in row i and column k if contour k is inside the closed contour i, (n, n)
     holds: BoolArray
@@ -38,7 +38,7 @@ class Nesting:
 
     @property
     def parents(self) -> IntArray:
-        """The smallest contour around each contour; -1 for outer contours, (n,)."""
+        """Index of the smallest contour around each contour, (n,); -1 for outer contours."""
         sizes = np.where(self.holds, np.abs(self.areas)[:, None], np.inf)
         smallest = np.argmin(sizes, axis=0)
         return np.where(self.holds.any(axis=0), smallest, -1)
@@ -52,27 +52,27 @@ def find_nesting(contours: Sequence[Contour], up: FloatArray) -> Nesting:
     holds = np.array([_inside(x, starts) for x in chords])
     np.fill_diagonal(holds, False)
     areas = np.array([_area(x) for x in chords])
-    # If two contours seem to be inside each other, the smaller one is inside.
+    # If two contours seem to be inside each other because of rounding, the smaller one is inside.
     holds &= np.abs(areas)[:, None] > np.where(areas == 0, 0.0, np.abs(areas))[None, :]
     return Nesting(holds=holds, areas=areas)
 
 
 def seen_from_above(points: FloatArray, up: FloatArray) -> FloatArray:
-    """Points or vectors projected along `up`, (..., 2); those in the plane unchanged."""
+    """Project points or vectors along `up`, (..., 2); points in the plane are unchanged."""
     return points if points.shape[-1] == 2 else np.asarray(points @ axes_across(up))
 
 
 def axes_across(up: FloatArray) -> FloatArray:
-    """Two unit vectors across `up` as columns, right-handed with it, (3, 2)."""
+    """Two unit vectors as columns that form a right-handed frame with `up`, (3, 2)."""
     first = np.cross(np.eye(3)[int(np.argmin(np.abs(up)))], up)
     first /= np.linalg.norm(first)
     return np.stack([first, np.cross(up, first)], axis=1)
 
 
 def chords_of(path: Path, up: FloatArray) -> FloatArray:
-    """The segments of a path seen from above as chords, (m, 8)."""
-    # Columns: start x, y, end x, y, centre x, y, radius, and turn: 1 for arcs to the left, -1 to
-    # the right, 0 for lines. Arcs turn by half a circle at most.
+    """Chords of the segments of a path, projected along `up`, (m, 8)."""
+    # Columns: start x, y, end x, y, centre x, y, radius [m], and turn: 1 for arcs to the left, -1
+    # for arcs to the right, 0 for lines. An arc is at most half a circle.
     rows = _halved(draw_arcs(path.segments)[0], up)
     a, b = seen_from_above(rows.starts, up), seen_from_above(rows.ends, up)
     bent = rows.curvatures > 0
@@ -83,7 +83,7 @@ def chords_of(path: Path, up: FloatArray) -> FloatArray:
 
 
 def _halved(rows: Segments, up: FloatArray) -> Segments:
-    """Segments with arcs of half a circle at most; tilted arcs are replaced by chords."""
+    """Divide arcs into at most half circles, and replace tilted arcs by chords."""
     sweeps = rows.curvatures * rows.lengths
     pieces = np.where(sweeps > np.pi / 2, 4, 1)
     if rows.dimension == 3:
@@ -107,7 +107,7 @@ def _halved(rows: Segments, up: FloatArray) -> Segments:
 
 
 def _closed(chords: FloatArray) -> FloatArray:
-    """Chords with a line that closes the gap of leads or an overlap."""
+    """Add a chord that closes the gap between end and start, as of leads or an overlap."""
     line = np.concatenate([chords[-1, 2:4], chords[0, :2], np.zeros(4)])
     ring = np.vstack([chords, line])
     # A ray through even a tiny gap would miss the contour.
@@ -116,7 +116,7 @@ def _closed(chords: FloatArray) -> FloatArray:
 
 
 def _inside(chords: FloatArray, points: FloatArray) -> BoolArray:
-    """Mask of the points, (n, 2), inside a closed contour; false without chords."""
+    """Mask of the points inside a closed contour, (n,); all false without chords."""
     if not len(chords):
         return np.zeros(len(points), np.bool_)
     # The box of the chords and of the circles of arcs contains the contour.
@@ -135,7 +135,8 @@ def _windings(chords: FloatArray, points: FloatArray) -> IntArray:
     """Winding numbers of a closed contour around points, (n,)."""
     x, y = points[:, :1], points[:, 1:]
     ax, ay, bx, by, cx, cy, radius, turn = chords.T
-    # Points on a chord are treated as slightly higher, then as slightly farther to the right.
+    # A point on a chord counts as shifted to the right by an infinitesimal distance, and upwards by
+    # an even smaller distance.
     side = (bx - ax) * (y - ay) - (x - ax) * (by - ay)
     on_left = (side > 0) | ((side == 0) & ((by < ay) | ((by == ay) & (bx > ax))))
     upward, downward = (ay <= y) & (y < by) & on_left, (by <= y) & (y < ay) & ~on_left

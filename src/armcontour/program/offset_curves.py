@@ -1,8 +1,8 @@
-"""Exact offsets of lines and arcs in the plane: arcs stay arcs with the same centres.
+"""Exact offsets of lines and arcs in the plane; the offset of an arc is an arc around its centre.
 
 Points at distance d from a contour, on one of its sides, lie on its offset segments or on circles
-around its vertices. All of these are cut where they meet. The parts whose distance from the whole
-contour is at least d form the offset.
+around its vertices. These segments and circles are cut where they meet. The parts whose distance
+from the whole contour is at least d form the offset.
 """
 
 from __future__ import annotations
@@ -30,12 +30,13 @@ from armcontour.program.crossings import (
     turns_between,
 )
 
-# Rounding error of the distance between a part and the contour [m]: points of a path have errors up
+# Rounding error of the distance between a part and the contour [m]. Points of a path have errors up
 # to REPEATED_POINT.
 SLACK = 3e-9
-# Gaps above the first are narrowed to the second [m]; a path may have gaps of REPEATED_POINT.
+# Gaps above WIDE_GAP are narrowed to NARROW_GAP [m], because a path may have gaps up to
+# REPEATED_POINT.
 WIDE_GAP, NARROW_GAP = 0.9e-9, 0.5e-9
-# A closed part with a smaller ratio of area to length is two coinciding lines [m].
+# A closed part with a smaller ratio of area to length [m] consists of coinciding lines.
 THIN = 1e-8
 
 
@@ -44,16 +45,16 @@ class OffsetPart:
     """A continuous part of an offset."""
 
     segments: Segments
-    # Source segment of each segment; around a vertex, the source segment before it, (n,)
+    # Index of the source segment of each segment, or of the segment before its vertex, (n,)
     rows: IntArray
-    closed: bool  # True if it is closed
+    closed: bool  # True if the part is closed
 
 
 def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[OffsetPart]:
     """The parts of the offset of a contour in the plane, in its direction of travel."""
     # `source`: the contour, which does not cross itself; `distance`: the offset, to the left if
     # positive [m]; `closed`: true if the contour is closed.
-    # Returns the parts; none if no point on this side has this distance from the contour.
+    # The list is empty if no point on this side has this distance from the contour.
     if distance == 0:
         return [OffsetPart(segments=source, rows=np.arange(len(source)), closed=closed)]
     mirror = np.array([1.0, np.sign(distance)])
@@ -62,7 +63,8 @@ def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[
         return []
     knives = np.empty((0, 6))
     if not closed:
-        # The offset on the other side of an open contour and around its ends also limits the parts.
+        # The offset on the other side of an open contour, and circles around its ends, also cut the
+        # parts.
         other, _ = _raw_pieces(_table(source, mirror * [1, -1]), abs(distance), closed)
         ends = _end_circles(pieces, abs(distance))
         knives = np.concatenate([other * [1, -1, 1, -1, -1, 1], ends])
@@ -95,7 +97,7 @@ def crosses_itself(source: Segments, *, closed: bool) -> FloatArray | None:
 
 
 def crossing_owners(paths: Sequence[Segments]) -> tuple[int, int] | None:
-    """Two of several paths in the plane that cross or touch each other; None without such paths."""
+    """Indices of two paths in the plane that cross or touch each other; None if there are none."""
     table = np.concatenate([_table(x, np.ones(2)) for x in paths])
     owner = np.repeat(np.arange(len(paths)), [len(x) for x in paths])
     pairs = owner[find_crossings(table)[0]]
@@ -104,7 +106,7 @@ def crossing_owners(paths: Sequence[Segments]) -> tuple[int, int] | None:
 
 
 def _table(source: Segments, mirror: FloatArray) -> FloatArray:
-    """The table of pieces (crossings.py) of a path, mirrored."""
+    """Table of pieces (crossings.py) of a path whose coordinates are multiplied by `mirror`."""
     starts, tangents = source.starts * mirror, source.tangents * mirror
     normals = source.normals * mirror
     turn = np.sign(tangents[:, 0] * normals[:, 1] - tangents[:, 1] * normals[:, 0])
@@ -112,14 +114,15 @@ def _table(source: Segments, mirror: FloatArray) -> FloatArray:
 
 
 def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, IntArray]:
-    """The offset segments to the left by d [m], with circles around vertices; and their rows."""
+    """Segments offset to the left by d [m] and circles around vertices, and their source rows."""
     n = len(table)
     moved = offset_pieces(table, d)
-    # Arcs that the offset would turn inside out are nearer than d to themselves.
+    # An arc to the left with a radius below d has no offset, because its points are nearer than d
+    # to the arc.
     segment_mask = moved[:, LENGTH] > SAME_PLACE
     ends, leaving = points_at(table, table[:, LENGTH]), points_at(table, table[:, LENGTH], 1)
     turn = turns_between(leaving, np.roll(table, -1, axis=0)[:, TX : TY + 1])
-    # A turn back has the contour on both sides.
+    # Where the contour turns back by 180°, the vertex counts as an outside corner on both sides.
     turn = np.where(turn > np.pi - SAME_PLACE, -np.pi, turn)
     around = np.column_stack(
         [ends + d * turned_left(leaving), leaving, np.full(n, -1 / d), -turn * d]
@@ -134,15 +137,15 @@ def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Parts:
-    """Parts of the pieces of an offset, cut where pieces meet."""
+    """The n parts into which the pieces of an offset are cut where pieces meet."""
 
-    pieces: FloatArray  # The parts, (n, 6)
-    rows: IntArray  # Rows of the source, (n,)
-    owners: IntArray  # Piece of each part, (n,)
-    nodes: IntArray  # Places at which each part starts and ends, as numbers, (n, 2)
+    pieces: FloatArray  # The parts as a table of pieces (crossings.py), (n, 6)
+    rows: IntArray  # Index of the source segment of each part, (n,)
+    owners: IntArray  # Index of the piece to which each part belongs, (n,)
+    nodes: IntArray  # Numbers of the points at which each part starts and ends, (n, 2)
 
     def only(self, mask: BoolArray) -> _Parts:
-        """Some of the parts."""
+        """The parts selected by a mask or by indices."""
         return _Parts(
             pieces=self.pieces[mask],
             rows=self.rows[mask],
@@ -151,7 +154,7 @@ class _Parts:
         )
 
     def joined(self, ends: FloatArray | None) -> _Parts:
-        """The parts without dead ends; an open offset starts and ends at `ends`."""
+        """Discard parts that lead nowhere; an open offset starts and ends at `ends`, (2, 2)."""
         parts = self
         while len(parts.pieces):
             starts, stops = parts.nodes[:, 0], parts.nodes[:, 1]
@@ -168,12 +171,12 @@ class _Parts:
         return parts
 
     def chains(self) -> list[tuple[_Parts, bool]]:
-        """Chains of consecutive parts, and whether each closes."""
+        """Chains of consecutive parts, each with true if it is closed."""
         leaving: dict[int, list[int]] = {}
         for i, node in enumerate(self.nodes[:, 0].tolist()):
             leaving.setdefault(node, []).append(i)
         arriving = set(self.nodes[:, 1].tolist())
-        # Open chains first: they start at nodes without an arriving part.
+        # Open chains, which start at nodes without an arriving part, come first.
         order = np.argsort([x in arriving for x in self.nodes[:, 0].tolist()], kind="stable")
         used = np.zeros(len(self.pieces), dtype=bool)
         tips = points_at(self.pieces, self.pieces[:, LENGTH], 1)
@@ -192,14 +195,14 @@ class _Parts:
         return [(x._merged(ring), ring) for x, ring in chains if not (ring and x._is_thin())]
 
     def _rightness(self, tangent: FloatArray, k: int) -> float:
-        """Angle by which the path turns to the right into part k."""
+        """Angle by which the path turns to the right from `tangent` into part k [rad]."""
         tx, ty = self.pieces[k, TX], self.pieces[k, TY]
         return -float(
             np.arctan2(tangent[0] * ty - tangent[1] * tx, tangent[0] * tx + tangent[1] * ty)
         )
 
     def _is_thin(self) -> bool:
-        """True if a closed chain encloses no area."""
+        """True if the area of a closed chain is zero, except for rounding errors."""
         p = self.pieces
         a, b = p[:, :2] - p[0, :2], points_at(p, p[:, LENGTH]) - p[0, :2]
         angle = p[:, CURVATURE] * p[:, LENGTH]
@@ -210,7 +213,7 @@ class _Parts:
         return abs(area) <= THIN * float(p[:, LENGTH].sum())
 
     def _merged(self, ring: bool) -> _Parts:
-        """The chain with consecutive parts of one piece merged."""
+        """Merge consecutive parts of a chain that belong to one piece."""
         chain = self
         if ring and len(chain.pieces) > 1:
             # Start the chain at the start of a piece.
@@ -227,7 +230,7 @@ class _Parts:
 
 
 def _end_circles(pieces: FloatArray, d: float) -> FloatArray:
-    """Half circles with radius d [m] around the ends of the open contour of an offset, (4, 6)."""
+    """Half circles with radius d [m] around the ends of an open contour, from its offset."""
     ends = points_at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1])
     leaving = points_at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1], 1)
     across = 2 * d * np.column_stack([leaving[:, 1], -leaving[:, 0]])
@@ -237,7 +240,7 @@ def _end_circles(pieces: FloatArray, d: float) -> FloatArray:
 
 
 def _cut_pieces(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Parts:
-    """Pieces cut where they meet each other or `knives`; equal ends share one node number."""
+    """Cut pieces where they meet each other or `knives`; equal ends have one node number."""
     n = len(pieces)
     pairs, pair_distances = find_crossings(np.concatenate([pieces, knives]))
     owners = np.concatenate([np.arange(n), np.arange(n), pairs.reshape(-1)])
@@ -274,9 +277,9 @@ def _to_offset_part(chain: _Parts, ring: bool, mirror: FloatArray) -> OffsetPart
 
 
 def _close_gaps(starts: FloatArray, ends: FloatArray, ring: bool) -> FloatArray:
-    """Starts of segments, moved where gaps are too wide for a path."""
-    # Gaps of the source and at its vertices add up. Whole segments are moved, because tangents must
-    # not change.
+    """Start points of segments that are translated where gaps are too wide for a path [m]."""
+    # Gaps of the source and at its vertices add up. Whole segments are translated, because tangents
+    # must not change.
     starts, ends, n = starts.copy(), ends.copy(), len(starts)
     for i in range(2 * n if ring else n - 1):
         before, after = i % n, (i + 1) % n
