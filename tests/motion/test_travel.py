@@ -56,5 +56,5 @@ def test_a_law_of_another_kind_is_refused():
         def on_interval(self, i, t, order):
             return np.zeros((len(t), 2))
 
-    with pytest.raises(InvalidInput, match="A law of the kind Own"):
+    with pytest.raises(InvalidInput, match="law of the kind Own"):
         fastest_joints(Own())

@@ -116,7 +116,7 @@ def test_contours_that_cross_themselves_or_are_too_near_are_refused():
         (lambda: cut(a, b, kerf=2e-4), "contour a and contour b cross", "kerf of 0.2 mm"),
         (lambda: cut(a, across, kerf=2e-3), "contour a and contour c cross"),
         (lambda: cut(*rings, kerf=2e-3), "0.02", "0.0199", "nearer"),
-        (lambda: cut(led, kerf=1e-3), "leads already"),
+        (lambda: cut(led, kerf=1e-3), "already has leads"),
         (lambda: cut(ramp, kerf=1e-3), "contour 1 leaves the plane"),
         (lambda: Process(kerf=-1e-3), "kerf"),
         (lambda: Process(kerf_side="top"), "kerf_side"),

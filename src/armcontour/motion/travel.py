@@ -20,14 +20,13 @@ ROUNDING = 1e-12
 
 
 def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray, FloatArray]:
-    """Upper bound of each joint's travel since the start; back and forth counts twice."""
-    # Between the times the bound grows linearly and is valid there, too: between any two times a
-    # joint moves no farther than the bound grows.
-    # `motion`: A planned or an executed motion, or a joint path, for which arc length replaces
+    """Times [s], and upper bounds of each joint's travel from the start to these times [rad]."""
+    # Motion in both directions adds to the travel. Between the times, the bound is interpolated
+    # linearly: between any two times, a joint moves at most by the increase of the bound.
+    # `motion`: a planned or an executed motion, or a joint path, for which arc length replaces
     # time. Between its samples, the accelerations of an executed motion are assumed to be at most
     # the largest demand.
-    # Returns times from the start to the end [s], (n,), and the bounds at these times [rad], (n,
-    # dof).
+    # Returns times from the start to the end, (n,), and the bounds, (n, dof).
     parts: Iterable[FloatArray]
     if isinstance(motion, Execution):
         t, dof, rate = motion.t, motion.q.shape[1], np.abs(motion.dq)
@@ -40,7 +39,7 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
         inner = [a + x.breaks[:-1] for a, x in zip(motion.starts, motion.laws, strict=False)]
         t = np.append(np.concatenate(inner), motion.starts[-1])
         dof, parts = motion.dof, map(fastest_joints, motion.laws)
-    # A single array, because a long motion has millions of intervals.
+    # A single array saves memory, because a long motion has millions of intervals.
     travel, done = np.zeros((len(t), dof)), 1
     for fastest in parts:
         travel[done : done + len(fastest)] = fastest
@@ -60,28 +59,29 @@ def largest_accelerations(motion: Execution) -> FloatArray:
 def fastest_joints(law: Law) -> FloatArray:
     """Bounds of the joint velocities within every interval of a law [rad/s], (n, dof)."""
     raise InvalidInput(
-        f"A law of the kind {type(law).__name__} has no bound of joint velocities; laws of plans "
-        "have one."
+        f"The joint velocities of a law of the kind {type(law).__name__} have no known bound. Use "
+        "the law of a plan."
     )
 
 
 @fastest_joints.register
 def _(law: LapLaw) -> FloatArray:
-    """Velocities are linear between breaks."""
+    """Bounds for a `LapLaw`, whose velocities are linear between breaks."""
     end = law.dq + law.ddq * np.diff(law.breaks)[:, None]
     return np.asarray(np.maximum(np.abs(law.dq), np.abs(end)))
 
 
 @fastest_joints.register
 def _(law: PathLaw) -> FloatArray:
-    """The product of the bounds of dq_ds and of ds."""
+    """Bounds for a `PathLaw`: products of the bounds of dq_ds and of ds."""
     return _along(law.joint_path, law.s, _fastest_along(law))
 
 
 def _fastest_along(law: PathLaw) -> FloatArray:
     """Bounds of the path speed within every interval [m/s], (n,)."""
     (ds, dds, slope, jerk), speeds = law.rates, law.speeds
-    # ds² is a parabola over s, or ds one over time, with a peak where the acceleration is 0.
+    # ds² is a parabola over s, or, with jerk, ds is a parabola over time. The peak is where the
+    # path acceleration is 0.
     with np.errstate(divide="ignore", invalid="ignore"):
         over_s = np.where(slope < 0, np.sqrt(ds**2 - dds**2 / slope), 0.0)
         peaks = np.where(jerk < 0, ds - dds**2 / (2 * jerk), over_s)
