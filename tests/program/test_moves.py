@@ -61,7 +61,7 @@ def test_refuses_what_makes_no_program():
         (lambda: drawn.selected(names=["1"], layers=["b"]), "matches both"),
         (lambda: drawn.selected(layers=[]), "is selected"),
         (lambda: drawn.path, "2 contours"),
-        (raised.without_z, "x.ngc: contour line 7: Segment 1", "leaves the plane"),
+        (raised.without_z, "x.ngc: contour line 7: Segment 1", "not parallel to this plane"),
         (lambda: rest.repeated(columns=2), "column_spacing"),
         (lambda: rest.repeated(rows=2, row_spacing=0.0), "row_spacing", "0 m"),
         (lambda: rest.repeated(rows=0, row_spacing=1.0), "rows", "0"),

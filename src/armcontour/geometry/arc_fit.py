@@ -31,10 +31,10 @@ Curve = Callable[[FloatArray, int], FloatArray]
 Curves = Callable[[IntArray, FloatArray, int], FloatArray]
 
 # Fractions of an interval at which its arcs are compared with the curve.
-PLACES = np.linspace(0, 1, 17)
+SAMPLES = np.linspace(0, 1, 17)
 # Fraction of the tolerance that is allowed at these samples, because the deviation between samples
 # is slightly larger.
-SHARE = 0.9
+TOLERANCE_SHARE = 0.9
 # Largest number of parts into which one iteration splits an interval outside the tolerance.
 MAX_PARTS = 8
 # Largest number of intervals. If a curve needs more, an error reports that its tolerance is too
@@ -46,30 +46,31 @@ DRAWN = 1e-7
 CORNER = 1e-3
 # A derivative below this fraction of the largest one counts as zero; the tangent is then computed
 # as a limit.
-STILL = 1e-10
+ZERO_SPEED = 1e-10
 # Fractions of the interval at which tangents are sampled for this limit, and weights with which a
 # cubic through these four samples is extrapolated to 0.
 NEAR_END = 2e-3 * 0.5 ** np.arange(4)
 TO_ZERO = np.array([np.prod([-b / (a - b) for b in NEAR_END if b != a]) for a in NEAR_END])
 # Fractions of an interval at which the norm of the derivative (the speed) is sampled to find cusps,
 # where the derivative vanishes.
-CUSP_PLACES = np.linspace(0, 1, 33)
-# A minimum of the speed is refined if it is below the fraction SLOW of the largest speed. STEPS and
-# GOLDEN: number of steps and ratio of the golden-section search; more steps gain no precision.
-SLOW, STEPS, GOLDEN = 0.5, 45, (np.sqrt(5) - 1) / 2
+CUSP_SAMPLES = np.linspace(0, 1, 33)
+# A minimum of the speed is refined if it is below the fraction CUSP_CANDIDATE of the largest speed.
+# GOLDEN_STEPS and GOLDEN_RATIO: number of steps and ratio of the golden-section search; more steps
+# gain no precision.
+CUSP_CANDIDATE, GOLDEN_STEPS, GOLDEN_RATIO = 0.5, 45, (np.sqrt(5) - 1) / 2
 # A minimum is a cusp if its speed is at most this fraction of the largest speed. A minimum with a
 # larger fraction is a tight loop, whose relative size is the square of the fraction.
-AT_CUSP = 1e-6
+CUSP_SPEED = 1e-6
 # Rounding errors of points rotate a tangent by this factor times the magnitude of the coordinates
 # divided by the interval length [rad].
-ROUGH = 64 * np.finfo(float).eps
+TANGENT_ROUNDING = 64 * np.finfo(float).eps
 # Two tangents that are computed as limits count as equal if they differ by at most this angle
 # [rad].
 SAME_LIMIT = 1e-4
 # Largest distance between two neighbouring samples, as a fraction of the interval's length. With a
 # larger distance a deviation between samples could be missed, so the interval is split. A
 # parametrization that starts from rest satisfies this limit.
-RUSH = 0.35
+LARGEST_STEP = 0.35
 # An interval is a line if the curve stays within this fraction of its chord, or within the rounding
 # errors of its points if these determine the direction of the chord.
 ON_CHORD = 1e-12
@@ -97,7 +98,7 @@ def fit_arcs(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Segments:
         raise InvalidInput("The breaks of a curve must be at least two increasing numbers.")
     _check_tolerance(tolerance)
     row = np.zeros(len(knots), dtype=np.intp)
-    return _fit(_as_many(curve), knots, row, tolerance, through=False)[0]
+    return _fit_curves(_wrap_curve(curve), knots, row, tolerance, through=False)[0]
 
 
 def fit_many(
@@ -108,7 +109,7 @@ def fit_many(
     # in `fit_arcs`; `breaks`: breaks of all curves one after the other, (n,); `rows`: curve of each
     # break, ascending from 0, (n,).
     _check_tolerance(tolerance)
-    arcs, vertices = _fit(curves, breaks, rows, tolerance, through=False)
+    arcs, vertices = _fit_curves(curves, breaks, rows, tolerance, through=False)
     ends = np.flatnonzero(np.diff(rows, append=-1))
     return [arcs[vertices[i] : vertices[i + 1]] for i in range(len(ends))]
 
@@ -117,7 +118,7 @@ def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Seg
     """Tangent arcs along a smooth curve as by `fit_arcs`, with a vertex at every break."""
     # Returns the arcs, and the index of the vertex at each break, (n,).
     row = np.zeros(len(breaks), dtype=np.intp)
-    return _fit(_as_many(curve), breaks, row, tolerance, through=True)
+    return _fit_curves(_wrap_curve(curve), breaks, row, tolerance, through=True)
 
 
 def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArray]:
@@ -168,12 +169,12 @@ def _check_tolerance(tolerance: float) -> None:
         )
 
 
-def _as_many(curve: Curve) -> Curves:
+def _wrap_curve(curve: Curve) -> Curves:
     """Wrap one curve as `Curves`."""
     return lambda row, t, order: np.asarray(curve(t, order))
 
 
-def _fit(
+def _fit_curves(
     curves: Curves, breaks: FloatArray, row: IntArray, tolerance: float, *, through: bool
 ) -> tuple[Segments, IntArray]:
     """The segments of all curves, and the indices of the vertices that are never merged."""
@@ -182,7 +183,7 @@ def _fit(
     with np.errstate(all="ignore"):
         intervals = _split(curves, _intervals_of(curves, breaks, row), tolerance, lines=not through)
         intervals = _drop_points(intervals)
-        arcs, first = _arcs(intervals)
+        arcs, first = _make_segments(intervals)
         if through:
             vertices = first[np.searchsorted(intervals.begin, breaks[:-1])]
         else:
@@ -256,23 +257,27 @@ def _split_at_cusps(
     # The derivative of a curve vanishes at a cusp.
     one = np.flatnonzero(rows[:-1] == rows[1:])
     begin, end = breaks[one], breaks[one + 1]
-    parameters = begin[:, None] + (end - begin)[:, None] * CUSP_PLACES
+    parameters = begin[:, None] + (end - begin)[:, None] * CUSP_SAMPLES
     parameters = np.minimum(parameters, np.nextafter(end, -np.inf)[:, None])
     speed = length(_evaluate(curves, rows[one], parameters, 1))
     inner = speed[:, 1:-1]
     largest = inner.max(axis=1)
-    minima = (inner <= speed[:, :-2]) & (inner <= speed[:, 2:]) & (inner < SLOW * largest[:, None])
+    minima = (
+        (inner <= speed[:, :-2])
+        & (inner <= speed[:, 2:])
+        & (inner < CUSP_CANDIDATE * largest[:, None])
+    )
     i, k = np.nonzero(minima)
     if len(i) == 0:
         return breaks, rows, np.zeros(len(breaks), dtype=bool)
     row, low, high = rows[one][i], parameters[i, k], parameters[i, k + 2]
-    for _ in range(STEPS):
-        span = GOLDEN * (high - low)
+    for _ in range(GOLDEN_STEPS):
+        span = GOLDEN_RATIO * (high - low)
         before, after = high - span, low + span
         falls = length(curves(row, before, 1)) > length(curves(row, after, 1))
         low, high = np.where(falls, before, low), np.where(falls, high, after)
     cusps = (low + high) / 2
-    vanishes = length(curves(row, cusps, 1)) <= AT_CUSP * largest[i]
+    vanishes = length(curves(row, cusps, 1)) <= CUSP_SPEED * largest[i]
     together = np.concatenate([breaks, cusps[vanishes]])
     curve = np.concatenate([rows, row[vanishes]])
     order = np.lexsort([together, curve])
@@ -293,9 +298,9 @@ def _tangents(
     """One-sided unit tangents and their uncertainties [rad], at the starts and at the ends."""
     row, begin, end = row[starts], breaks[starts], breaks[starts + 1]
     span = end - begin
-    parameters = begin[:, None] + span[:, None] * PLACES[1:-1]
+    parameters = begin[:, None] + span[:, None] * SAMPLES[1:-1]
     speed = length(_evaluate(curves, row, parameters, 1)).max(axis=1)
-    still = STILL * speed + ROUNDING * size / span
+    still = ZERO_SPEED * speed + ROUNDING * size / span
     tangents = []
     for t, sign, vanishes in ((begin, 1.0, cusp[starts]), (end, -1.0, cusp[starts + 1])):
         # The derivative can jump at a break, so it is evaluated at the next number inside the
@@ -307,7 +312,7 @@ def _tangents(
             near = t[weak, None] + sign * span[weak, None] * NEAR_END
             directions = unit(_evaluate(curves, row[weak], near, 1))
             direction[weak] = unit(np.einsum("k,nkd->nd", TO_ZERO, directions))
-        slack = ROUGH * size / (span * length(derivative))
+        slack = TANGENT_ROUNDING * size / (span * length(derivative))
         slack = np.clip(slack, TANGENT_TOLERANCE, SAME_LIMIT)
         tangents.append((direction, np.where(weak, SAME_LIMIT, slack)))
     return tangents
@@ -326,7 +331,7 @@ def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -
     done: list[_Intervals] = []
     count = 0
     while len(todo.begin):
-        parameters = todo.begin[:, None] + (todo.end - todo.begin)[:, None] * PLACES[1:-1]
+        parameters = todo.begin[:, None] + (todo.end - todo.begin)[:, None] * SAMPLES[1:-1]
         points = _evaluate(curves, todo.row, parameters, 0)
         if not np.isfinite(points).all():
             raise InvalidInput("A curve must be finite between its breaks.")
@@ -334,15 +339,17 @@ def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -
         along = np.concatenate([todo.p0[:, None], points, todo.p1[:, None]], axis=1)
         extent = length(along - todo.p0[:, None]).max(axis=1)
         steps = length(np.diff(along, axis=1))
-        distances[steps.max(axis=1) > RUSH * steps.sum(axis=1)] = np.inf
+        distances[steps.max(axis=1) > LARGEST_STEP * steps.sum(axis=1)] = np.inf
         corner = (extent <= REPEATED_POINT) | (
-            (extent <= CORNER * tolerance) & (distances > SHARE * tolerance)
+            (extent <= CORNER * tolerance) & (distances > TOLERANCE_SHARE * tolerance)
         )
         line = (_is_straight(todo, points) & np.isfinite(distances) & lines) | corner
-        ready = line | (distances <= SHARE * tolerance)
+        ready = line | (distances <= TOLERANCE_SHARE * tolerance)
         done.append(todo.select(ready, line=line[ready]))
         pending = ~ready
-        todo = _divide(curves, todo.select(pending), distances[pending] / (SHARE * tolerance))
+        todo = _divide(
+            curves, todo.select(pending), distances[pending] / (TOLERANCE_SHARE * tolerance)
+        )
         count += int(ready.sum())
         if count + len(todo.begin) > MAX_INTERVALS:
             raise InvalidInput(
@@ -430,7 +437,7 @@ def _drop_points(intervals: _Intervals) -> _Intervals:
     return x.select(mask, p0=p0[mask], p1=p1[mask])
 
 
-def _arcs(intervals: _Intervals) -> tuple[Segments, IntArray]:
+def _make_segments(intervals: _Intervals) -> tuple[Segments, IntArray]:
     """Lines and arcs of the intervals, and the row of the first segment of each interval, (n,)."""
     x = intervals
     first, second = make_biarcs(x.p0, x.t0, x.p1, x.t1)

@@ -12,7 +12,7 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.sampling import number_parts
-from armcontour.geometry.segments import Segments, largest_bend
+from armcontour.geometry.segments import Segments, bound_second_derivatives
 
 # An arc is a line if its chord and its start tangent differ by less than this angle [rad].
 STRAIGHT = 1e-12
@@ -23,8 +23,8 @@ UNEVEN = 1e-6
 DRAWN = 1e-9
 # Distance of a biarc from a curve whose curvature changes evenly by d over a length w, divided by
 # d w²; and safety factor for this distance.
-BIARC = 1 / 324
-MORE = 1.25
+BIARC_ERROR = 1 / 324
+BIARC_SAFETY = 1.25
 
 # Points, unit tangents and curvature vectors, (n, dimension) each.
 Contact = tuple[FloatArray, FloatArray, FloatArray]
@@ -135,7 +135,7 @@ def join_by_quintics(begin: Contact, end: Contact, lengths: FloatArray) -> Segme
         starts=begin[0],
         tangents=begin[1],
         normals=normals,
-        curvatures=largest_bend(coefficients, lengths),
+        curvatures=bound_second_derivatives(coefficients, lengths),
         lengths=lengths,
         quintics=coefficients,
     )
@@ -150,7 +150,9 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
     if not bent.any():
         return segments, segments.breaks[:-1]
     quintics, lengths = segments.quintics[bent], segments.lengths[bent]
-    need = lengths * np.cbrt(MORE * BIARC * largest_change(quintics, lengths) / DRAWN)
+    need = lengths * np.cbrt(
+        BIARC_SAFETY * BIARC_ERROR * bound_third_derivatives(quintics, lengths) / DRAWN
+    )
     count = np.maximum(np.ceil(need), 1).astype(np.intp)
     row, number = number_parts(count)
     step = (lengths / count)[row]
@@ -196,7 +198,7 @@ def tangent_and_curvature(first: FloatArray, second: FloatArray) -> tuple[FloatA
     return first / np.sqrt(speed2)[..., None], across / speed2[..., None]
 
 
-def largest_change(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
+def bound_third_derivatives(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
     """Upper bounds of the third derivatives of quintics by arc length [1/m²], (n,)."""
     c3, c4, c5 = quintics[:, 3], quintics[:, 4], quintics[:, 5]
     control = np.stack([6 * c3, 6 * c3 + 12 * c4, 6 * c3 + 24 * c4 + 60 * c5], axis=1)

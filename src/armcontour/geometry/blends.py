@@ -18,12 +18,12 @@ from armcontour.geometry.biarcs import dot, length, make_biarcs, unit
 from armcontour.geometry.connections import around_vertices, connect, draw_connections
 from armcontour.geometry.corner_curves import CornerBounds, CornerCurves, CornerKind
 from armcontour.geometry.rounded_orientation import middle_fraction
-from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, share_limits
+from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, combine_limits
 
 # Relative error of a search for a tangent length, and largest number of its steps. Every third step
 # is a bisection; from a nanometre to a kilometre, bisection needs less than a third of these steps.
-NEAR = 1e-9
-STEPS = 120
+SEARCH_ERROR = 1e-9
+SEARCH_STEPS = 120
 # Smallest tangent length [m]. Shorter blends approach the distance of repeated points.
 SHORTEST = 2 * REPEATED_POINT
 # Largest turn of a blend's arcs and of the arcs that it replaces [rad]. With this limit no arc
@@ -32,9 +32,9 @@ WIDEST = np.pi / 2
 # Rounding error of a turn [rad].
 ROUNDING = 1e-9
 # A blend counts as not shrunk if it reaches a bound within this relative error of the search.
-FULL = 1e-6
+BOUND_REACHED = 1e-6
 # Fractions of each half of a connection at which its distance from the path is evaluated.
-LOOKS = np.linspace(0.0, 1.0, 17)
+SAMPLES = np.linspace(0.0, 1.0, 17)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,9 +84,9 @@ class _Blend(CornerKind):
         # third step is a bisection. The rows of `state` are the logarithms of a length that
         # satisfies and of a length that violates the bounds, and the excess of both, (4, n).
         active = np.arange(len(bounds.half))
-        for step in range(STEPS):
+        for step in range(SEARCH_STEPS):
             low, high, under, over = state[:, active]
-            near = low + (high - low) * (-NEAR / 2 - under) / (over - under)
+            near = low + (high - low) * (-SEARCH_ERROR / 2 - under) / (over - under)
             halve = ~((near > low) & (near < high)) | (step % 3 == 2)
             middle = np.where(halve, (low + high) / 2, near)
             excess, _ = self._excess(bounds[active], np.exp(middle))
@@ -94,7 +94,7 @@ class _Blend(CornerKind):
             state[0::2, active[fits]] = middle[fits], excess[fits]
             state[1::2, active[~fits]] = middle[~fits], excess[~fits]
             low, high, under, _ = state
-            active = np.flatnonzero((under < -NEAR) & (high - low > NEAR))
+            active = np.flatnonzero((under < -SEARCH_ERROR) & (high - low > SEARCH_ERROR))
             if not len(active):
                 break
         return np.asarray(np.exp(state[0]))
@@ -125,7 +125,7 @@ class _Pair(_Blend):
     def draw(self, bounds: CornerBounds, tangent: FloatArray) -> CornerCurves:
         pairs = _make_pairs(bounds.before, bounds.after, tangent)
         order = np.arange(2 * len(tangent)).reshape(2, -1).T.ravel()
-        return _drawn(
+        return _make_curves(
             bounds,
             Segments.join([pairs.first, pairs.second])[order],
             np.repeat(np.arange(len(tangent)), 2),
@@ -150,27 +150,27 @@ class _Connection(_Blend):
                 connections.begin
                 + connections.evaluate(EVERY, begin + share * (end - begin))
                 - old.evaluate(EVERY, np.abs(old_begin - share * t))
-                for share in LOOKS
+                for share in SAMPLES
             ]
-            peaks.append(_peak(length(np.stack(deviations))))
+            peaks.append(_bound_peaks(length(np.stack(deviations))))
         turn = t / 2 - middle_fraction(True) * connections.lengths_to(EVERY, np.ones(len(t)))
         shares = [np.max(peaks, axis=0) / bounds.error, turn / bounds.turn]
         largest = np.where(connections.sound, np.max(shares, axis=0), np.inf)
-        return largest, connections.largest_bend
+        return largest, connections.largest_curvature
 
     def draw(self, bounds: CornerBounds, tangent: FloatArray) -> CornerCurves:
         connections = connect(bounds.before, bounds.after, tangent)
-        nearest, curvature = connections.nearest, connections.largest_bend
+        nearest, curvature = connections.nearest, connections.largest_curvature
         rows, corner, _ = draw_connections(connections, bounds.after.starts, nearest)
-        rows = rows.replace(**share_limits(bounds.before[corner], bounds.after[corner]))
+        rows = rows.replace(**combine_limits(bounds.before[corner], bounds.after[corner]))
         error = length(connections.begin + connections.evaluate(EVERY, nearest))
-        return _drawn(bounds, rows, corner, curvature, error, curvature)
+        return _make_curves(bounds, rows, corner, curvature, error, curvature)
 
 
 PAIR, CONNECTION = _Pair(), _Connection()
 
 
-def _drawn(
+def _make_curves(
     bounds: CornerBounds,
     rows: Segments,
     corner: IntArray,
@@ -179,7 +179,9 @@ def _drawn(
     curvature: FloatArray,
 ) -> CornerCurves:
     """Make `CornerCurves` from segments, largest curvatures, corner errors, inward curvatures."""
-    full = (error >= bounds.error * (1 - FULL)) | (curvature <= (1 + FULL) / bounds.radius)
+    full = (error >= bounds.error * (1 - BOUND_REACHED)) | (
+        curvature <= (1 + BOUND_REACHED) / bounds.radius
+    )
     with np.errstate(divide="ignore"):
         return CornerCurves(
             rows=rows, corner=corner, radius=1 / tightest, error=error, shrunk=~full
@@ -196,9 +198,9 @@ def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
     share = _tangent_length(back, t) / _tangent_length(ahead, t)
     with np.errstate(divide="ignore", invalid="ignore"):
         first, second = make_biarcs(p0, t0, p1, t1, share)
-        error = _distance(first, second)
-    curvature = np.maximum(_inward(first, inward), _inward(second, inward))
-    segment_limits = share_limits(before, after)
+        error = _corner_distances(first, second)
+    curvature = np.maximum(_signed_curvatures(first, inward), _signed_curvatures(second, inward))
+    segment_limits = combine_limits(before, after)
     return _Pairs(
         first=first.replace(starts=first.starts + corner, **segment_limits),
         second=second.replace(starts=second.starts + corner, **segment_limits),
@@ -207,7 +209,7 @@ def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
     )
 
 
-def _peak(values: FloatArray) -> FloatArray:
+def _bound_peaks(values: FloatArray) -> FloatArray:
     """Upper bounds of n smooth functions with evenly spaced samples `values`, (samples, n)."""
     # Between samples a peak exceeds the nearest sample by approximately an eighth of the second
     # difference; a sixth is a safe bound.
@@ -221,7 +223,7 @@ def _peak(values: FloatArray) -> FloatArray:
     return np.asarray(peaks.max(axis=0))
 
 
-def _distance(first: Segments, second: Segments) -> FloatArray:
+def _corner_distances(first: Segments, second: Segments) -> FloatArray:
     """Distance of the corner, which is the origin, from the two arcs of each blend [m], (n,)."""
     # Coordinates are relative to the point where the arcs meet. This point is near the corner, so
     # no significant digits are lost.
@@ -244,6 +246,6 @@ def _tangent_length(rows: Segments, t: FloatArray) -> FloatArray:
     return np.asarray(t / 2 * np.sinc(half / np.pi) / np.cos(half))
 
 
-def _inward(arcs: Segments, inward: FloatArray) -> FloatArray:
+def _signed_curvatures(arcs: Segments, inward: FloatArray) -> FloatArray:
     """Signed curvatures of arcs [1/m], negative for arcs that bend away from a direction."""
     return np.asarray(np.where(dot(arcs.normals, inward) >= 0, 1, -1) * arcs.curvatures)

@@ -17,38 +17,38 @@ from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import (
     UNEVEN,
     Contact,
+    bound_third_derivatives,
     dot,
     join_by_quintics,
-    largest_change,
     length,
     tangent_and_curvature,
     unit,
 )
-from armcontour.geometry.segments import EVERY, Segments, largest_bend
+from armcontour.geometry.segments import EVERY, Segments, bound_second_derivatives
 
 DEGREE = 7
 # Matrix from residuals to the last four coefficients. The residuals are the value and the first
 # three derivatives at the end, minus the contributions of the first four coefficients.
-LAST = np.linalg.inv([[math.perm(j, k) for j in range(4, 8)] for k in range(4)])
+END_TO_COEFFICIENTS = np.linalg.inv([[math.perm(j, k) for j in range(4, 8)] for k in range(4)])
 # Nodes and weights of the integration of arc length, exact up to rounding errors for connections.
-PLACES, WEIGHTS = np.polynomial.legendre.leggauss(16)
-SHARES = (PLACES + 1) / 2
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
+NODE_PARAMETERS = (NODES + 1) / 2
 # Number of iterations that scale the end derivatives by the length of the connection. The scale
 # need not be exact.
-ROUNDS = 3
+SCALE_ITERATIONS = 3
 # Number of Newton steps to a parameter of a connection, which converge up to rounding errors.
-STEPS = 8
+NEWTON_STEPS = 8
 # Largest number of quintics in each half of a connection, and the fractions of each quintic at
 # which its speed is checked.
 MAX_PARTS = 64
-LOOKS = np.linspace(0.1, 0.9, 5)
+SPEED_SAMPLES = np.linspace(0.1, 0.9, 5)
 # Parameters at which the shape of a connection is checked.
-MANY = np.linspace(0.0, 1.0, 33)
+SAMPLES = np.linspace(0.0, 1.0, 33)
 # Limits for a connection without loops and cusps: smallest and largest speed divided by the mean
 # speed, smallest cosine of the angle to the mean direction, and largest curvature times mean speed.
 SLOWEST, FASTEST = 0.5, 1.6
-FARTHEST = np.cos(np.radians(72))
-TIGHTEST = 10.0
+SMALLEST_COSINE = np.cos(np.radians(72))
+LARGEST_CURVATURE = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,29 +74,31 @@ class Connections:
 
     def lengths_to(self, i: IntArray | slice, x: FloatArray) -> FloatArray:
         """Arc lengths from the starts of connections `i` to x [m], (n,)."""
-        return np.asarray(WEIGHTS @ length(self.evaluate(i, SHARES[:, None] * x, 1)) * x / 2)
+        return np.asarray(
+            WEIGHTS @ length(self.evaluate(i, NODE_PARAMETERS[:, None] * x, 1)) * x / 2
+        )
 
     @property
     def nearest(self) -> FloatArray:
         """Parameters x of the points nearest to the vertices, from 0 to 1, (n,)."""
         parameters = self._many[1:-1]
-        x = MANY[1 + length(self.begin + self.evaluate(EVERY, parameters)).argmin(axis=0)]
-        for _ in range(STEPS):
+        x = SAMPLES[1 + length(self.begin + self.evaluate(EVERY, parameters)).argmin(axis=0)]
+        for _ in range(NEWTON_STEPS):
             offset = self.begin + self.evaluate(EVERY, x)
             first, second = self.evaluate(EVERY, x, 1), self.evaluate(EVERY, x, 2)
             slope = np.maximum(dot(first, first) + dot(offset, second), 0.1 * dot(first, first))
-            x = np.clip(x - dot(offset, first) / slope, MANY[1], MANY[-2])
+            x = np.clip(x - dot(offset, first) / slope, SAMPLES[1], SAMPLES[-2])
         return np.asarray(x)
 
     @property
-    def largest_bend(self) -> FloatArray:
+    def largest_curvature(self) -> FloatArray:
         """Largest curvatures over the sampled parameters [1/m], (n,)."""
         return np.asarray(length(self.contact(EVERY, self._many)[2]).max(axis=0))
 
     @property
     def _many(self) -> FloatArray:
         """Sampled parameters of every connection, (samples, n)."""
-        return np.tile(MANY[:, None], len(self))
+        return np.tile(SAMPLES[:, None], len(self))
 
     @property
     def sound(self) -> BoolArray:
@@ -106,8 +108,8 @@ class Connections:
         along = dot(first, unit(first[0] + first[-1])) / speeds
         mean = speeds.mean(axis=0)
         even = (speeds.min(axis=0) > SLOWEST * mean) & (speeds.max(axis=0) < FASTEST * mean)
-        tight = self.largest_bend * mean > TIGHTEST
-        return np.asarray(even & ~tight & (along.min(axis=0) > FARTHEST))
+        tight = self.largest_curvature * mean > LARGEST_CURVATURE
+        return np.asarray(even & ~tight & (along.min(axis=0) > SMALLEST_COSINE))
 
     def contact(self, i: IntArray | slice, x: FloatArray) -> Contact:
         """Positions relative to the starts, unit tangents and curvature vectors at parameters x."""
@@ -125,7 +127,7 @@ def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
     begin = [(-1) ** k * back.evaluate(every, t, k) for k in range(4)]
     end = [ahead.evaluate(every, t, k) for k in range(4)]
     chord, size = end[0] - begin[0], 2 * t
-    for _ in range(ROUNDS):
+    for _ in range(SCALE_ITERATIONS):
         scale = [size[:, None] ** k for k in range(4)]
         c = np.zeros((len(t), DEGREE + 1, chord.shape[1]))
         for k, factor in ((1, 1), (2, 2), (3, 6)):
@@ -135,7 +137,7 @@ def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
             - sum(math.perm(j, k) * c[:, j] for j in range(max(k, 1), 4))
             for k in range(4)
         ]
-        c[:, 4:] = np.einsum("jk,knd->njd", LAST, np.stack(residuals))
+        c[:, 4:] = np.einsum("jk,knd->njd", END_TO_COEFFICIENTS, np.stack(residuals))
         connections = Connections(begin=begin[0], coefficients=c)
         size = connections.lengths_to(EVERY, np.ones(len(t)))
     return connections
@@ -160,7 +162,9 @@ def draw_connections(
     parts = np.full(len(connections), 1)
     drawn, owners, first = _draw_halves(connections, vertices, middle, parts)
     while True:
-        speeds = [length(drawn.evaluate(EVERY, share * drawn.lengths, 1)) for share in LOOKS]
+        speeds = [
+            length(drawn.evaluate(EVERY, share * drawn.lengths, 1)) for share in SPEED_SAMPLES
+        ]
         uneven = np.abs(np.stack(speeds) - 1).max(axis=0)
         rough = np.unique(owners[uneven > UNEVEN / 2])
         rough = rough[parts[rough] < MAX_PARTS]
@@ -191,7 +195,7 @@ def _draw_halves(
     x = low + (high - low) * node / parts[owners]
     inner = node > 0
     i, parameter, goal = owners[inner], x[inner], s[inner]
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         error = connections.lengths_to(i, parameter) - goal
         parameter = np.clip(
             parameter - error / length(connections.evaluate(i, parameter, 1)), 0.0, 1.0
@@ -237,9 +241,9 @@ def bound_deviation(
     if old.quintics.size:
         bent = old.bent[segment]
         rows = segment[bent]
-        change[bent] = largest_change(old.quintics[rows], old.lengths[rows])
+        change[bent] = bound_third_derivatives(old.quintics[rows], old.lengths[rows])
     allowance = ratio**2 * change * step / 2
     relative = rescale(drawn.quintics[row], number / parts, np.full(len(row), 1 / parts))
     relative[:, 2] -= second_derivative * (h**2 / 2)[:, None]
-    bound = np.maximum(*distances) + h**2 / 8 * (largest_bend(relative, h) + allowance)
+    bound = np.maximum(*distances) + h**2 / 8 * (bound_second_derivatives(relative, h) + allowance)
     return np.asarray(bound.reshape(len(drawn), parts).max(axis=1))

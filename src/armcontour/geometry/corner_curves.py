@@ -12,8 +12,8 @@ smaller: a tool with constant acceleration moves on a parabola and is slower in 
 the ends.
 
 SMOOTH starts and ends straight. Over its length its curvature is (1 - x²)² / r, where x runs from
--1 to 1, so neither the curvature nor its derivative jumps. Its length is BEND times that of the arc
-with the radius r. It is drawn as transitions.
+-1 to 1, so neither the curvature nor its derivative jumps. Its length is PEAK_RATIO times the
+length of the arc with the radius r. It is drawn as transitions.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import STRAIGHT, dot, join_by_quintics, make_biarcs, unit
 from armcontour.geometry.rounded_orientation import middle_fraction
-from armcontour.geometry.segments import REPEATED_POINT, Segments, share_limits
+from armcontour.geometry.segments import REPEATED_POINT, Segments, combine_limits
 
 # Largest step of asinh(tan(angle of the tangent)) that two arcs of a parabola cover. The curvature
 # then changes by a factor of at most 1.7 from arc to arc, 1.34 at a turn of 90°, and the distance
 # of the arcs from the parabola is below 3e-4 of the corner error.
 STEP = 0.25
 # Largest curvature of SMOOTH divided by its mean curvature.
-BEND = 15 / 8
+PEAK_RATIO = 15 / 8
 # Number of quintics in each half of SMOOTH, divided by (half the turn)**0.45. With this number the
 # parameter equals the arc length within 1e-6, see biarcs.py.
 QUINTICS = 7.8
-# Gauss-Legendre nodes and weights that integrate along one quintic (FEW) and along half of SMOOTH
-# (MANY) exactly up to rounding errors.
-FEW, MANY = (np.polynomial.legendre.leggauss(n) for n in (10, 32))
+# Gauss-Legendre nodes and weights that integrate along one quintic (QUINTIC_NODES) and along half
+# of SMOOTH (HALF_NODES) exactly up to rounding errors.
+QUINTIC_NODES, HALF_NODES = (np.polynomial.legendre.leggauss(n) for n in (10, 32))
 # A remainder of a line between two arcs that is shorter than this is a rounding error and is
 # discarded [m].
 SLIVER = 1e-12
@@ -127,7 +127,7 @@ class LineCorner(CornerKind):
         shrunk = tangent < radius * stretch * (1 - 1e-12)
         radius = np.where(shrunk, tangent / stretch, radius)
         rows, corner = self.lay(bounds, radius)
-        segment_limits = share_limits(bounds.before, bounds.after)
+        segment_limits = combine_limits(bounds.before, bounds.after)
         rows = rows.replace(**{name: column[corner] for name, column in segment_limits.items()})
         error = radius * self.gap(bounds.half)
         return CornerCurves(rows=rows, corner=corner, radius=radius, error=error, shrunk=shrunk)
@@ -137,7 +137,7 @@ class LineCorner(CornerKind):
         return np.asarray(np.minimum(bounds.error / self.gap(bounds.half), bounds.radius))
 
 
-def _lay_arcs(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntArray]:
+def _draw_arcs(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntArray]:
     """Draw one arc per corner, by (10)-(16)."""
     before, after, half = bounds.before, bounds.after, bounds.half
     normals = after.tangents - dot(before.tangents, after.tangents)[:, None] * before.tangents
@@ -150,7 +150,7 @@ def _lay_arcs(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntAr
     return arcs, np.arange(len(radius))
 
 
-def _lay_parabolas(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntArray]:
+def _draw_corner_parabolas(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntArray]:
     """Draw one parabola per corner as four or more tangent arcs."""
     arcs, corner = _draw_parabolas(bounds.half)
     along, across = _axes(bounds)
@@ -170,29 +170,32 @@ def _lay_parabolas(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, 
     return drawn, corner
 
 
-def _lay_bends(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntArray]:
+def _draw_smooth_curves(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntArray]:
     """Draw one SMOOTH curve per corner as transitions."""
     half = bounds.half
     parts = _count_quintics(half)
     corner, number = number_parts(2 * parts)
     along, across = (x[corner] for x in _axes(bounds))
-    h, size = half[corner], (half * BEND * radius)[corner]
+    h, size = half[corner], (half * PEAK_RATIO * radius)[corner]
     x = [(number + end) / parts[corner] - 1 for end in (0, 1)]
 
     def turned(cos: FloatArray, sin: FloatArray) -> FloatArray:
         return np.asarray(cos[:, None] * along + sin[:, None] * across)
 
-    angles = [h * _share_of_turn(end) for end in x]
+    angles = [h * _relative_angle(end) for end in x]
     tangents = [turned(np.cos(angle), np.sin(angle)) for angle in angles]
     bends = [
-        turned(-np.sin(angle), np.cos(angle)) * (h * BEND * (1 - end * end) ** 2 / size)[:, None]
+        turned(-np.sin(angle), np.cos(angle))
+        * (h * PEAK_RATIO * (1 - end * end) ** 2 / size)[:, None]
         for angle, end in zip(angles, x, strict=True)
     ]
-    parameters = x[0] + (x[1] - x[0]) * (FEW[0][:, None] + 1) / 2
-    angle = h * _share_of_turn(parameters)
+    parameters = x[0] + (x[1] - x[0]) * (QUINTIC_NODES[0][:, None] + 1) / 2
+    angle = h * _relative_angle(parameters)
     step = size / parts[corner]
-    steps = turned(*(step / 2 * (FEW[1] @ function(angle)) for function in (np.cos, np.sin)))
-    back = (radius * _stretch_of_bends(half))[:, None] * bounds.before.tangents
+    steps = turned(
+        *(step / 2 * (QUINTIC_NODES[1] @ function(angle)) for function in (np.cos, np.sin))
+    )
+    back = (radius * _smooth_tangent_ratio(half))[:, None] * bounds.before.tangents
     sums = np.cumsum(steps, axis=0) - steps
     starts = (bounds.after.starts - back)[corner] + sums - sums[number == 0][corner]
     return join_by_quintics(
@@ -214,20 +217,20 @@ def _axes(bounds: CornerBounds) -> tuple[FloatArray, FloatArray]:
     return along, unit(across - dot(across, along)[:, None] * along)
 
 
-def _share_of_turn(x: FloatArray) -> FloatArray:
+def _relative_angle(x: FloatArray) -> FloatArray:
     """Angle of the tangent of SMOOTH at x from -1 to 1, divided by half the turn."""
     return np.asarray(x * (15 - 10 * x**2 + 3 * x**4) / 8)
 
 
-def _over_half(half: FloatArray, function: Callable[[FloatArray], FloatArray]) -> FloatArray:
+def _mean_over_half(half: FloatArray, function: Callable[[FloatArray], FloatArray]) -> FloatArray:
     """Mean of a function of the tangent's angle over half of SMOOTH, (n,)."""
-    angles = half * _share_of_turn((MANY[0][:, None] + 1) / 2)
-    return np.asarray(MANY[1] @ function(angles) / 2)
+    angles = half * _relative_angle((HALF_NODES[0][:, None] + 1) / 2)
+    return np.asarray(HALF_NODES[1] @ function(angles) / 2)
 
 
-def _stretch_of_bends(half: FloatArray) -> FloatArray:
+def _smooth_tangent_ratio(half: FloatArray) -> FloatArray:
     """Tangent lengths of SMOOTH divided by its smallest radii, (n,)."""
-    return np.asarray(half * BEND * _over_half(half, np.cos) / np.cos(half))
+    return np.asarray(half * PEAK_RATIO * _mean_over_half(half, np.cos) / np.cos(half))
 
 
 def _count_quintics(half: FloatArray) -> IntArray:
@@ -265,7 +268,7 @@ ARC = LineCorner(
     stretch=np.tan,
     length=lambda h: 2 * h,
     least=np.ones_like,
-    lay=_lay_arcs,
+    lay=_draw_arcs,
 )
 PARABOLA = LineCorner(
     gap=lambda h: np.tan(h) ** 2 / 2,
@@ -273,16 +276,16 @@ PARABOLA = LineCorner(
     length=_length_of_parabolas,
     # The smallest radius must not be below the resolution of a point either.
     least=lambda h: np.maximum(np.sin(h) / np.cos(h) ** 2, 1.0),
-    lay=_lay_parabolas,
+    lay=_draw_corner_parabolas,
 )
 SMOOTH = LineCorner(
     # This form is in the frame of the apex and has no cancellation at small turns.
-    gap=lambda h: h * BEND * _over_half(h, lambda angle: np.sin(h - angle)) / np.cos(h),
-    stretch=_stretch_of_bends,
-    length=lambda h: 2 * h * BEND,
+    gap=lambda h: h * PEAK_RATIO * _mean_over_half(h, lambda angle: np.sin(h - angle)) / np.cos(h),
+    stretch=_smooth_tangent_ratio,
+    length=lambda h: 2 * h * PEAK_RATIO,
     # Each quintic, and the smallest radius, must be longer than the resolution of a point.
-    least=lambda h: np.maximum(2 * _count_quintics(h), _stretch_of_bends(h)),
-    lay=_lay_bends,
+    least=lambda h: np.maximum(2 * _count_quintics(h), _smooth_tangent_ratio(h)),
+    lay=_draw_smooth_curves,
     smooth=True,
 )
 

@@ -32,7 +32,7 @@ from armcontour.geometry.shaped_path import ShapedPath
 SAME_BEND, BEND_FLOOR = 1e-9, 1e-9
 # Deviation of a connection from the path at a small turn, divided by the square of its half length
 # and by the jump of the curvature.
-SMALL = 0.0077
+DEVIATION = 0.0077
 # Largest turn of either half of a connection [rad].
 WIDEST = 1.2
 # Smallest length of a connection on either side [m]. A shorter connection saves hardly any time
@@ -40,12 +40,13 @@ WIDEST = 1.2
 SHORTEST = 1e-6
 # Largest number of iterations that shorten a connection outside the tolerance, largest factor of
 # one iteration, and safety factor for the length that the deviation requires.
-TRIES, SHORTER, SAFE = 20, 0.95, 0.99
+MAX_ITERATIONS, LARGEST_FACTOR, SAFETY = 20, 0.95, 0.99
 # Factor by which connections with a loop or a cusp are shortened.
-HALF = 0.5
-# Numbers of parts of each quintic for the bound of the deviation: FEW at first, and MANY if FEW do
-# not prove the tolerance. Largest number of connections that are computed together.
-FEW, MANY, AT_A_TIME = 2, 16, 4000
+LOOP_FACTOR = 0.5
+# Numbers of parts of each quintic for the bound of the deviation: FEW_PARTS at first, and
+# MANY_PARTS if FEW_PARTS do not prove the tolerance. Largest number of connections that are
+# computed together.
+FEW_PARTS, MANY_PARTS, BATCH = 2, 16, 4000
 
 
 @checked
@@ -63,10 +64,8 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
         )
     vertex, limits, w = _find_jumps(path, allowed)
     parts = [
-        _draw_within_tolerance(
-            path, vertex[x : x + AT_A_TIME], w[x : x + AT_A_TIME], limits[x : x + AT_A_TIME]
-        )
-        for x in range(0, len(vertex), AT_A_TIME)
+        _draw_within_tolerance(path, vertex[x : x + BATCH], w[x : x + BATCH], limits[x : x + BATCH])
+        for x in range(0, len(vertex), BATCH)
     ]
     if not any(len(x[0]) for x in parts):
         return path, np.array([[0.0, 0.0], [path.length, path.length]])
@@ -92,7 +91,7 @@ def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, Flo
     tight = np.maximum(path.curvatures[vertex], path.curvatures[vertex + 1])
     # Half of each segment next to a corner is reserved, because the corner can be rounded later.
     every = np.where(sharp, np.inf, 0.0)
-    every[vertex] = np.minimum(np.sqrt(limits / (SMALL * jump[vertex])), WIDEST / tight)
+    every[vertex] = np.minimum(np.sqrt(limits / (DEVIATION * jump[vertex])), WIDEST / tight)
     w = fit_lengths(every, np.arange(len(every)), path.lengths)[vertex]
     return vertex, limits, w
 
@@ -108,7 +107,7 @@ def _draw_within_tolerance(
     drawn = [path.segments[:0]]
     first = [np.zeros(0, dtype=bool)]
     remaining = np.flatnonzero(w > 0)
-    for _ in range(TRIES):
+    for _ in range(MAX_ITERATIONS):
         if not len(remaining):
             break
         rows, owners, before, deviations = _draw_transitions(
@@ -119,8 +118,8 @@ def _draw_within_tolerance(
         drawn, done = [*drawn, rows[keep]], [*done, vertex[remaining[owners[keep]]]]
         first = [*first, before[keep]]
         remaining, deviations = remaining[~good], deviations[~good]
-        shorter = np.minimum(SHORTER, SAFE * np.sqrt(allowed[remaining] / deviations))
-        w[remaining] *= np.where(np.isfinite(deviations), shorter, HALF)
+        shorter = np.minimum(LARGEST_FACTOR, SAFETY * np.sqrt(allowed[remaining] / deviations))
+        w[remaining] *= np.where(np.isfinite(deviations), shorter, LOOP_FACTOR)
         w[remaining[w[remaining] < SHORTEST]] = 0.0
         remaining = remaining[w[remaining] > 0]
     w[remaining] = 0.0
@@ -146,10 +145,10 @@ def _draw_transitions(
     shares = number / count[half], (number + 1) / count[half]
     base = np.where(before, path.lengths[old] - w[owners], 0.0)
     ends = base + shares[0] * w[owners], base + shares[1] * w[owners]
-    bounds = bound_deviation(drawn, rows, old, ends, FEW)
+    bounds = bound_deviation(drawn, rows, old, ends, FEW_PARTS)
     uncertain = np.flatnonzero(bounds > allowed[owners])
     bounds[uncertain] = bound_deviation(
-        drawn[uncertain], rows, old[uncertain], (ends[0][uncertain], ends[1][uncertain]), MANY
+        drawn[uncertain], rows, old[uncertain], (ends[0][uncertain], ends[1][uncertain]), MANY_PARTS
     )
     deviations = np.zeros(len(vertex))
     np.maximum.at(deviations, owners, bounds)

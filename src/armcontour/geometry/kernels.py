@@ -209,7 +209,7 @@ class TubePieces(NamedTuple):
     tolerance: FloatArray  # Tolerance of each piece [m], (m,)
     # True if points at the start, and at the end, of each piece belong to a neighbour with a
     # smaller tolerance, (m, 2)
-    given_up: BoolArray
+    excluded_ends: BoolArray
 
 
 @compiled(inner=True)
@@ -220,7 +220,7 @@ def _excess(p: Point, pieces: TubePieces, j: int, low: float, high: float) -> tu
         return math.inf, 0.0
     g = pieces.rows[j]
     d2, u = nearest_within(p, g, low, high, math.inf)
-    if (pieces.given_up[j, 0] and u <= 0.0) or (pieces.given_up[j, 1] and u >= g[10]):
+    if (pieces.excluded_ends[j, 0] and u <= 0.0) or (pieces.excluded_ends[j, 1] and u >= g[10]):
         return math.inf, u
     return math.sqrt(d2) - pieces.tolerance[j], u
 

@@ -10,13 +10,13 @@ from armcontour.core.checks import FloatArray, IntArray
 
 # Largest number of distances in a table, which takes 10 ms. The import of SciPy's tree takes 300
 # ms.
-FEW = 250_000
+MAX_TABLE = 250_000
 
 
 def pairs_within(queries: FloatArray, points: FloatArray, near: float) -> tuple[IntArray, IntArray]:
     """Indices of queries and points of all pairs within the distance `near`, (pairs,) each."""
     # The indices of the queries are sorted.
-    if len(queries) * len(points) <= FEW:
+    if len(queries) * len(points) <= MAX_TABLE:
         indices = np.nonzero(_squares(queries, points) <= near**2)
         return indices[0], indices[1]
     from scipy.spatial import cKDTree
@@ -32,7 +32,7 @@ def nearest_points(
     """Indices of the nearest points of every query, the nearest first, (n, count)."""
     # `queries`: the query points, (n, d); `points`: the points, (m, d); `count`: number of points
     # per query, at most m. The index is m where no further point is closer than `within`.
-    if len(queries) * len(points) <= FEW:
+    if len(queries) * len(points) <= MAX_TABLE:
         squares = _squares(queries, points)
         order = np.argsort(squares, axis=1, kind="stable")[:, :count]
         beyond = np.take_along_axis(squares, order, axis=1) >= within**2
@@ -47,7 +47,7 @@ def nearest_points(
 def group_points(points: FloatArray, near: float) -> IntArray:
     """Group number of each point, (n,); steps of at most `near` connect the points of a group."""
     # Groups are numbered in the order of their first points.
-    if len(points) ** 2 > FEW:
+    if len(points) ** 2 > MAX_TABLE:
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
         from scipy.spatial import cKDTree

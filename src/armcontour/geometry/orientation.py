@@ -118,7 +118,7 @@ class Orientation(Checked):
             breaks=np.concatenate([[0.0], np.cumsum(lengths)]),
             starts=starts,
             first=rates,
-            **_straight(n),
+            **_constant_rate_columns(n),
             axis_only=axis_only,
             follows=follows,
         )
@@ -317,7 +317,7 @@ class Orientation(Checked):
 
 
 @lru_cache(maxsize=16)
-def _straight(n: int) -> Mapping[str, FloatArray]:
+def _constant_rate_columns(n: int) -> Mapping[str, FloatArray]:
     """Columns of an orientation of n pieces with constant rates, shared by many paths."""
     columns = {"second": np.zeros((n, 3)), "f": np.tile(LINEAR, (n, 1)), "g": np.zeros((n, 4))}
     return {name: checks.frozen_array(x) for name, x in columns.items()}

@@ -21,7 +21,7 @@ from armcontour.geometry.primitives import NO_LIMITS, Arc, Line, SegmentLimits, 
 from armcontour.geometry.projection import Projection, find_nearest
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments, close_gaps
 
-PLANE = (
+PLANAR_PATH = (
     "A tool orientation requires a path in space. Give the points of the path three coordinates."
 )
 EVERY_VERTEX = checks.lock_copy(np.empty(0, dtype=np.intp))
@@ -74,11 +74,11 @@ class Path(Checked):
             waypoints = np.arange(n + 1)
             waypoints.setflags(write=False)
         else:
-            waypoints = _increasing(self.waypoints, n)
+            waypoints = _check_waypoints(self.waypoints, n)
         object.__setattr__(self, "waypoints", waypoints)
         object.__setattr__(self, "breaks", checks.frozen_array(self.segments.breaks))
         if self.orientation is not None:
-            object.__setattr__(self, "orientation", self._fitting(self.orientation))
+            object.__setattr__(self, "orientation", self._snap_breaks(self.orientation))
 
     @classmethod
     @checked
@@ -93,7 +93,7 @@ class Path(Checked):
             InvalidInput: The points have a wrong shape, or fewer than two of them differ.
         """
         coordinates = checks.points("points of a path", points)
-        indices = _without_repeats(coordinates)
+        indices = _find_distinct(coordinates)
         if len(indices) < 2:
             raise InvalidInput(
                 f"A path needs at least two different points, but {len(coordinates)} "
@@ -104,7 +104,7 @@ class Path(Checked):
             segments=Segments.lines(
                 coordinates[indices], **segment_limits.columns(len(indices) - 1)
             ),
-            merged=_left_out(len(coordinates), indices),
+            merged=_find_missing(len(coordinates), indices),
         )
 
     @classmethod
@@ -143,7 +143,7 @@ class Path(Checked):
         from armcontour.geometry.spline import fit_spline
 
         coordinates = checks.points("points of a spline", points)
-        indices = _without_repeats(coordinates)
+        indices = _find_distinct(coordinates)
         if len(indices) < 2:
             raise InvalidInput("A spline needs at least two different points.")
         if tolerance < REPEATED_POINT:
@@ -154,7 +154,7 @@ class Path(Checked):
         segments, waypoints = fit_spline(coordinates[indices], tolerance, closed)
         return Path(
             segments=segments.replace(**segment_limits.columns(len(segments))),
-            merged=_left_out(len(coordinates), indices),
+            merged=_find_missing(len(coordinates), indices),
             waypoints=waypoints,
         )
 
@@ -218,7 +218,7 @@ class Path(Checked):
         from armcontour.geometry import prescribed_orientation
 
         if self.dimension != 3:
-            raise InvalidInput(PLANE)
+            raise InvalidInput(PLANAR_PATH)
         orientation = prescribed_orientation.follow_tangent(
             self.segments, up, tool, axis_only=axis_only
         )
@@ -440,8 +440,8 @@ class Path(Checked):
             ("from", f"({ends[0]}) mm"),
             ("to", f"({ends[1]}) mm"),
             ("corners", f"{corners}"),
-            ("assigned", _range(self.speeds, "mm/s")),
-            ("corner error", _range(self.tolerances, "mm")),
+            ("assigned", _describe_range(self.speeds, "mm/s")),
+            ("corner error", _describe_range(self.tolerances, "mm")),
             ("orientation", "" if self.orientation is None else str(self.orientation)),
         ]
 
@@ -472,10 +472,10 @@ class Path(Checked):
         last = slice(len(self) - 1, None)
         return np.asarray(self.segments.evaluate(last, self.lengths[last])[0])
 
-    def _fitting(self, orientation: Orientation) -> Orientation:
+    def _snap_breaks(self, orientation: Orientation) -> Orientation:
         """Snap breaks of the orientation to breaks of the path that are within rounding errors."""
         if self.dimension != 3:
-            raise InvalidInput(PLANE)
+            raise InvalidInput(PLANAR_PATH)
         whole = len(orientation) == 1 and orientation.breaks[1] == self.length
         if whole or np.array_equal(orientation.breaks, self.breaks):
             return orientation
@@ -499,7 +499,7 @@ class Path(Checked):
         return replace(orientation, breaks=snapped)
 
 
-def _increasing(waypoints: npt.ArrayLike, n: int) -> IntArray:
+def _check_waypoints(waypoints: npt.ArrayLike, n: int) -> IntArray:
     """Read-only waypoints; raise InvalidInput unless they increase from 0 to n."""
     indices = checks.indices("waypoints of a path", waypoints)
     if (
@@ -514,7 +514,7 @@ def _increasing(waypoints: npt.ArrayLike, n: int) -> IntArray:
     return checks.lock_copy(indices)
 
 
-def _range(values: FloatArray, unit: str) -> str:
+def _describe_range(values: FloatArray, unit: str) -> str:
     """Text of the range of `values` times 1000, with `unit`; "" if all values are NaN."""
     assigned = values[np.isfinite(values)] * 1e3
     if not len(assigned):
@@ -540,14 +540,14 @@ def check_arc_length(s: npt.ArrayLike, length: float) -> FloatArray:
     return np.asarray(np.clip(arc_lengths, 0.0, length))
 
 
-def _left_out(count: int, remaining: IntArray) -> tuple[int, ...]:
+def _find_missing(count: int, remaining: IntArray) -> tuple[int, ...]:
     """Indices below `count` that are not in `remaining`."""
     if len(remaining) == count:
         return ()
     return tuple(np.setdiff1d(np.arange(count), remaining).tolist())
 
 
-def _without_repeats(points: FloatArray) -> IntArray:
+def _find_distinct(points: FloatArray) -> IntArray:
     """Indices of the points that differ from the previous remaining point."""
     none = np.zeros(max(len(points) - 1, 0), dtype=bool)
     _, mask = close_gaps(points[:-1], points[1:], none, REPEATED_POINT)

@@ -66,7 +66,7 @@ def find_nearest(
     if in_order:
         return Projection(*search_tree(pad_to_space(queries), *tree))
     # In spatial order each search starts from a good guess, and its data are in the cache.
-    order = _sort_along_a_curve(queries)
+    order = _sort_spatially(queries)
     distance, s = np.empty(len(queries)), np.empty(len(queries))
     distance[order], s[order] = search_tree(pad_to_space(queries[order]), *tree)
     return Projection(distance, s)
@@ -104,7 +104,7 @@ def _build_tree(segments: Segments) -> Tree:
     """A balanced tree of boxes over pieces of segments, ordered along a space-filling curve."""
     arcs, begin = draw_arcs(segments)
     segment, low, high = _divide(arcs)
-    order = _sort_along_a_curve((low + high) / 2, digits=4)
+    order = _sort_spatially((low + high) / 2, digits=4)
     leaves = 1 << max(0, int(np.ceil(np.log2(len(order) / LEAF_SIZE))))
     # Leaf k has the pieces order[k n / leaves : (k + 1) n / leaves] of n pieces, so none is empty.
     first = (np.arange(leaves) * len(order)) // leaves
@@ -142,7 +142,7 @@ def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
     )
 
 
-def _sort_along_a_curve(points: FloatArray, digits: int = 1) -> IntArray:
+def _sort_spatially(points: FloatArray, digits: int = 1) -> IntArray:
     """Indices that sort points along a Morton curve, so consecutive points are near each other."""
     # Each digit refines the cells by 8 bits per axis in the plane, and by 5 bits in space.
     axes = points.shape[1]

@@ -33,7 +33,7 @@ MIDDLE, SMOOTH_MIDDLE = 1 / 8, 5 / 32
 # A remainder of constant rate between two blends that is shorter than this is discarded [m].
 SLIVER = 1e-12
 # No vertices.
-NOWHERE = np.empty(0, dtype=np.intp)
+NO_VERTICES = np.empty(0, dtype=np.intp)
 
 
 def find_kinks(path: Path) -> IntArray:
@@ -41,14 +41,14 @@ def find_kinks(path: Path) -> IntArray:
     # The result is empty if the orientation follows the tangent or is None.
     orientation = path.orientation
     if orientation is None or orientation.follows:
-        return NOWHERE
+        return NO_VERTICES
     fits = len(orientation) == len(path) and np.array_equal(orientation.breaks, path.breaks)
     if not fits or (not orientation.fixed and orientation.second.any()):
         raise InvalidInput(
             "The corners of this path, or its orientation, are already rounded. Round the "
             "objective path instead."
         )
-    return NOWHERE if orientation.fixed else np.flatnonzero(orientation.kinks > 0)
+    return NO_VERTICES if orientation.fixed else np.flatnonzero(orientation.kinks > 0)
 
 
 def middle_fraction(smooth: bool) -> float:

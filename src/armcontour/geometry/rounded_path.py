@@ -36,7 +36,7 @@ from armcontour.geometry.corner_curves import (
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.path import EVERY_VERTEX, Path
 from armcontour.geometry.rounded_orientation import (
-    NOWHERE,
+    NO_VERTICES,
     find_kinks,
     follow_rounded,
     largest_blend,
@@ -271,7 +271,13 @@ def blend_vertices(
     none = np.full(len(vertex), np.inf)
     tangent_limits = np.minimum(path.lengths[vertex], path.lengths[vertex + 1]) / 2
     return _round(
-        path, vertex, turn, (tolerance, none, tangent_limits, np.nan * none), ARC, NOWHERE, np.inf
+        path,
+        vertex,
+        turn,
+        (tolerance, none, tangent_limits, np.nan * none),
+        ARC,
+        NO_VERTICES,
+        np.inf,
     )
 
 
@@ -312,9 +318,9 @@ def _without_corners(path: Path) -> RoundedPath:
     none = np.empty(0)
     numbers = ("turn", "radius", "error", "tangent", "start", "end", "speed", "angular_error")
     corners = Corners(
-        vertex=NOWHERE,
+        vertex=NO_VERTICES,
         point=np.empty((0, path.dimension)),
-        shrunk=NOWHERE > 0,
+        shrunk=NO_VERTICES > 0,
         reason=none.astype(object),
         **dict.fromkeys(numbers, none),
     )
@@ -382,7 +388,7 @@ def _round(
     tangent = tangents[:n]
     tangent[tangent <= minimum / 4] = 0.0
     radius, error, length, shrunk = np.zeros(n), np.zeros(n), np.zeros(n), fitted > 0
-    tables, after = [rows[:0]], [NOWHERE]
+    tables, after = [rows[:0]], [NO_VERTICES]
     for (kind, _), part in zip(kinds, parts, strict=True):
         part = part[tangent[part] > 0]
         if len(part):

@@ -29,7 +29,7 @@ NUMBERS = ("curvatures", "lengths", "speeds", "tolerances")
 COLUMNS = (*VECTORS, *NUMBERS, "tags", "quintics")
 # Matrix from the coefficients of x² to x⁵ of a quintic to the Bernstein control points of its
 # second derivative.
-BENDS = checks.frozen_array([[2, 0, 0, 0], [2, 2, 0, 0], [2, 4, 4, 0], [2, 6, 12, 20]])
+SECOND_DERIVATIVE = checks.frozen_array([[2, 0, 0, 0], [2, 2, 0, 0], [2, 4, 4, 0], [2, 6, 12, 20]])
 NOT_GIVEN = checks.frozen_array([])
 NO_TAGS = checks.lock_copy(np.empty(0, dtype=object))
 
@@ -107,11 +107,11 @@ class Segments(Value):
         if len(tables) == 1:
             return tables[0]
         if len({table.quintics.shape[1] for table in tables}) > 1:
-            tables = [table._with_room() for table in tables]
+            tables = [table._with_quintics() for table in tables]
         columns = {x: np.concatenate([getattr(table, x) for table in tables]) for x in COLUMNS}
         return tables[0].replace(**columns, checked=checked)
 
-    def _with_room(self) -> Segments:
+    def _with_quintics(self) -> Segments:
         """The table with coefficients of transitions, which are NaN if it has no transitions."""
         if self.quintics.shape[1]:
             return self
@@ -261,11 +261,11 @@ class Segments(Value):
 
     def cut(self, i: IntArray, begin: FloatArray, end: FloatArray) -> Segments:
         """Parts of segments `i`, each from distance `begin` to `end` along its segment [m]."""
-        rows = self._starting(i, begin, begin > 0).replace(lengths=end - begin)
+        rows = self._move_starts(i, begin, begin > 0).replace(lengths=end - begin)
         lengths = self.lengths[i]
-        return rows._with_parts(begin / lengths, (end - begin) / lengths)
+        return rows._restrict_transitions(begin / lengths, (end - begin) / lengths)
 
-    def _starting(self, i: IntArray, u: FloatArray, moved: BoolArray, sign: int = 1) -> Segments:
+    def _move_starts(self, i: IntArray, u: FloatArray, moved: BoolArray, sign: int = 1) -> Segments:
         """Segments `i` with the same lengths; those in the mask `moved` start at distance `u`."""
         # With sign -1, the moved segments run backwards from their new start.
         rows, location = self[i], (i[moved], u[moved])
@@ -277,7 +277,7 @@ class Segments(Value):
         normals[moved] = self.normals_at(*location)
         return rows.replace(starts=starts, tangents=tangents, normals=normals)
 
-    def _with_parts(self, begin: FloatArray, factor: FloatArray) -> Segments:
+    def _restrict_transitions(self, begin: FloatArray, factor: FloatArray) -> Segments:
         """Restrict each transition to its part from `begin` to `begin + factor` [1], (n,) each."""
         # `begin` and `factor` are fractions of the length; a negative factor reverses the
         # transition.
@@ -290,19 +290,19 @@ class Segments(Value):
         parts = rescale(quintics[changed], begin[changed], factor[changed])
         parts[:, 0] = 0.0
         quintics[changed] = parts
-        curvatures[changed] = largest_bend(parts, self.lengths[changed])
+        curvatures[changed] = bound_second_derivatives(parts, self.lengths[changed])
         tangents[changed] = _unit_or_zero(tangents[changed])
         return self.replace(quintics=quintics, curvatures=curvatures, tangents=tangents)
 
     def run(self, i: IntArray, back: BoolArray) -> Segments:
         """Segments `i`, with those in mask `back` reversed."""
-        turned = self._starting(i, self.lengths[i], back, -1)
-        return turned._with_parts(np.where(back, 1.0, 0.0), np.where(back, -1.0, 1.0))
+        turned = self._move_starts(i, self.lengths[i], back, -1)
+        return turned._restrict_transitions(np.where(back, 1.0, 0.0), np.where(back, -1.0, 1.0))
 
     def put(self, mask: BoolArray, rows: Segments) -> Segments:
         """The table with the rows in mask `mask` replaced by `rows`."""
         if self.quintics.shape[1] != rows.quintics.shape[1]:
-            return self._with_room().put(mask, rows._with_room())
+            return self._with_quintics().put(mask, rows._with_quintics())
         columns = {name: getattr(self, name).copy() for name in COLUMNS}
         for name, column in columns.items():
             column[mask] = getattr(rows, name)
@@ -400,12 +400,12 @@ class Segments(Value):
             )
 
 
-def largest_bend(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
+def bound_second_derivatives(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
     """Upper bounds of the second derivatives of quintics by arc length [1/m], (n,)."""
     # `quintics`: coefficients [m], (n, 6, dimension); `lengths`: lengths [m], (n,). The bound is 0
     # for a quintic of length 0.
     # The second derivative lies in the convex hull of its control points.
-    control = np.einsum("ck,nkd->ncd", BENDS, quintics[:, 2:])
+    control = np.einsum("ck,nkd->ncd", SECOND_DERIVATIVE, quintics[:, 2:])
     curvature = np.linalg.norm(control, axis=2).max(axis=1)
     return np.asarray(
         np.divide(curvature, lengths**2, out=np.zeros_like(curvature), where=lengths > 0)
@@ -418,7 +418,7 @@ def _unit_or_zero(v: FloatArray) -> FloatArray:
     return np.asarray(np.divide(v, size, out=np.zeros_like(v), where=size > 0))
 
 
-def share_limits(before: Segments, after: Segments) -> dict[str, Any]:
+def combine_limits(before: Segments, after: Segments) -> dict[str, Any]:
     """Columns of segments that replace parts of two: the smaller speed and tolerance of both."""
     # Tags are those of `before`, the segments before the vertices.
     return {

@@ -54,7 +54,7 @@ PLACES, BLENDS = 0.5, 0.95
 # tolerance is specified [rad].
 LEAST_ANGLE, MAX_ANGLE, SMALL_ANGLE = 1e-5, 1e-2, 1e-3
 # Factor by which blends outside the tolerance are shortened, and number of trials.
-SHORTER, TRIES = 0.8, 8
+SHORTENING, TRIES = 0.8, 8
 # Largest number of halvings between two knots of the smooth arc lengths.
 HALVINGS = 12
 
@@ -152,7 +152,7 @@ def _orient_smoothly(
     runs = _Runs.from_path(path, objective, pairs)
     near = float(np.clip(PLACES * allowed, LEAST_ANGLE, MAX_ANGLE))
     near = near if np.isfinite(allowed) else SMALL_ANGLE
-    mapping = _smooth_places(runs, pairs, near)
+    mapping = _smooth_arc_lengths(runs, pairs, near)
     cut = _blend_lengths(path, objective, runs, pairs, BLENDS * allowed)
     for _ in range(TRIES):
         orientation = _insert_blends(runs, mapping, cut, axis_only=source.axis_only)
@@ -166,11 +166,11 @@ def _orient_smoothly(
         long = np.unique(vertex[away < cut[vertex]])
         if not len(long):
             break
-        cut[long] *= SHORTER
+        cut[long] *= SHORTENING
     return orientation, float(angles.max())
 
 
-def _smooth_places(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpolator:
+def _smooth_arc_lengths(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpolator:
     """Smooth function from arc length on the path to arc length on the objective."""
     # `near`: largest angular error [rad] compared with the corresponding points.
     from scipy.interpolate import PchipInterpolator
@@ -283,7 +283,7 @@ def _follow_tangent(
     s = np.interp(middle, pairs[:, 0], pairs[:, 1])
     tangents = path.segments.evaluate(*_locate(path, s), 1)
     tilt = exp(shortest(objective.segments.evaluate(*_locate(objective, middle), 1), tangents))
-    twist = np.sum(log(tilt @ source(middle) @ _transposed(carried(s))) * tangents, axis=1)
+    twist = np.sum(log(tilt @ source(middle) @ _transpose(carried(s))) * tangents, axis=1)
     deviation = 0.0
     if np.abs(twist).max() > NO_TWIST:
         # The twist is zero at the start.
@@ -315,11 +315,11 @@ def _apply_twist(
         for x in u
     )
     lengths = u[2] - u[0]
-    rates = log(end @ _transposed(begin)) / lengths[:, None]
+    rates = log(end @ _transpose(begin)) / lengths[:, None]
     twisted = Orientation.even(
         lengths, begin, rates, axis_only=carried.axis_only, follows=carried.follows
     )
-    deviations = log(twisted.on_piece(np.arange(len(i)), lengths / 2) @ _transposed(middle))
+    deviations = log(twisted.on_piece(np.arange(len(i)), lengths / 2) @ _transpose(middle))
     return twisted, float(np.linalg.norm(deviations, axis=1).max())
 
 
@@ -329,6 +329,6 @@ def _locate(path: Path, s: FloatArray) -> tuple[IntArray, FloatArray]:
     return i, s - path.breaks[i]
 
 
-def _transposed(rotations: FloatArray) -> FloatArray:
+def _transpose(rotations: FloatArray) -> FloatArray:
     """Transposed, that is inverse, rotation matrices, (n, 3, 3)."""
     return np.swapaxes(rotations, 1, 2)

@@ -14,11 +14,11 @@ from armcontour.geometry.segments import REPEATED_POINT, Segments
 
 # Fractions of a piece at which its transition is compared with the spline; nodes and weights of the
 # integration of arc length between two of them.
-PLACES = np.linspace(0, 1, 17)
+SAMPLES = np.linspace(0, 1, 17)
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
 # Fraction of the tolerance and of `UNEVEN` that is allowed at these samples, because both errors
 # are slightly larger between samples.
-SHARE = 0.9
+TOLERANCE_SHARE = 0.9
 # Largest number of pieces. If a spline needs more, an error reports that its tolerance is too
 # small.
 MAX_PIECES = 500_000
@@ -70,7 +70,7 @@ def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray
     done: list[tuple[FloatArray, FloatArray, FloatArray]] = []
     count = 0
     while len(cubics):
-        lengths, good = _follow(cubics, tolerance)
+        lengths, good = _test_transitions(cubics, tolerance)
         count += len(cubics)
         stuck = ~good & (lengths <= REPEATED_POINT)
         if stuck.any():
@@ -94,21 +94,23 @@ def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray
     return cubics[order], lengths[order], begin[order]
 
 
-def _follow(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, BoolArray]:
+def _test_transitions(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, BoolArray]:
     """Arc lengths of cubics [m], and the mask of cubics that one transition can approximate."""
-    x = (PLACES[:-1, None] + np.diff(PLACES)[:, None] * (NODES + 1) / 2).ravel()
+    x = (SAMPLES[:-1, None] + np.diff(SAMPLES)[:, None] * (NODES + 1) / 2).ravel()
     speed = length(_evaluate(cubics, x, 1)).reshape(len(cubics), -1, len(NODES))
-    steps = speed @ WEIGHTS / 2 * np.diff(PLACES)
+    steps = speed @ WEIGHTS / 2 * np.diff(SAMPLES)
     s = np.concatenate([np.zeros((len(cubics), 1)), np.cumsum(steps, axis=1)], axis=1)
     lengths = s[:, -1]
     start, end = _contact(cubics, 0.0), _contact(cubics, 1.0)
     rise = cubics[:, 1:].sum(axis=1)
     quintics = join_by_quintics((0 * rise, *start), (rise, *end), lengths).quintics
     y = (s / lengths[:, None])[..., None] ** np.arange(6)
-    deviations = length(y @ quintics - (_evaluate(cubics, PLACES, 0) - cubics[:, :1]))
+    deviations = length(y @ quintics - (_evaluate(cubics, SAMPLES, 0) - cubics[:, :1]))
     rate = (y[..., :-1] @ (quintics[:, 1:] * np.arange(1, 6)[:, None])) / lengths[:, None, None]
     uneven = np.abs(length(rate) - 1)
-    return lengths, np.maximum(deviations / tolerance, uneven / UNEVEN).max(axis=1) <= SHARE
+    return lengths, np.maximum(deviations / tolerance, uneven / UNEVEN).max(
+        axis=1
+    ) <= TOLERANCE_SHARE
 
 
 def _contact(cubics: FloatArray, x: float) -> tuple[FloatArray, FloatArray]:

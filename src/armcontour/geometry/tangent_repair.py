@@ -20,7 +20,7 @@ LARGEST_KINK = 0.05
 # Fractions of the blends at the closing vertex of a closed path at which they are compared with the
 # path.
 SHARES = np.linspace(0.0, 1.0, 9)
-ALL = np.zeros(len(SHARES), dtype=np.intp)
+FIRST_ROWS = np.zeros(len(SHARES), dtype=np.intp)
 # Largest number of halvings of these blends before the closing vertex stays unchanged.
 MAX_HALVINGS = 20
 
@@ -117,7 +117,7 @@ def _repair_closure(path: Path, largest_turn: float, allowed: float) -> Repaired
             last.evaluate(EVERY, begin), last.evaluate(EVERY, begin, 1), last.ends, middle
         )
         deviation = max(
-            float(biarc_distance(row.evaluate(ALL, start + size * SHARES)[None], *arcs)[0])
+            float(biarc_distance(row.evaluate(FIRST_ROWS, start + size * SHARES)[None], *arcs)[0])
             for row, start, arcs in ((first, 0.0, leaving), (last, begin, arriving))
         )
         if deviation <= allowed:

@@ -105,8 +105,8 @@ class Tube(Checked):
         rows[:, 11] = self.breaks[:-1]
         # Points beyond the end of a piece with a larger tolerance belong to its neighbour.
         step = np.diff(self.tolerance)
-        given_up = np.stack([np.append(False, step > 0), np.append(step < 0, False)], axis=1)
-        object.__setattr__(self, "_pieces", (rows, np.array(self.tolerance), given_up))
+        excluded_ends = np.stack([np.append(False, step > 0), np.append(step < 0, False)], axis=1)
+        object.__setattr__(self, "_pieces", (rows, np.array(self.tolerance), excluded_ends))
 
     @classmethod
     def around(

@@ -37,15 +37,16 @@ SAMPLES, MAX_DOUBLINGS, MAX_POINTS = 64, 6, 2_000_000
 # weave is undefined.
 PARALLEL = 1e-6
 # Fractions between two samples at which the sine is compared with its spline.
-BETWEEN = np.array([0.25, 0.5, 0.75])
-# A vertex is a corner of the seam if its turn exceeds CORNER [rad], or exceeds both BEND [rad] and
-# TIMES times the turns of its neighbours. Other vertices are waypoints of a smooth seam.
-CORNER, BEND, TIMES = np.radians(30.0), np.radians(5.0), 3.0
-# Waypoints closer than THIN times the pitch are removed if the smooth seam deviates from them by at
-# most CLOSE times the width.
-THIN, CLOSE = 0.25, 0.005
+TEST_FRACTIONS = np.array([0.25, 0.5, 0.75])
+# A vertex is a corner of the seam if its turn exceeds CORNER [rad], or exceeds both SMALL_CORNER
+# [rad] and CORNER_RATIO times the turns of its neighbours. Other vertices are waypoints of a smooth
+# seam.
+CORNER, SMALL_CORNER, CORNER_RATIO = np.radians(30.0), np.radians(5.0), 3.0
+# Waypoints closer than CLOSE_WAYPOINTS times the pitch are removed if the smooth seam deviates from
+# them by at most SEAM_DEVIATION times the width.
+CLOSE_WAYPOINTS, SEAM_DEVIATION = 0.25, 0.005
 # Largest turn of an arc between two waypoints [rad].
-TURN = np.radians(10.0)
+MAX_TURN = np.radians(10.0)
 # Relative rounding error of lengths.
 ROUNDING = 1e-12
 # Largest share of the pitch for both dwells of a wave.
@@ -182,7 +183,7 @@ def _corners(path: Path) -> npt.NDArray[np.bool_]:
     """Mask of the inner vertices that are corners of the seam, (segments - 1,)."""
     turns = np.concatenate([[0.0], path.turns, [0.0]])
     neighbours = np.maximum(turns[:-2], turns[2:])
-    sharp = (turns[1:-1] > BEND) & (turns[1:-1] > TIMES * neighbours)
+    sharp = (turns[1:-1] > SMALL_CORNER) & (turns[1:-1] > CORNER_RATIO * neighbours)
     return np.asarray((turns[1:-1] > CORNER) | sharp)
 
 
@@ -194,29 +195,31 @@ def _smooth_seam(path: Path, pitch: float, width: float) -> tuple[Path, FloatArr
     ends = np.repeat([[0.0], [path.length]], 2, axis=1)
     if not (path.turns > TANGENT_TOLERANCE).any():
         return bare, ends
-    parts = np.maximum(1, np.ceil(path.curvatures * path.lengths / TURN)).astype(int)
+    parts = np.maximum(1, np.ceil(path.curvatures * path.lengths / MAX_TURN)).astype(int)
     steps = np.repeat(path.lengths / parts, parts)
     s = np.append(np.concatenate([[0.0], np.cumsum(steps)])[:-1], path.length)
     points = path(s)
     closed = bool(np.linalg.norm(points[-1] - points[0]) <= REPEATED_POINT)
-    gaps = np.floor(s / (THIN * pitch))
+    gaps = np.floor(s / (CLOSE_WAYPOINTS * pitch))
     mask = np.append(np.diff(gaps, prepend=-1) > 0, True)[: len(s)]
     mask[-1] = True
-    if (path.length - s[:-1][mask[:-1]][-1]) < THIN * pitch / 2 and mask[:-1].sum() > 2:
+    if (path.length - s[:-1][mask[:-1]][-1]) < CLOSE_WAYPOINTS * pitch / 2 and mask[:-1].sum() > 2:
         mask[np.flatnonzero(mask[:-1])[-1]] = False
     while True:
-        table, vertices = fit_spline(points[mask], CLOSE * width / 10, closed, ends="not-a-knot")
+        table, vertices = fit_spline(
+            points[mask], SEAM_DEVIATION * width / 10, closed, ends="not-a-knot"
+        )
         seam = Path(segments=table)
         if mask.all():
             break
         deviations = np.where(mask, 0.0, seam.project(points).distance)
-        if deviations.max() <= CLOSE * width:
+        if deviations.max() <= SEAM_DEVIATION * width:
             break
         # The farthest point of each interval is added to the waypoints of the spline.
         group = np.cumsum(mask)
         order = np.lexsort((-deviations, group))
         first = order[np.unique(group[order], return_index=True)[1]]
-        mask[first[deviations[first] > CLOSE * width]] = True
+        mask[first[deviations[first] > SEAM_DEVIATION * width]] = True
     return seam, np.column_stack([table.breaks[vertices], s[mask]])
 
 
@@ -341,7 +344,7 @@ def _fit_sine(
             break
         s = np.linspace(0.0, length, count + 1)
         spline = CubicSpline(s, wave.sine(s), bc_type=((1, ends[0]), (1, ends[1])))
-        midpoints = (s[:-1, None] + BETWEEN * (length / count)).ravel()
+        midpoints = (s[:-1, None] + TEST_FRACTIONS * (length / count)).ravel()
         deviations = np.linalg.norm(spline(midpoints) - wave.sine(midpoints), axis=1)
         if deviations.max() <= tolerance / 2:
             return fit_through(spline, pieces, tolerance / 2)
