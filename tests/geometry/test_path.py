@@ -286,7 +286,7 @@ def test_a_path_that_comes_apart_where_it_is_placed_or_joined_is_refused():
 def test_segments_run_backwards_are_the_same_points():
     table = ROUNDED.segments
     n = len(table)
-    back = table.run(np.arange(n), np.arange(n) % 2 == 0)
+    back = table.reverse_rows(np.arange(n), np.arange(n) % 2 == 0)
     share = np.linspace(0, 1, 9)[:, None] * table.lengths
     every = np.broadcast_to(np.arange(n), share.shape)
     turned = np.where(np.arange(n) % 2 == 0, table.lengths - share, share)
@@ -319,7 +319,7 @@ def test_nothing_is_left_of_a_transition_that_is_cut_at_both_ends():
         ac.Path.polyline([(0, 0), (1, 0), (1, 2)]), tolerance=0.1, continuity="curvature"
     )
     rows = path.segments
-    (bent,) = np.nonzero(rows.bent)
+    (bent,) = np.nonzero(rows.is_transition)
     middle = rows.lengths[bent] / 2
     cut = rows.cut(bent, middle, middle)
     assert len(bent) and (cut.lengths == 0).all() and (cut.curvatures == 0).all()

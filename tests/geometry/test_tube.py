@@ -313,7 +313,10 @@ def test_what_is_refused():
         (lambda: Tube.around(path, -1e-3), "tolerance must not be negative"),
         (lambda: Tube.around(path, [1e-3, 1e-3]), "2 values, but the path has 1 vertices"),
         (lambda: Tube.around(bent, 1e-3), "transition between", {"index": 1}),
-        (lambda: prove(space, evenly(path, space), 0.1), "same number of coordinates, but have 3 and 2"),
+        (
+            lambda: prove(space, evenly(path, space), 0.1),
+            "same number of coordinates, but have 3 and 2",
+        ),
         (lambda: prove(path, [(0, 0), (0.1, 0.1)], 0.1), "from the start to the end"),
     )
 

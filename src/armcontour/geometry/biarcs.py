@@ -146,7 +146,7 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
     # Returns a table of lines and arcs, which is `segments` if there are no transitions, and for
     # each line and arc the arc length on the original path at which it starts [m], (n,). An arc is
     # never longer than the part that it replaces.
-    bent = segments.bent
+    bent = segments.is_transition
     if not bent.any():
         return segments, segments.breaks[:-1]
     quintics, lengths = segments.quintics[bent], segments.lengths[bent]

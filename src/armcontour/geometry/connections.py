@@ -147,7 +147,7 @@ def around_vertices(before: Segments, after: Segments) -> tuple[Segments, Segmen
     """Segments before vertices, reversed, and segments after them, all starting at the origin."""
     # Points near a vertex then have full precision.
     zero = np.zeros_like(after.starts)
-    back = before.run(np.arange(len(before)), np.full(len(before), True))
+    back = before.reverse_rows(np.arange(len(before)), np.full(len(before), True))
     return back.replace(starts=zero), after.replace(starts=zero)
 
 
@@ -239,7 +239,7 @@ def bound_deviation(
     second_derivative = ratio[:, None] ** 2 * old.evaluate(segment, low + step / 2, 2)
     change = old.curvatures[segment] ** 2
     if old.quintics.size:
-        bent = old.bent[segment]
+        bent = old.is_transition[segment]
         rows = segment[bent]
         change[bent] = bound_third_derivatives(old.quintics[rows], old.lengths[rows])
     allowance = ratio**2 * change * step / 2

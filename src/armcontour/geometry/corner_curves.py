@@ -324,10 +324,12 @@ def replace_vertices(
         rows.lengths - cut[:-1] - cut[1:],
     )
     shorter = rows.replace(starts=starts, lengths=lengths)
-    later = ((rows.curvatures > 0) & (cut[:-1] > 0)) | (rows.bent & (cut[1:] > 0))
+    later = ((rows.curvatures > 0) & (cut[:-1] > 0)) | (rows.is_transition & (cut[1:] > 0))
     if later.any():
         ends = (rows.lengths - cut[1:])[later]
-        shorter = shorter.put(later, rows.cut(np.flatnonzero(later), cut[:-1][later], ends))
+        shorter = shorter.replace_rows(
+            later, rows.cut(np.flatnonzero(later), cut[:-1][later], ends)
+        )
     table = Segments.join([shorter, drawn])
     source = np.concatenate([np.arange(n), after])
     # A remainder of an arc is discarded only if the tangent turns along it by at most a rounding

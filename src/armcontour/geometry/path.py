@@ -263,7 +263,7 @@ class Path(Checked):
         back_and_forth = path + path.reversed()
         """
         n = len(self)
-        segments = self.segments.run(np.arange(n)[::-1], np.full(n, True))
+        segments = self.segments.reverse_rows(np.arange(n)[::-1], np.full(n, True))
         return Path(
             segments=segments.replace(checked=True),
             waypoints=n - self.waypoints[::-1],

@@ -177,7 +177,7 @@ def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
     # ends.
     first, f = tangent_rates(segments), np.tile(LINEAR, (len(segments), 1))
     second, g = np.zeros_like(first), np.zeros_like(f)
-    bent = np.flatnonzero(segments.bent)
+    bent = np.flatnonzero(segments.is_transition)
     if len(bent):
         ends = np.zeros(len(bent)), segments.lengths[bent]
         tangents = [segments.evaluate(bent, u, 1) for u in ends]
@@ -237,7 +237,9 @@ def _shared_changes(segments: Segments) -> FloatArray:
         np.cross(segments.evaluate(every, u, 1), segments.evaluate(every, u, 3))
         for u in (segments.lengths, 0 * segments.lengths)
     ]
-    bent = np.concatenate([segments.bent[:1], segments.bent, segments.bent[-1:]])
+    bent = np.concatenate(
+        [segments.is_transition[:1], segments.is_transition, segments.is_transition[-1:]]
+    )
     before = np.concatenate([sides[1][:1], sides[0]])
     after = np.concatenate([sides[1], sides[0][-1:]])
     return np.where((bent[:-1] & bent[1:])[:, None], (before + after) / 2, 0.0)

@@ -154,7 +154,7 @@ class Segments(Value):
         return int(self.starts.shape[1])
 
     @property
-    def bent(self) -> BoolArray:
+    def is_transition(self) -> BoolArray:
         """Mask of the transitions, (n,)."""
         if not self.quintics.shape[1]:
             return np.zeros(len(self), dtype=bool)
@@ -173,7 +173,7 @@ class Segments(Value):
     @property
     def end_tangents(self) -> FloatArray:
         """Unit tangents at the segments' ends, (n, dimension)."""
-        tangents, bent = self.evaluate(EVERY, self.lengths, 1), self.bent
+        tangents, bent = self.evaluate(EVERY, self.lengths, 1), self.is_transition
         if bent.any():
             # At the end of a cut transition, the parameter is not exactly the arc length, so the
             # derivative is not exactly a unit vector.
@@ -184,7 +184,7 @@ class Segments(Value):
     def extent(self) -> FloatArray:
         """Bounding box: smallest and largest coordinates [m], (2, dimension); exact for arcs."""
         points = [self.starts, self.ends, *self._turning_points()]
-        bent = np.flatnonzero((self.curvatures > 0) & ~self.bent)
+        bent = np.flatnonzero((self.curvatures > 0) & ~self.is_transition)
         sweeps = self.curvatures[bent] * self.lengths[bent]
         for axis in range(self.dimension):
             # A coordinate of an arc is extreme where the tangent has no component along its axis.
@@ -202,7 +202,7 @@ class Segments(Value):
         points = []
         for axis in range(self.dimension) if self.quintics.size else ():
             into, out = self.tangents[:, axis], self.end_tangents[:, axis]
-            i = np.flatnonzero(self.bent & (into * out < 0))
+            i = np.flatnonzero(self.is_transition & (into * out < 0))
             low, high = np.zeros(len(i)), self.lengths[i]
             for _ in range(BISECTIONS):
                 middle = (low + high) / 2
@@ -216,7 +216,7 @@ class Segments(Value):
         values = self._on_arcs(i, u, order)
         if not self.quintics.shape[1]:
             return values
-        bent = np.broadcast_to(self.bent[i], values.shape[:-1])
+        bent = np.broadcast_to(self.is_transition[i], values.shape[:-1])
         if bent.any():
             rows = np.broadcast_to(np.arange(len(self))[i], bent.shape)[bent]
             distances = np.broadcast_to(u, bent.shape)[bent]
@@ -253,7 +253,7 @@ class Segments(Value):
         """Unit normals at distance `u` [m] from the start of segment `i`, towards the centre."""
         turn = (self.curvatures[i] * u)[..., None]
         normals = np.asarray(np.cos(turn) * self.normals[i] - np.sin(turn) * self.tangents[i])
-        bent = self.bent[i]
+        bent = self.is_transition[i]
         if bent.any():
             # A transition has no normal where it is straight.
             normals[bent] = _unit_or_zero(self.evaluate(i, u, 2)[bent])
@@ -281,7 +281,7 @@ class Segments(Value):
         """Restrict each transition to its part from `begin` to `begin + factor` [1], (n,) each."""
         # `begin` and `factor` are fractions of the length; a negative factor reverses the
         # transition.
-        changed = self.bent & ((begin != 0) | (factor != 1))
+        changed = self.is_transition & ((begin != 0) | (factor != 1))
         if not changed.any():
             return self
         quintics, curvatures, tangents = (
@@ -294,15 +294,15 @@ class Segments(Value):
         tangents[changed] = _unit_or_zero(tangents[changed])
         return self.replace(quintics=quintics, curvatures=curvatures, tangents=tangents)
 
-    def run(self, i: IntArray, back: BoolArray) -> Segments:
+    def reverse_rows(self, i: IntArray, back: BoolArray) -> Segments:
         """Segments `i`, with those in mask `back` reversed."""
         turned = self._move_starts(i, self.lengths[i], back, -1)
         return turned._restrict_transitions(np.where(back, 1.0, 0.0), np.where(back, -1.0, 1.0))
 
-    def put(self, mask: BoolArray, rows: Segments) -> Segments:
+    def replace_rows(self, mask: BoolArray, rows: Segments) -> Segments:
         """The table with the rows in mask `mask` replaced by `rows`."""
         if self.quintics.shape[1] != rows.quintics.shape[1]:
-            return self._with_quintics().put(mask, rows._with_quintics())
+            return self._with_quintics().replace_rows(mask, rows._with_quintics())
         columns = {name: getattr(self, name).copy() for name in COLUMNS}
         for name, column in columns.items():
             column[mask] = getattr(rows, name)
@@ -374,7 +374,9 @@ class Segments(Value):
                 f"quintics of a path must have 6 coefficients per segment, or none, but have the "
                 f"shape {quintics.shape}."
             )
-        if quintics.size and not np.array_equal(np.isfinite(quintics).all(axis=(1, 2)), self.bent):
+        if quintics.size and not np.array_equal(
+            np.isfinite(quintics).all(axis=(1, 2)), self.is_transition
+        ):
             raise InvalidInput(
                 "quintics of a path must be finite with first coefficient 0 for a transition, and "
                 "NaN for a line or an arc."

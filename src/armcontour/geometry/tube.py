@@ -321,8 +321,8 @@ def _nearest_in_range(
 
 def _check_no_transitions(segments: Segments) -> None:
     """Raise InvalidInput for a transition, because the proof holds for lines and arcs only."""
-    if segments.bent.any():
-        i = int(np.argmax(segments.bent))
+    if segments.is_transition.any():
+        i = int(np.argmax(segments.is_transition))
         raise InvalidInput(
             f"Segment {i + 1} is a transition between curvatures, but a tube supports lines and "
             "arcs only. Shape the path before you smooth its curvature.",

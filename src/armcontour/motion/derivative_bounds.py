@@ -34,7 +34,7 @@ def largest_shares(
     largest = np.zeros(6)
     for _ in range(HALVINGS):
         middle = (begin + end) / 2
-        shares = _shares(law, i, (begin, middle, end), limits, speeds)
+        shares = _ratios(law, i, (begin, middle, end), limits, speeds)
         values, bound = shares[:, :6], shares[:, 6:]
         largest = np.maximum(largest, values.max(axis=0))
         unknown = ((bound > allowed) & (values <= allowed)).any(axis=1)
@@ -49,7 +49,7 @@ def largest_shares(
     return np.asarray(largest)
 
 
-def _shares(
+def _ratios(
     law: PathLaw,
     i: IntArray,
     t: tuple[FloatArray, FloatArray, FloatArray],
@@ -62,7 +62,7 @@ def _shares(
     path, (begin, middle, end) = law.joint_path, t
     half = np.maximum(middle - begin, end - middle)
     v = [*law.path_motion(i, middle)[:3], *path_rates(law, i, middle, half)]
-    path_bounds = _bound(v, half)
+    path_bounds = _bound_derivatives(v, half)
     # No break of the joint path lies within an interval of a law.
     first = path.locate(law.s[i], side="right")
     piece = np.clip(path.locate(v[0]), first, path.locate(law.s[i + 1], side="left"))
@@ -73,13 +73,13 @@ def _shares(
     for _ in range(6):
         q.append(polyval(x, c, tensor=False))
         c = np.arange(1, len(c))[:, None, None] * c[1:] / width
-    joint_bounds, cube = _bound(q, half * path_bounds[1]), half**3 / 6
+    joint_bounds, cube = _bound_derivatives(q, half * path_bounds[1]), half**3 / 6
     ds, dds = q[1] * v[1], q[2] * v[1] ** 2 + q[1] * v[2]
     ddds = q[3] * v[1] ** 3 + 3 * q[2] * v[1] * v[2] + q[1] * v[3]
     fourth, acceleration_margin, velocity_margin = (
-        _fourth(q, v),
-        _fifth(joint_bounds, path_bounds) * cube,
-        _fourth(joint_bounds, path_bounds) * cube,
+        _fourth_derivative(q, v),
+        _fifth_derivative(joint_bounds, path_bounds) * cube,
+        _fourth_derivative(joint_bounds, path_bounds) * cube,
     )
     values, ends = [], []
     for f, margin in (
@@ -88,12 +88,12 @@ def _shares(
     ):
         for sign in (-1, 1):
             values.append(f[0])
-            ends.append(sign * (_highest([sign * x for x in f], half) + margin))
+            ends.append(sign * (_bound_quadratics([sign * x for x in f], half) + margin))
     joints = [
         x / y for x, y in zip(values + ends, np.tile(limits, (2, 1))[:, :, None], strict=True)
     ]
     at_middle, bounds = np.maximum([x.max(axis=0) for x in joints], 0.0).reshape(2, 4, -1)
-    along, highest = _highest(v[1:4], half) + path_bounds[4] * cube, speeds[piece].T
+    along, highest = _bound_quadratics(v[1:4], half) + path_bounds[4] * cube, speeds[piece].T
     return np.concatenate([at_middle, v[1] / highest, bounds, along / highest]).T
 
 
@@ -111,7 +111,7 @@ def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> De
     return [ddds, slope * dds, slope**2 * highest_speed]
 
 
-def _bound(values: Derivatives, reach: FloatArray) -> Derivatives:
+def _bound_derivatives(values: Derivatives, reach: FloatArray) -> Derivatives:
     """The function, and bounds of its derivatives within `reach`, by Taylor polynomials."""
     n = len(values)
     magnitudes, powers = [np.abs(x) for x in values], [np.ones_like(reach)]
@@ -121,7 +121,7 @@ def _bound(values: Derivatives, reach: FloatArray) -> Derivatives:
     return [values[0], *map(np.asarray, bounds)]
 
 
-def _highest(f: Derivatives, half: FloatArray) -> FloatArray:
+def _bound_quadratics(f: Derivatives, half: FloatArray) -> FloatArray:
     """Largest values of f0 + f1 u + f2 u² / 2 for u from -half to half, of the shape of f0."""
     f0, f1, f2 = f
     ends = f0 + np.abs(f1) * half + f2 * half**2 / 2
@@ -129,7 +129,7 @@ def _highest(f: Derivatives, half: FloatArray) -> FloatArray:
         return np.where((f2 < 0) & (np.abs(f1) < -f2 * half), f0 - f1**2 / (2 * f2), ends)
 
 
-def _fifth(q: Derivatives, v: Derivatives) -> FloatArray:
+def _fifth_derivative(q: Derivatives, v: Derivatives) -> FloatArray:
     """Fifth derivative of q(s(t)), from the derivatives of q over s and of s over time."""
     return np.asarray(
         q[5] * v[1] ** 5
@@ -140,7 +140,7 @@ def _fifth(q: Derivatives, v: Derivatives) -> FloatArray:
     )
 
 
-def _fourth(q: Derivatives, v: Derivatives) -> FloatArray:
+def _fourth_derivative(q: Derivatives, v: Derivatives) -> FloatArray:
     """Fourth derivative of q(s(t)), from the derivatives of q over s and of s over time."""
     return np.asarray(
         q[4] * v[1] ** 4

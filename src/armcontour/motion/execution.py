@@ -19,9 +19,9 @@ from armcontour.motion.trajectory import Trajectory, to_columns
 from armcontour.robot import Arm, Limits
 
 # Largest distance between the end of a plant's motion and the next sample [rad].
-SAME = 1e-9
+SAME_POSITION = 1e-9
 # Largest distance of a time from a whole number of steps [steps].
-WHOLE = 1e-3
+WHOLE_STEPS = 1e-3
 # The start of the plan coincides with a set-point if their times differ by less than this fraction
 # of a cycle.
 WHOLE_CYCLES = 1e-9
@@ -34,7 +34,7 @@ PLANNED_STEP, MAX_PLANNED = 1e-3, 20_000
 LONGEST_CLOCK = 0.1
 
 
-class Between(Protocol):
+class MotionSource(Protocol):
     """A plant that provides the motion between the samples of an execution."""
 
     def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion | None:
@@ -86,7 +86,7 @@ class Execution(Checked):
     motor_q: FloatArray | None = None
     unsettled: FloatArray | None = None
     model_error: FloatArray | None = None
-    plant: Between | None = None
+    plant: MotionSource | None = None
 
     def _check_together(self) -> None:
         if (self.torque is None) != (self.torque_demand is None):
@@ -165,19 +165,19 @@ class Execution(Checked):
         if motion is None:
             return None
         deviation = np.abs(motion(self.t[indices + 1]) - self.q[indices + 1])
-        return motion if deviation.max(initial=0.0) < SAME else None
+        return motion if deviation.max(initial=0.0) < SAME_POSITION else None
 
     def _are_steps(self, indices: IntArray) -> bool:
         """True if samples and the next samples are at whole steps, whole fractions of a cycle."""
         step = float(self.t[1] - self.t[0])
-        if not 0 < step < self.set_points.cycle * (1 + WHOLE):
+        if not 0 < step < self.set_points.cycle * (1 + WHOLE_STEPS):
             return False
         steps = self.set_points.cycle / step
         numbers = (self.t[np.stack([indices, indices + 1])] - self.set_points.start_time) / step
         whole = numbers.round()
         return bool(
-            abs(steps - round(steps)) < WHOLE
-            and (abs(numbers - whole) < WHOLE).all()
+            abs(steps - round(steps)) < WHOLE_STEPS
+            and (abs(numbers - whole) < WHOLE_STEPS).all()
             and (whole[1] - whole[0] == 1).all()
         )
 

@@ -20,7 +20,7 @@ from armcontour.geometry import Path
 from armcontour.motion.kernels import JointDerivatives, examine_pieces, joint_motions, spline_pieces
 
 # Rounding error of differences of arc lengths, divided by the largest arc length.
-PLAY = 4 * float(np.finfo(np.float64).eps)
+ROUNDING = 4 * float(np.finfo(np.float64).eps)
 # Largest permitted jump of a position at a break [rad]; no robot resolves it.
 LARGEST_JUMP = 1e-6
 # Largest relative jump of dq_ds at a break without a stop; traced paths have errors of this size.
@@ -143,7 +143,9 @@ class JointPath(Checked):
         last = checks.shaped("end", end, first.shape)
         return cls(
             breaks=knots,
-            coefficients=quintic(np.diff(knots), first, last, PLAY * float(np.abs(knots).max())),
+            coefficients=quintic(
+                np.diff(knots), first, last, ROUNDING * float(np.abs(knots).max())
+            ),
             stops=stops,
             tool_path=tool_path,
         )

@@ -140,7 +140,7 @@ def spline_pieces(knots: FloatArray, points: FloatArray, clamped: bool) -> Float
 
 
 # Below this angle, hyperbolic and circular functions are computed by their series.
-SHORT = 1e-2
+SMALL_ANGLE = 1e-2
 
 
 class JointDerivatives(NamedTuple):
@@ -175,7 +175,7 @@ def path_motions(
         # functions.
         z = slope[j] * u * u
         size = math.sqrt(abs(z))
-        if size < SHORT:
+        if size < SMALL_ANGLE:
             c = 1 + z / 2 * (1 + z / 12 * (1 + z / 30))
             h = 1 + z / 6 * (1 + z / 20 * (1 + z / 42))
             p = 0.5 * (1 + z / 12 * (1 + z / 30 * (1 + z / 56)))
@@ -270,7 +270,7 @@ def joint_motions(
 
 
 @compiled()
-def fastest_joints(
+def bound_joint_velocities(
     breaks: FloatArray, coefficients: FloatArray, s: FloatArray, speeds: FloatArray
 ) -> FloatArray:
     """Bounds of the joint velocities between neighbouring arc lengths `s` [rad/s], (n, dof)."""

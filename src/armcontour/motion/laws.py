@@ -322,12 +322,14 @@ class PathLaw(LawAlongPath):
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
         """Joint positions or a derivative by the chain rule, (n, dof)."""
-        return join_path(self.joint_path, self.s[i + 1], self.path_motion(i, t), (order,))[0]
+        return chain_rule_motion(self.joint_path, self.s[i + 1], self.path_motion(i, t), (order,))[
+            0
+        ]
 
     def motion(self, i: IntArray, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
         """Joint positions and derivatives up to an order by the chain rule, (n, dof) each."""
         orders = tuple(range(order + 1))
-        return join_path(self.joint_path, self.s[i + 1], self.path_motion(i, t), orders)
+        return chain_rule_motion(self.joint_path, self.s[i + 1], self.path_motion(i, t), orders)
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
         """Times at which intervals `i` reach arc lengths inside them, in closed form [s], (n,)."""
@@ -343,7 +345,7 @@ class PathLaw(LawAlongPath):
         return np.asarray(np.where(jerk != 0, rests, times))
 
 
-def join_path(
+def chain_rule_motion(
     joint_path: JointPath, end: FloatArray, along: FloatArray, orders: tuple[int, ...]
 ) -> tuple[FloatArray, ...]:
     """Derivatives of joint positions over time along a joint path, by the chain rule."""

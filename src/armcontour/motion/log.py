@@ -81,9 +81,9 @@ class Log(Checked):
                 f"{self.source} needs {dof} different joint names, not {', '.join(names)}."
             )
         object.__setattr__(self, "joint_names", names)
-        check_samples(self.t, {x: getattr(self, x) for x in POSITIONS}, self._place)
+        check_samples(self.t, {x: getattr(self, x) for x in POSITIONS}, self._name_value)
         for j, name in product(range(dof), POSITIONS):
-            self._check_turns(name, j)
+            self._check_wrapping(name, j)
 
     def __str__(self) -> str:
         """Summary: origin, times and joint positions."""
@@ -159,14 +159,14 @@ class Log(Checked):
             )
         return checks.frozen_array(np.ascontiguousarray(values))
 
-    def _place(self, name: str, i: int, j: int) -> str:
+    def _name_value(self, name: str, i: int, j: int) -> str:
         """Name of a time or a position for messages."""
         if name == "t":
             return f"{self.source}: the time of sample {i + 1}"
         moment = f"at t = {clock(self.t[i])} s"
         return f"{self.source}: the {name} position of {self.joint_names[j]} {moment}"
 
-    def _check_turns(self, name: str, j: int) -> None:
+    def _check_wrapping(self, name: str, j: int) -> None:
         """Raise InvalidInput if positions of joint j jump by a whole turn."""
         values = getattr(self, name)[:, j]
         steps = np.diff(values)

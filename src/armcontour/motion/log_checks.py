@@ -26,34 +26,34 @@ COARSEST = 20e-3
 # sample and joint.
 LONGEST = 240.0
 # Largest distance of a measured position from the range of its joint [rad].
-BEYOND = 0.1
+RANGE_MARGIN = 0.1
 # Largest speed of a joint [rad/s]. The last joint of a fast delta robot turns at 60 rad/s.
 FASTEST = 100.0
 # Velocities are averaged over so many samples that noise causes at most this fraction of FASTEST.
-NOISY = 0.05
+NOISE_SHARE = 0.05
 # Smallest number of sample intervals over which velocities are averaged.
-FEWEST = 5
+MIN_INTERVALS = 5
 # Smallest range of positions of a joint that moves [rad].
-MOVES = 1e-3
+MIN_MOTION = 1e-3
 # A joint follows its command if the command with a lag explains at least this fraction of the
 # variance of its position.
-FOLLOWS = 0.5
+MIN_EXPLAINED = 0.5
 # Longest dead time of a joint that follows the command of another joint [s].
 LONGEST_DEAD_TIME = 0.25
 
 # Another unit, sign or order explains the columns only if the remaining difference is at most this
 # fraction of the original difference.
-BETTER = 0.3
+MAX_REMAINING = 0.3
 # The remaining difference must also be at most this fraction of the variance, which allows for the
 # difference between a joint and a pure lag.
-UNEXPLAINED = 0.2
+MAX_UNEXPLAINED = 0.2
 # Candidates for the lag of a joint after its dead time [s].
 LAGS = (0.0, 0.01, 0.014, 0.02, 0.028, 0.04, 0.056, 0.08, 0.11, 0.16)
 # Number of candidates for the dead time, and number of consecutive samples that are compared.
 DEAD_TIMES = 26
 SAMPLES = 8000
 # Fraction by which another order of columns must be better than the order of the file.
-AS_GOOD = 1e-6
+ORDER_PREFERENCE = 1e-6
 
 
 def match_joints(names: Sequence[str], requested: Sequence[str], source: str) -> list[int] | None:
@@ -173,7 +173,7 @@ def check_range_of_log(
     joint_names: Sequence[str],
     arm: Arm,
     *,
-    margin: float = BEYOND,  # Allowed distance from the range of a joint [rad]
+    margin: float = RANGE_MARGIN,  # Allowed distance from the range of a joint [rad]
     degrees_only: bool = False,
 ) -> None:
     """Raise InvalidInput if positions are outside the joint ranges."""
@@ -183,7 +183,9 @@ def check_range_of_log(
         beyond = np.maximum(low - values, values - high)
         i, j = map(int, np.unravel_index(np.argmax(beyond), beyond.shape))
         turned = np.radians(values)
-        degrees = bool((turned >= low - BEYOND).all() and (turned <= high + BEYOND).all())
+        degrees = bool(
+            (turned >= low - RANGE_MARGIN).all() and (turned <= high + RANGE_MARGIN).all()
+        )
         if beyond[i, j] <= margin or (degrees_only and not degrees):
             continue
         hint = "Correct the number, or specify the arm of the file"
@@ -205,8 +207,8 @@ def check_speeds(log: Log) -> None:
     """Raise InvalidInput if a joint of a log is faster than any robot."""
     noise = white_noise(log.measured)
     for j, y in enumerate(log.measured.T):
-        window = math.ceil(2 * float(noise[j]) / (NOISY * FASTEST * log.interval))
-        k = min(max(window, FEWEST), len(y) - 1)
+        window = math.ceil(2 * float(noise[j]) / (NOISE_SHARE * FASTEST * log.interval))
+        k = min(max(window, MIN_INTERVALS), len(y) - 1)
         speeds = np.abs(y[k:] - y[:-k]) / (log.t[k:] - log.t[:-k])
         i = int(np.argmax(speeds))
         if speeds[i] > FASTEST:
@@ -227,8 +229,8 @@ def check_columns(log: Log) -> None:
         rate, residual = np.gradient(command), measured - command
         a = np.stack([rate, np.ones_like(rate)], axis=1)
         residual = residual - a @ np.linalg.lstsq(a, residual, rcond=None)[0]
-        moves = max(np.ptp(command), np.ptp(measured)) >= MOVES
-        if not moves or np.sum(residual**2) < (1 - FOLLOWS) * np.sum(
+        moves = max(np.ptp(command), np.ptp(measured)) >= MIN_MOTION
+        if not moves or np.sum(residual**2) < (1 - MIN_EXPLAINED) * np.sum(
             (measured - measured.mean()) ** 2
         ):
             continue
@@ -249,7 +251,7 @@ def check_units(log: Log, longest: float, j: int, *, single: bool = True) -> Non
             )
 
 
-def check_is_whole(source: str, t: FloatArray, duration: float, slack: float) -> None:
+def check_completeness(source: str, t: FloatArray, duration: float, slack: float) -> None:
     """Raise InvalidInput if a recording does not cover a whole motion."""
     # `source`: origin of the recording, for messages; `t`: times of the recording from the start of
     # the motion [s], (n,); `duration`: duration of the motion [s]; `slack`: time that may be
@@ -278,19 +280,23 @@ def find_misreading(
     # [s]; without it positions are compared directly.
     names = names or [str(j + 1) for j in range(reference.shape[1])]
     if longest_delay is not None:
-        piece = _find_liveliest(reference)
+        piece = _find_most_motion(reference)
         t, measured, reference = t[piece], measured[piece], reference[piece]
     comparison = _Comparison(t, measured, reference, longest_delay)
     plain = comparison.differences()
     plain_errors, turn = np.diag(plain), 180 / math.pi
-    enough = np.minimum(BETTER**2 * plain_errors.mean(), UNEXPLAINED * comparison.power.mean())
+    enough = np.minimum(
+        MAX_REMAINING**2 * plain_errors.mean(), MAX_UNEXPLAINED * comparison.power.mean()
+    )
     for factor, description in (
         (1 / turn, "the measured positions look like degrees"),
         (turn, "the measured positions look like radians, but the expected ones like degrees"),
     ):
         # The residual is relative to the measured positions, so it does not depend on their unit.
         residual = np.diag(comparison.differences(factor)).mean() / factor**2
-        if residual < min(BETTER * plain_errors.mean(), UNEXPLAINED * comparison.power.mean()):
+        if residual < min(
+            MAX_REMAINING * plain_errors.mean(), MAX_UNEXPLAINED * comparison.power.mean()
+        ):
             return f"{description}, so specify the unit of their columns"
     order = _assign_columns(plain)
     if plain[order, np.arange(len(order))].mean() < enough:
@@ -299,7 +305,9 @@ def find_misreading(
             "name the columns, or sort them in this order"
         )
     mirrored = np.diag(comparison.differences(-1.0))
-    turned = mirrored < np.minimum(BETTER**2 * plain_errors, UNEXPLAINED * comparison.power)
+    turned = mirrored < np.minimum(
+        MAX_REMAINING**2 * plain_errors, MAX_UNEXPLAINED * comparison.power
+    )
     if np.where(turned, mirrored, plain_errors).mean() < enough:
         joints = ", ".join(x for x, y in zip(names, turned, strict=True) if y)
         return (
@@ -309,7 +317,9 @@ def find_misreading(
     if longest_delay is not None:
         back = _Comparison(t, reference, measured, longest_delay)
         residual = np.diag(back.differences()).mean()
-        if residual < min(BETTER**2 * plain_errors.mean(), UNEXPLAINED * back.power.mean()):
+        if residual < min(
+            MAX_REMAINING**2 * plain_errors.mean(), MAX_UNEXPLAINED * back.power.mean()
+        ):
             return "commands and measured positions are exchanged, so exchange their names"
     return ""
 
@@ -362,7 +372,7 @@ def _apply_lag(t: FloatArray, u: FloatArray, lag: float) -> FloatArray:
     return np.asarray(solve_banded((1, 0), matrix, driven))
 
 
-def _find_liveliest(u: FloatArray) -> slice:
+def _find_most_motion(u: FloatArray) -> slice:
     """Slice of the SAMPLES consecutive samples in which the commands move most."""
     moved = np.concatenate([[0.0], np.cumsum(np.sum(np.diff(u, axis=0) ** 2, axis=1))])
     count = min(SAMPLES, len(u))
@@ -374,5 +384,5 @@ def _assign_columns(differences: FloatArray) -> list[int]:
     """Index of the measured column for each joint with the smallest total difference, (dof,)."""
     from scipy.optimize import linear_sum_assignment
 
-    other = AS_GOOD * differences.max() * (1 - np.eye(len(differences)))
+    other = ORDER_PREFERENCE * differences.max() * (1 - np.eye(len(differences)))
     return [int(k) for k in linear_sum_assignment((differences + other).T)[1]]

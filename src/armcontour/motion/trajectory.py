@@ -29,17 +29,17 @@ DEFAULT_CYCLE = 4e-3
 # Largest number of times that are computed together, which limits the memory.
 AT_ONCE = 50_000
 # Smallest number of laws along joint paths that are joined into one table to compute their times.
-MANY = 4
+MIN_JOINED = 4
 # Largest number of laws in the cached table (a few MB), and number of laws before and after the
 # requested laws that the table also includes.
-KEPT, MORE = 100, 3
+MAX_CACHED, EXTRA_LAWS = 100, 3
 # Arc lengths and times may be outside by this fraction of the range, due to rounding errors.
 SLACK = 1e-12
 # A set-point may exceed a limit by this fraction of the limit, or by this much [rad, rad/s], due to
 # rounding errors.
 COMMAND_SLACK = 1e-9
 # Along one path, the end of a law and the start of the next differ by less than this [m].
-SAME_PLACE = 1e-9
+SAME_ARC_LENGTH = 1e-9
 
 
 class Method(StrEnum):
@@ -401,10 +401,10 @@ class Trajectory(Checked):
     ) -> Iterator[tuple[IntArray, tuple[FloatArray, ...]]]:
         """Groups of times, of one law or of many: indices in `t`, and values for each order."""
         law_index = self._law_at(t, side)
-        touched = np.unique(law_index) if len(self.laws) >= MANY else law_index[:0]
+        touched = np.unique(law_index) if len(self.laws) >= MIN_JOINED else law_index[:0]
         many = [k for k in touched.tolist() if type(self.laws[k]) is PathLaw]
         separate = np.arange(len(t))
-        if len(many) >= MANY:
+        if len(many) >= MIN_JOINED:
             together = np.zeros(len(self.laws), dtype=bool)
             together[many] = True
             indices = np.flatnonzero(together[law_index])
@@ -426,11 +426,11 @@ class Trajectory(Checked):
         for begin, end, joined in self._joined[:]:
             if begin <= first and last <= end:
                 return law_index - begin, joined
-        if last - first <= KEPT:
+        if last - first <= MAX_CACHED:
             begin, end = first, last
-            while begin > max(first - MORE, 0) and type(self.laws[begin - 1]) is PathLaw:
+            while begin > max(first - EXTRA_LAWS, 0) and type(self.laws[begin - 1]) is PathLaw:
                 begin -= 1
-            while end < min(last + MORE, len(self.laws)) and type(self.laws[end]) is PathLaw:
+            while end < min(last + EXTRA_LAWS, len(self.laws)) and type(self.laws[end]) is PathLaw:
                 end += 1
             path_laws = [x for x in self.laws[begin:end] if type(x) is PathLaw]
             if len(path_laws) == end - begin:
@@ -635,8 +635,8 @@ class Trajectory(Checked):
                 "so the trajectory has no arc length. Plan it along a path."
             )
         gaps = np.abs(self._ends[1:, 0] - self._ends[:-1, 1])
-        if (gaps > SAME_PLACE).any():
-            k = int(np.argmax(gaps > SAME_PLACE)) + 1
+        if (gaps > SAME_ARC_LENGTH).any():
+            k = int(np.argmax(gaps > SAME_ARC_LENGTH)) + 1
             raise InvalidInput(
                 f"Law {k + 1} of the trajectory starts {gaps[k - 1]:.3g} m along the path away "
                 f"from the end of law {k}, so the trajectory has no single arc length. Use the "

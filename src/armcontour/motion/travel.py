@@ -34,11 +34,11 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
         parts = [np.maximum(rate[:-1], rate[1:]) + gained]
     elif isinstance(motion, JointPath):
         t, dof = motion.breaks, motion.dof
-        parts = [_along(motion, t, np.ones(len(t) - 1))]
+        parts = [_bound_along(motion, t, np.ones(len(t) - 1))]
     else:
         inner = [a + x.breaks[:-1] for a, x in zip(motion.starts, motion.laws, strict=False)]
         t = np.append(np.concatenate(inner), motion.starts[-1])
-        dof, parts = motion.dof, map(fastest_joints, motion.laws)
+        dof, parts = motion.dof, map(bound_joint_velocities, motion.laws)
     # A single array saves memory, because a long motion has millions of intervals.
     travel, done = np.zeros((len(t), dof)), 1
     for fastest in parts:
@@ -56,7 +56,7 @@ def largest_accelerations(motion: Execution) -> FloatArray:
 
 
 @singledispatch
-def fastest_joints(law: Law) -> FloatArray:
+def bound_joint_velocities(law: Law) -> FloatArray:
     """Bounds of the joint velocities within every interval of a law [rad/s], (n, dof)."""
     raise InvalidInput(
         f"The joint velocities of a law of the kind {type(law).__name__} have no known bound. Use "
@@ -64,20 +64,20 @@ def fastest_joints(law: Law) -> FloatArray:
     )
 
 
-@fastest_joints.register
+@bound_joint_velocities.register
 def _(law: LapLaw) -> FloatArray:
     """Bounds for a `LapLaw`, whose velocities are linear between breaks."""
     end = law.dq + law.ddq * np.diff(law.breaks)[:, None]
     return np.asarray(np.maximum(np.abs(law.dq), np.abs(end)))
 
 
-@fastest_joints.register
+@bound_joint_velocities.register
 def _(law: PathLaw) -> FloatArray:
     """Bounds for a `PathLaw`: products of the bounds of dq_ds and of ds."""
-    return _along(law.joint_path, law.s, _fastest_along(law))
+    return _bound_along(law.joint_path, law.s, _bound_path_speeds(law))
 
 
-def _fastest_along(law: PathLaw) -> FloatArray:
+def _bound_path_speeds(law: PathLaw) -> FloatArray:
     """Bounds of the path speed within every interval [m/s], (n,)."""
     (ds, dds, slope, jerk), speeds = law.rates, law.speeds
     # ds² is a parabola over s, or, with jerk, ds is a parabola over time. The peak is where the
@@ -88,6 +88,8 @@ def _fastest_along(law: PathLaw) -> FloatArray:
     return np.maximum(np.maximum(speeds[:-1], speeds[1:]), np.where(dds > 0, peaks, 0.0))
 
 
-def _along(joint_path: JointPath, s: FloatArray, speeds: FloatArray) -> FloatArray:
+def _bound_along(joint_path: JointPath, s: FloatArray, speeds: FloatArray) -> FloatArray:
     """Bounds of the joint velocities between neighbouring arc lengths [rad/s], (n, dof)."""
-    return np.asarray(kernels.fastest_joints(joint_path.breaks, joint_path.coefficients, s, speeds))
+    return np.asarray(
+        kernels.bound_joint_velocities(joint_path.breaks, joint_path.coefficients, s, speeds)
+    )

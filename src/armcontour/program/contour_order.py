@@ -31,10 +31,10 @@ NEIGHBOURS = 10
 # Number of exchanges in the search: number per contour, smallest number, and largest product with
 # the number of contours, which limits the time to a few seconds. Without exchanges, tours of 6 to
 # 100 random contours are 0.6 to 15 % longer on average.
-TRIES, LEAST_TRIES, MAX_WORK = 3, 200, 1_000_000
+EXCHANGES, MIN_EXCHANGES, MAX_WORK = 3, 200, 1_000_000
 # Orientations at both ends of a contour that differ by less than this angle [rad] count as equal,
 # because summed turns have rounding errors.
-SAME_HOLD = 1e-6
+SAME_ORIENTATION = 1e-6
 # Largest number of segments of a contour with its overlap, which repeats the contour's segments.
 MAX_SEGMENTS = 1_000_000
 
@@ -81,7 +81,7 @@ def order_contours(program: Program, process: Process) -> Program:
         drawing = all(isinstance(x, Contour) for x in program.moves)
         order = "inside_first" if process.cuts and drawing else "drawn"
     if order == "drawn":
-        return _with_warning(program, process)
+        return _add_order_note(program, process)
     for move in program.moves:
         if not isinstance(move, Contour):
             raise InvalidInput(
@@ -98,17 +98,17 @@ def order_contours(program: Program, process: Process) -> Program:
         find_nesting(contours, process.up).parents if inner_first else np.full(len(contours), -1)
     )
     if order == "inside_first":
-        moves = [contours[i] for i in _inside_first(parents)]
+        moves = [contours[i] for i in _order_inside_first(parents)]
         return replace(program, moves=tuple(moves))
     choices = _Choices.from_contours(contours, process, free=order == "shortest")
     if order == "nearest":
-        return replace(program, moves=choices.taken(*choices.nearest(parents)))
+        return replace(program, moves=choices.make_contours(*choices.nearest(parents)))
     tour, option = choices.shortest(parents)
     remarks = (*program.remarks, choices.describe(tour, option))
-    return replace(program, moves=choices.taken(tour, option), remarks=remarks)
+    return replace(program, moves=choices.make_contours(tour, option), remarks=remarks)
 
 
-def _with_warning(program: Program, process: Process) -> Program:
+def _add_order_note(program: Program, process: Process) -> Program:
     """Add a note to the program if a contour is cut before a contour inside it."""
     contours = program.contours
     if not process.cuts or len(contours) == 1:
@@ -131,7 +131,7 @@ def _with_warning(program: Program, process: Process) -> Program:
     return replace(program, notes=(*program.notes, note))
 
 
-def _inside_first(parents: IntArray) -> list[int]:
+def _order_inside_first(parents: IntArray) -> list[int]:
     """Indices in the drawn order, except that each contour follows all contours inside it."""
     children: dict[int, list[int]] = {}
     for i, parent in enumerate(parents.tolist()):
@@ -206,7 +206,7 @@ class _Choices:
 
         tour, _ = self.nearest(parents)
         n, option = len(tour), self._best_options(tour)
-        tries = min(max(TRIES * n, LEAST_TRIES), MAX_WORK // n)
+        tries = min(max(EXCHANGES * n, MIN_EXCHANGES), MAX_WORK // n)
         # The random numbers have a fixed seed, so the same program always has the same order.
         numbers = (np.random.PCG64(0).random_raw((tries, 4)) >> np.uint64(32)).astype(np.intp)
         shorten_tour(
@@ -266,7 +266,7 @@ class _Choices:
             f"{number(length, 'm')} ({number(drawn, 'm')} in the order of the file)."
         )
 
-    def taken(self, tour: IntArray, option: IntArray) -> tuple[Contour, ...]:
+    def make_contours(self, tour: IntArray, option: IntArray) -> tuple[Contour, ...]:
         """Contours of a tour in order, each made with its option."""
         return tuple(self.made[option[i]]() for i in tour)
 
@@ -287,8 +287,8 @@ def _options(contour: Contour, process: Process, count: int) -> list[Option]:
         starts = [find_start(contour, process, led=False)]
         makers: Sequence[Callable[[], Contour]] = [as_drawn]
     else:
-        starts = begin_places(path, count).tolist()
-        makers = [partial(_start_contour_at, contour, s) for s in starts]
+        starts = find_start_candidates(path, count).tolist()
+        makers = [partial(_fix_start, contour, s) for s in starts]
     overlap = process.of_layer(contour.layer).overlap
     return [
         (maker, path([s, (s + overlap) % path.length]))
@@ -296,9 +296,9 @@ def _options(contour: Contour, process: Process, count: int) -> list[Option]:
     ]
 
 
-def _start_contour_at(contour: Contour, start: float) -> Contour:
+def _fix_start(contour: Contour, start: float) -> Contour:
     """A closed contour that starts at an arc length [m], and keeps this start."""
-    return replace(begin_at(contour, start), keep_start=True)
+    return replace(move_start(contour, start), keep_start=True)
 
 
 def _reverse_contour(contour: Contour) -> Contour:
@@ -309,7 +309,7 @@ def _reverse_contour(contour: Contour) -> Contour:
     return replace(contour, path=contour.path.reversed(), work=work)
 
 
-def begin_places(path: Path, count: int) -> FloatArray:
+def find_start_candidates(path: Path, count: int) -> FloatArray:
     """Arc lengths at which a closed path may start [m], away from its corners."""
     # Between two corners they lie in the middle half, so both corners can be rounded.
     length = path.length
@@ -339,7 +339,7 @@ def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
     extra_length = (process.passes - 1) * lap + process.overlap
     if extra_length > REPEATED_POINT:
         _check_end_orientations(contour)
-    contour = begin_at(contour, start)
+    contour = move_start(contour, start)
     longer = _add_overlap(contour.path, extra_length)
     # Events at the drawn end move to the end of the overlap; other events are repeated in every
     # lap.
@@ -367,7 +367,7 @@ def find_start(contour: Contour, process: Process, *, led: bool) -> float:
     return _find_start(contour.path, DRAWN if keeps else process.begin)
 
 
-def begin_at(contour: Contour, start: float) -> Contour:
+def move_start(contour: Contour, start: float) -> Contour:
     """Move the start point of a closed contour to an arc length of the drawn contour [m]."""
     path = contour.path
     if start <= REPEATED_POINT or path.length - start <= REPEATED_POINT:
@@ -404,8 +404,8 @@ def _has_equal_end_orientations(path: Path) -> bool:
         corner = shortest(path(path.length, 1, side="left"), path(0.0, 1))
         end = exp(corner) @ end
     if orientation.axis_only:
-        return bool(angle_between(end[:, 2], start[:, 2]) <= SAME_HOLD)
-    return bool(np.linalg.norm(log(start @ end.T)) <= SAME_HOLD)
+        return bool(angle_between(end[:, 2], start[:, 2]) <= SAME_ORIENTATION)
+    return bool(np.linalg.norm(log(start @ end.T)) <= SAME_ORIENTATION)
 
 
 def _add_overlap(path: Path, overlap: float) -> Path:

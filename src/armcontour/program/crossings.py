@@ -11,7 +11,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.sampling import number_parts
 
 # Points closer than this distance [m] count as equal.
-SAME_PLACE = 1e-9
+SAME_POINT = 1e-9
 # Sine of the angle between two lines below which they are parallel.
 PARALLEL = 1e-12
 # Approximate number of pairs of pieces that are intersected together, which limits the memory.
@@ -26,7 +26,7 @@ def points_at(pieces: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
     """Points of pieces, or their tangents, at distances u from their starts, (n, 2)."""
     angle = pieces[:, CURVATURE] * u
     tangents = pieces[:, TX : TY + 1]
-    normals = turned_left(tangents)
+    normals = rotate_left(tangents)
     if order == 1:
         return np.asarray(np.cos(angle)[:, None] * tangents + np.sin(angle)[:, None] * normals)
     along = u * np.sinc(angle / np.pi)
@@ -38,7 +38,7 @@ def offset_pieces(pieces: FloatArray, d: float) -> FloatArray:
     """Pieces offset by d to the left [m], (n, 6); arcs of negative radius get lengths <= 0."""
     # Arcs keep their centres.
     moved, grown = pieces.copy(), 1 - pieces[:, CURVATURE] * d
-    moved[:, :2] += d * turned_left(pieces[:, TX : TY + 1])
+    moved[:, :2] += d * rotate_left(pieces[:, TX : TY + 1])
     moved[:, CURVATURE] /= np.where(grown > 0, grown, 1.0)
     moved[:, LENGTH] *= grown
     return moved
@@ -56,11 +56,11 @@ def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, Floa
     # The crossing is the one nearest to the end of the first piece. The lengths are NaN without a
     # crossing after the start of the second piece, and can exceed the lengths of the pieces.
     points = _common_points(before, after)
-    ahead = _places(after, points)
-    back = before[:, LENGTH, None] - _places(before, points)
+    ahead = _distances_along(after, points)
+    back = before[:, LENGTH, None] - _distances_along(before, points)
     whole = 2 * np.pi / np.abs(before[:, CURVATURE, None])
-    back = np.where(back < -SAME_PLACE, back + whole, back)
-    back = np.where((back >= -SAME_PLACE) & (ahead >= -SAME_PLACE), back, np.inf)
+    back = np.where(back < -SAME_POINT, back + whole, back)
+    back = np.where((back >= -SAME_POINT) & (ahead >= -SAME_POINT), back, np.inf)
     nearest = np.argmin(back, axis=1)[:, None]
     back, ahead = (np.take_along_axis(x, nearest, axis=1)[:, 0] for x in (back, ahead))
     there = np.isfinite(back)
@@ -76,28 +76,28 @@ def find_crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
     order = np.argsort(low[:, 0])
     # In this order, the box of a piece can overlap only the boxes up to the first box that starts
     # to the right of it.
-    last = np.searchsorted(low[order, 0], high[order, 0] + SAME_PLACE, side="right")
+    last = np.searchsorted(low[order, 0], high[order, 0] + SAME_POINT, side="right")
     count = np.maximum(last - np.arange(len(order)) - 1, 0)
     parts = np.cumsum(count) // PAIRS
     meetings, distances = [np.empty((0, 2), np.intp)], [np.empty((0, 2))]
     for part in np.unique(parts):
         owner, number = number_parts(np.where(parts == part, count, 0))
         i, j = order[owner], order[owner + 1 + number]
-        near = (low[j, 1] <= high[i, 1] + SAME_PLACE) & (low[i, 1] <= high[j, 1] + SAME_PLACE)
+        near = (low[j, 1] <= high[i, 1] + SAME_POINT) & (low[i, 1] <= high[j, 1] + SAME_POINT)
         pairs = np.stack([i, j], axis=1)[near]
         points = _common_points(pieces[pairs[:, 0]], pieces[pairs[:, 1]])
-        along = np.stack([_places(pieces[x], points) for x in pairs.T], axis=2)
+        along = np.stack([_distances_along(pieces[x], points) for x in pairs.T], axis=2)
         ends = pieces[pairs, LENGTH][:, None, :]
-        row, point = np.nonzero(((along >= -SAME_PLACE) & (along <= ends + SAME_PLACE)).all(axis=2))
+        row, point = np.nonzero(((along >= -SAME_POINT) & (along <= ends + SAME_POINT)).all(axis=2))
         along, ends = along[row, point], ends[row, 0]
         # A point near the end of a piece is moved to this end.
-        along = np.where(ends - along <= SAME_PLACE, ends, along)
+        along = np.where(ends - along <= SAME_POINT, ends, along)
         meetings.append(pairs[row])
-        distances.append(np.where(along <= SAME_PLACE, 0.0, along))
+        distances.append(np.where(along <= SAME_POINT, 0.0, along))
     return np.concatenate(meetings), np.concatenate(distances)
 
 
-def turned_left(vectors: FloatArray) -> FloatArray:
+def rotate_left(vectors: FloatArray) -> FloatArray:
     """Vectors turned to the left by a right angle, (..., 2)."""
     return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
 
@@ -110,10 +110,10 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 def _boxes(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Lower and upper corners of boxes around pieces, (n, 2) each."""
     radius = 1 / pieces[:, CURVATURE]
-    centers = pieces[:, :2] + radius[:, None] * turned_left(pieces[:, TX : TY + 1])
+    centers = pieces[:, :2] + radius[:, None] * rotate_left(pieces[:, TX : TY + 1])
     radii = np.abs(radius)
     sides = centers[:, None] + radii[:, None, None] * [[1, 0], [-1, 0], [0, 1], [0, -1]]
-    on_arc = _places(pieces, sides) <= pieces[:, LENGTH, None]
+    on_arc = _distances_along(pieces, sides) <= pieces[:, LENGTH, None]
     on_arc &= pieces[:, CURVATURE, None] != 0
     starts = pieces[:, None, :2]
     ends = points_at(pieces, pieces[:, LENGTH])[:, None]
@@ -121,7 +121,7 @@ def _boxes(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
     return points.min(axis=1), points.max(axis=1)
 
 
-def _places(pieces: FloatArray, points: FloatArray) -> FloatArray:
+def _distances_along(pieces: FloatArray, points: FloatArray) -> FloatArray:
     """Distances of points (n, m, 2) along n pieces that are extended beyond their ends, (n, m)."""
     offset, tangents = points - pieces[:, None, :2], pieces[:, None, TX : TY + 1]
     along, k = (offset * tangents).sum(axis=2), pieces[:, CURVATURE, None]
@@ -130,7 +130,7 @@ def _places(pieces: FloatArray, points: FloatArray) -> FloatArray:
     radius = 1 / np.where(k == 0, np.inf, np.abs(k))
     u = np.where(angle < 0, angle + 2 * np.pi, angle) * radius
     # A point just before the start has a small negative distance, not nearly a full turn.
-    before = (u > pieces[:, LENGTH, None]) & (2 * np.pi * radius - u <= SAME_PLACE)
+    before = (u > pieces[:, LENGTH, None]) & (2 * np.pi * radius - u <= SAME_POINT)
     return np.asarray(np.where(k == 0, along, np.where(before, u - 2 * np.pi * radius, u)))
 
 
@@ -144,18 +144,18 @@ def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
     turned = (np.abs(b[:, CURVATURE]) > np.abs(a[:, CURVATURE]))[:, None]
     a, b = np.where(turned, b, a), np.where(turned, a, b)
     ka, kb = a[:, CURVATURE], b[:, CURVATURE]
-    na, nb = turned_left(a[:, TX : TY + 1]), turned_left(b[:, TX : TY + 1])
+    na, nb = rotate_left(a[:, TX : TY + 1]), rotate_left(b[:, TX : TY + 1])
     gap, ratio = b[:, :2] - a[:, :2], kb / np.where(ka == 0, 1.0, ka)
     w = nb + kb[:, None] * gap - ratio[:, None] * na
     r = kb * (gap * gap).sum(axis=1) / 2 + (nb * gap).sum(axis=1)
     size = np.hypot(w[:, 0], w[:, 1])
-    foot, along = (r / size**2)[:, None] * w, turned_left(w) / size[:, None]
+    foot, along = (r / size**2)[:, None] * w, rotate_left(w) / size[:, None]
     slope = (na * along).sum(axis=1)
     constant = ka * (foot * foot).sum(axis=1) / 2 - (na * foot).sum(axis=1)
     # The common points are foot + s along with ka s² / 2 - slope s + constant = 0. Rounding errors
     # can make the discriminant slightly negative where pieces touch.
     inside = slope**2 - 2 * ka * constant
-    inside[inside < -2 * np.abs(ka) * SAME_PLACE / size] = np.nan
+    inside[inside < -2 * np.abs(ka) * SAME_POINT / size] = np.nan
     parallel = (ka == 0) & (np.abs(slope) < PARALLEL)
     slope = np.where(parallel, np.nan, slope)
     larger = slope + np.copysign(np.sqrt(np.maximum(inside, 0.0)), slope)
@@ -164,10 +164,10 @@ def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
     points = np.full((len(a), 4, 2), np.nan)
     for i, s in enumerate((first, second)):
         points[:, i] = a[:, :2] + foot + s[:, None] * along
-    one_circle = (size <= np.abs(kb) * SAME_PLACE) & (
-        np.abs(1 / ka) - np.abs(1 / kb) >= -SAME_PLACE
+    one_circle = (size <= np.abs(kb) * SAME_POINT) & (
+        np.abs(1 / ka) - np.abs(1 / kb) >= -SAME_POINT
     )
-    together = np.where(ka == 0, parallel & (np.abs(constant) <= SAME_PLACE), one_circle)
+    together = np.where(ka == 0, parallel & (np.abs(constant) <= SAME_POINT), one_circle)
     ends = [x[together] for x in (a, b)]
     points[together] = np.stack(
         [y for x in ends for y in (x[:, :2], points_at(x, x[:, LENGTH]))], axis=1

@@ -24,33 +24,33 @@ from armcontour.program.moves import (
     Program,
     Rapid,
     contour_called,
+    find_departing_rapids,
     last_end,
-    rapids_leading_away,
     reroute,
 )
 from armcontour.program.nesting import (
-    PARALLEL,
-    axes_across,
-    chords_of,
+    MAX_SLOPE,
+    find_chords,
     find_nesting,
-    seen_from_above,
+    perpendicular_axes,
+    project_along_up,
 )
 from armcontour.program.offset_curves import (
     SLACK,
     OffsetPart,
-    crosses_itself,
-    crossing_owners,
+    find_crossing_paths,
+    find_self_crossing,
     offset_segments,
 )
 from armcontour.program.process import WASTE, Lead, Process
 from armcontour.program.rounded_corners import draw_with_arcs
 
 # Number of bisections in the search for the largest kerf that fits (relative error 0.0001).
-HALVINGS = 14
+KERF_BISECTIONS = 14
 # Fraction of a lead, next to the contour that it touches, on which contact is ignored.
-CONTACT = 0.01
+IGNORED_CONTACT = 0.01
 # Number of bisections in the search for the longest lead that fits (relative error 0.0001).
-SIDE_HALVINGS = 14
+LEAD_BISECTIONS = 14
 
 
 def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, float, float]]:
@@ -87,10 +87,10 @@ def apply_kerf(program: Program, process: Process) -> Program:
     if process.kerf_side == WASTE:
         _check_distances(contours, flat, parts, kerfs)
     made = [
-        _contours_of(x, i, offset, process.up)
+        _make_contours(x, i, offset, process.up)
         for i, (x, offset) in enumerate(zip(contours, parts, strict=True))
     ]
-    moves = _replaced(program.moves, made)
+    moves = _replace_contours(program.moves, made)
     skipped = [contour_called(x, i) for i, x in enumerate(contours) if kerfs[i] and not sides[i]]
     return replace(program, moves=tuple(moves), notes=(*program.notes, *_notes_on_open(skipped)))
 
@@ -124,17 +124,17 @@ def _flatten(contour: Contour, number: int, process: Process) -> Segments:
         )
     if rows.dimension == 3:
         slopes = np.abs([rows.tangents @ up, rows.normals @ up])
-        if slopes.max() > PARALLEL:
+        if slopes.max() > MAX_SLOPE:
             raise InvalidInput(
                 f"{called} leaves the plane perpendicular to the upward direction, so its kerf has "
                 "no side there. Remove the kerf, or ignore the z of the drawing."
             )
         rows = rows.replace(
-            starts=seen_from_above(rows.starts, up),
-            tangents=seen_from_above(rows.tangents, up),
-            normals=seen_from_above(rows.normals, up),
+            starts=project_along_up(rows.starts, up),
+            tangents=project_along_up(rows.tangents, up),
+            normals=project_along_up(rows.normals, up),
         )
-    crossing = crosses_itself(rows, closed=contour.closed)
+    crossing = find_self_crossing(rows, closed=contour.closed)
     if crossing is not None:
         x, y = (1e3 * crossing).tolist()
         raise InvalidInput(
@@ -158,7 +158,7 @@ def _offset(
     offset_parts = parts_of(kerf)
     if not offset_parts:
         fits, too_wide = 0.0, kerf
-        for _ in range(HALVINGS):
+        for _ in range(KERF_BISECTIONS):
             middle = (fits + too_wide) / 2
             fits, too_wide = (middle, too_wide) if parts_of(middle) else (fits, middle)
         result = "removes the whole contour" if contour.closed else "does not fit next to it"
@@ -189,7 +189,7 @@ def _check_distances(
         return
     sources = [x for x in flat if x is not None]
     paths = [Segments.join([x.segments for x in parts[i]]) for i in indices]
-    pair = crossing_owners(sources) or crossing_owners(paths)
+    pair = find_crossing_paths(sources) or find_crossing_paths(paths)
     if pair is None:
         owner = np.repeat(np.arange(len(indices)), [len(x) for x in paths])
         path = Segments.join(paths)
@@ -205,20 +205,20 @@ def _check_distances(
     first, second = (indices[k] for k in pair)
     kerf = max(kerfs[first], kerfs[second])
     raise InvalidInput(
-        f"{_called_on_layer(contours, first)} and {_called_on_layer(contours, second)} cross, or "
+        f"{_name_with_layer(contours, first)} and {_name_with_layer(contours, second)} cross, or "
         f"are nearer to each other than the kerf of {1e3 * kerf:.6g} mm, so the cut along one "
         "cuts into the other. Move them apart, specify a smaller kerf, or set kerf: null in "
         "process.by_layer for a layer that is not cut through."
     )
 
 
-def _called_on_layer(contours: Sequence[Contour], number: int) -> str:
+def _name_with_layer(contours: Sequence[Contour], number: int) -> str:
     """Name of a contour for messages, with its layer if there are several layers."""
     called, layer = contour_called(contours[number], number), contours[number].layer
     return f"{called} (layer {layer})" if len({x.layer for x in contours}) > 1 else called
 
 
-def _contours_of(
+def _make_contours(
     contour: Contour, number: int, parts: Sequence[OffsetPart], up: FloatArray
 ) -> list[Contour]:
     """Contours along the parts of an offset, the part nearest to the start point first."""
@@ -252,7 +252,7 @@ def _path_of_part(part: OffsetPart, source: Path, up: FloatArray) -> Path:
     originals = source.segments[part.rows]
     columns = {x: getattr(originals, x) for x in ("speeds", "tolerances", "tags")}
     if source.dimension == 3:
-        axes = axes_across(up)
+        axes = perpendicular_axes(up)
         height = float(source.starts[0] @ up) * up
         columns["starts"] = rows.starts @ axes.T + height
         columns |= {x: getattr(rows, x) @ axes.T for x in ("tangents", "normals")}
@@ -277,7 +277,7 @@ def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) 
     rates = np.zeros((len(rows), 3))
     turned = np.repeat(start[None], len(rows), axis=0)
     if orientation.follows:
-        a, b = seen_from_above(source.tangents[:1], up), seen_from_above(rows.tangents, up)
+        a, b = project_along_up(source.tangents[:1], up), project_along_up(rows.tangents, up)
         angle = np.arctan2(
             a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]
         )
@@ -293,9 +293,9 @@ def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) 
     )
 
 
-def _replaced(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) -> list[Move]:
+def _replace_contours(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) -> list[Move]:
     """Replace the contours among moves; rapids away from a contour start at its new end."""
-    away, number = rapids_leading_away(moves), 0
+    away, number = find_departing_rapids(moves), 0
     result: list[Move] = []
     for move in moves:
         if isinstance(move, Contour):
@@ -323,7 +323,7 @@ def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
     # `contours`: the contours in their direction of travel; `process`: kerfs of the layers, and the
     # direction from which the contours are viewed.
     nesting = find_nesting(contours, process.up)
-    depths = nesting.holds[cut_contours(contours, process)].sum(axis=0)
+    depths = nesting.contains[cut_contours(contours, process)].sum(axis=0)
     on_left = ((depths % 2 == 1) == (nesting.areas > 0)) | (nesting.areas == 0)
     return ["left" if x else "right" for x in on_left.tolist()]
 
@@ -361,7 +361,7 @@ class LeadPlacement:
         if self._fits(full_lead, after):
             return full_lead
         fits, too_long = 0.0, length
-        for _ in range(SIDE_HALVINGS):
+        for _ in range(LEAD_BISECTIONS):
             middle = (fits + too_long) / 2
             in_scrap = self._fits(lead_of(middle), after)
             fits, too_long = (middle, too_long) if in_scrap else (fits, middle)
@@ -434,10 +434,10 @@ class LeadPlacement:
         contacts = (
             np.take_along_axis(distances, first, 1)[meets, 0] + begins[pairs.min(axis=1)[meets]]
         )
-        if (contacts < (1 - CONTACT) * lead.length).any():
+        if (contacts < (1 - IGNORED_CONTACT) * lead.length).any():
             return False
         enclosing = np.nonzero(((boxes[:, 0] <= tip) & (tip <= boxes[:, 1])).all(axis=1))[0]
-        holds = find_nesting([*(cut[i] for i in enclosing), Contour(path=lead)], up).holds
+        holds = find_nesting([*(cut[i] for i in enclosing), Contour(path=lead)], up).contains
         return bool(holds[:, -1].sum() % 2 == 0)
 
 
@@ -449,7 +449,7 @@ def _box(pieces: FloatArray) -> FloatArray:
 
 def _pieces(path: Path, up: FloatArray) -> FloatArray:
     """The table of pieces (crossings.py) of a path seen from above, (n, 6)."""
-    chords = chords_of(path, up)
+    chords = find_chords(path, up)
     a, chord, bent = chords[:, :2], chords[:, 2:4] - chords[:, :2], chords[:, 7] != 0
     curvatures = np.where(bent, chords[:, 7] / np.where(bent, chords[:, 6], 1.0), 0.0)
     out = (a - chords[:, 4:6]) * curvatures[:, None]

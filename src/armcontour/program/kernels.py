@@ -20,7 +20,7 @@ LONGEST_PART = 3
 # Longest parts that are exchanged to leave a local optimum.
 LONGEST_EXCHANGE = 30
 # Up to this number of contours, an exchange also changes an option.
-FEW = 30
+FEW_CONTOURS = 30
 # Changes of length below this fraction of the length of a tour are rounding errors.
 NO_GAIN = 1e-12
 
@@ -184,7 +184,7 @@ def shorten_tour(
             k = j + 1 + number[2] % min(LONGEST_EXCHANGE, n + 1 - j)
             if not _relocate_part(options, parent, now, i, j - 1, k - 1, -np.inf):
                 continue
-            if n <= FEW:
+            if n <= FEW_CONTOURS:
                 c = order[i]
                 first = options.first[c]
                 now.option[c] = first + number[3] % (options.first[c + 1] - first)

@@ -16,11 +16,11 @@ from armcontour.geometry.segments import Segments
 # Angle of a quarter circle [rad].
 QUARTER = np.pi / 2
 # Smallest sine of the angle between tangent and `up`. Below it, left and right are undefined.
-UPRIGHT = 1e-6
+VERTICAL = 1e-6
 # Largest sine of the angle by which a contour may turn at a vertex towards the side of an arc lead.
 # With a larger angle, the arc would cross the contour along more than the fraction of its length on
 # which contact is ignored.
-SHARP = 0.005
+MAX_INWARD_TURN = 0.005
 
 
 def lead_path(
@@ -43,7 +43,7 @@ def lead_path(
     row = -1 if after else 0
     if shape == "arc" and beyond is not None:
         entering, leaving = (tangent, beyond) if after else (beyond, tangent)
-        if _side_vector(entering, side, up) @ leaving > SHARP:
+        if _side_vector(entering, side, up) @ leaving > MAX_INWARD_TURN:
             inwards = (leaving - entering) / np.linalg.norm(leaving - entering)
             shape, tangent = "line", inwards if after else -inwards
     if shape == "line":
@@ -82,7 +82,7 @@ def _side_vector(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
     else:
         normal = np.cross(up, tangent)
         size = float(np.linalg.norm(normal))
-        if size < UPRIGHT:
+        if size < VERTICAL:
             raise InvalidInput(
                 "A lead in the shape of an arc has no side where the contour is parallel to the "
                 "direction up. Use the shape line."

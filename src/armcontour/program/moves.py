@@ -194,7 +194,7 @@ def name_copy(name: str, row: int, column: int) -> str:
     return f"{shorten(name, checks.LONGEST_NAME - 1 - len(suffix))} {suffix}" if name else suffix
 
 
-def _checked_spacing(name: str, spacing: float | None, copies: int) -> float:
+def _check_spacing(name: str, spacing: float | None, copies: int) -> float:
     """Distance between copies [m]; 0 for a single copy; raise InvalidInput if it is missing."""
     distance = 0.0 if spacing is None else checks.check_number(name, spacing, "m")
     if copies > 1 and abs(distance) <= REPEATED_POINT:
@@ -474,8 +474,8 @@ class Program(Checked):
             checks.check_int(name, value, 1, MAX_MOVES)
             for name, value in (("columns", columns), ("rows", rows))
         )
-        dx = _checked_spacing("column_spacing", column_spacing, columns)
-        dy = _checked_spacing("row_spacing", row_spacing, rows)
+        dx = _check_spacing("column_spacing", column_spacing, columns)
+        dy = _check_spacing("row_spacing", row_spacing, rows)
         self._check_size(columns * rows)
         moves: list[Move] = []
         for row in range(rows):
@@ -543,8 +543,8 @@ class Program(Checked):
         """
         if layers is None and names is None:
             return self
-        by_layer = self._chosen("layer", layers, [x.layer for x in self.contours])
-        by_name = self._chosen("contour", names, [x.name for x in self.contours])
+        by_layer = self._selection_mask("layer", layers, [x.layer for x in self.contours])
+        by_name = self._selection_mask("contour", names, [x.name for x in self.contours])
         contours = tuple(
             x for x, *chosen in zip(self.contours, by_layer, by_name, strict=True) if all(chosen)
         )
@@ -567,7 +567,7 @@ class Program(Checked):
         other = (*self.other_layers, *others)
         return replace(self, moves=contours, notes=notes, remarks=remarks, other_layers=other)
 
-    def _chosen(
+    def _selection_mask(
         self, kind: str, requested: Collection[str] | None, available: Sequence[str]
     ) -> Sequence[bool]:
         """Mask of the contours whose layer or name in `available` is requested."""
@@ -607,7 +607,7 @@ def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
     return None
 
 
-def rapids_leading_away(moves: Sequence[Move]) -> set[Rapid]:
+def find_departing_rapids(moves: Sequence[Move]) -> set[Rapid]:
     """Rapids whose path starts at the end of the previous contour."""
     rapids = set()
     for i, move in enumerate(moves):
@@ -643,14 +643,14 @@ def reroute(
     if (moved <= REPEATED_POINT).all():
         return rapid
     if rapid.path.curvatures.any():
-        return _prolong(rapid.path, first, last)
+        return _extend_rapid(rapid.path, first, last)
     points = np.array([first, *vertices[1:-1], last])
     if (np.linalg.norm(points - first, axis=1) <= REPEATED_POINT).all():
         return Rapid()
     return Rapid(path=Path.polyline(points))
 
 
-def _prolong(path: Path, first: FloatArray, last: FloatArray) -> Rapid:
+def _extend_rapid(path: Path, first: FloatArray, last: FloatArray) -> Rapid:
     """Extend a path with arcs by lines from the new start and to the new end, as a rapid."""
     gaps = ((first, path(0.0)), (path(path.length), last))
     before, after = (

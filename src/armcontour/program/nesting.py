@@ -21,8 +21,8 @@ from armcontour.program.moves import Contour
 # Number of chords per quarter circle of a tilted arc, whose projection is not an arc.
 CHORDS = 32
 # A unit vector with a smaller component along `up` counts as perpendicular to `up`.
-PARALLEL = 1e-6
-NONE = np.empty((0, 8))
+MAX_SLOPE = 1e-6
+NO_CHORDS = np.empty((0, 8))
 # Approximate number of pairs of a point and a chord that are tested together, to limit the memory.
 PAIRS = 200_000
 
@@ -32,23 +32,23 @@ class Nesting:
     """Areas of contours, and the contours inside each of them."""
 
     # True in row i and column k if contour k is inside the closed contour i, (n, n)
-    holds: BoolArray
+    contains: BoolArray
     # Area of every contour [m²], positive if it is counter-clockwise; 0 if open, (n,)
     areas: FloatArray
 
     @property
     def parents(self) -> IntArray:
         """Index of the smallest contour around each contour, (n,); -1 for outer contours."""
-        sizes = np.where(self.holds, np.abs(self.areas)[:, None], np.inf)
+        sizes = np.where(self.contains, np.abs(self.areas)[:, None], np.inf)
         smallest = np.argmin(sizes, axis=0)
-        return np.where(self.holds.any(axis=0), smallest, -1)
+        return np.where(self.contains.any(axis=0), smallest, -1)
 
 
 def find_nesting(contours: Sequence[Contour], up: FloatArray) -> Nesting:
     """Determine which contours are inside which closed contours; contours must not cross."""
     # `up`: in space, the direction from which the contours are viewed, (3,).
-    chords = [_closed(chords_of(x.path, up)) if x.closed else NONE for x in contours]
-    starts = np.array([seen_from_above(x.path(0.0), up) for x in contours])
+    chords = [_close_chords(find_chords(x.path, up)) if x.closed else NO_CHORDS for x in contours]
+    starts = np.array([project_along_up(x.path(0.0), up) for x in contours])
     holds = np.array([_inside(x, starts) for x in chords])
     np.fill_diagonal(holds, False)
     areas = np.array([_area(x) for x in chords])
@@ -57,37 +57,37 @@ def find_nesting(contours: Sequence[Contour], up: FloatArray) -> Nesting:
     return Nesting(holds=holds, areas=areas)
 
 
-def seen_from_above(points: FloatArray, up: FloatArray) -> FloatArray:
+def project_along_up(points: FloatArray, up: FloatArray) -> FloatArray:
     """Project points or vectors along `up`, (..., 2); points in the plane are unchanged."""
-    return points if points.shape[-1] == 2 else np.asarray(points @ axes_across(up))
+    return points if points.shape[-1] == 2 else np.asarray(points @ perpendicular_axes(up))
 
 
-def axes_across(up: FloatArray) -> FloatArray:
+def perpendicular_axes(up: FloatArray) -> FloatArray:
     """Two unit vectors as columns that form a right-handed frame with `up`, (3, 2)."""
     first = np.cross(np.eye(3)[int(np.argmin(np.abs(up)))], up)
     first /= np.linalg.norm(first)
     return np.stack([first, np.cross(up, first)], axis=1)
 
 
-def chords_of(path: Path, up: FloatArray) -> FloatArray:
+def find_chords(path: Path, up: FloatArray) -> FloatArray:
     """Chords of the segments of a path, projected along `up`, (m, 8)."""
     # Columns: start x, y, end x, y, centre x, y, radius [m], and turn: 1 for arcs to the left, -1
     # for arcs to the right, 0 for lines. An arc is at most half a circle.
-    rows = _halved(draw_arcs(path.segments)[0], up)
-    a, b = seen_from_above(rows.starts, up), seen_from_above(rows.ends, up)
+    rows = _split_arcs(draw_arcs(path.segments)[0], up)
+    a, b = project_along_up(rows.starts, up), project_along_up(rows.ends, up)
     bent = rows.curvatures > 0
     radius = np.where(bent, 1 / np.where(bent, rows.curvatures, 1.0), 0.0)
-    tangents, normals = seen_from_above(rows.tangents, up), seen_from_above(rows.normals, up)
+    tangents, normals = project_along_up(rows.tangents, up), project_along_up(rows.normals, up)
     turn = np.sign(tangents[:, 0] * normals[:, 1] - tangents[:, 1] * normals[:, 0])
     return np.column_stack([a, b, a + radius[:, None] * normals, radius, np.where(bent, turn, 0)])
 
 
-def _halved(rows: Segments, up: FloatArray) -> Segments:
+def _split_arcs(rows: Segments, up: FloatArray) -> Segments:
     """Divide arcs into at most half circles, and replace tilted arcs by chords."""
     sweeps = rows.curvatures * rows.lengths
     pieces = np.where(sweeps > np.pi / 2, 4, 1)
     if rows.dimension == 3:
-        tilted = np.hypot(rows.tangents @ up, rows.normals @ up) > PARALLEL
+        tilted = np.hypot(rows.tangents @ up, rows.normals @ up) > MAX_SLOPE
         tilted &= rows.curvatures > 0
         pieces[tilted] = CHORDS * np.ceil(sweeps[tilted] / (np.pi / 2)).astype(int)
     else:
@@ -106,7 +106,7 @@ def _halved(rows: Segments, up: FloatArray) -> Segments:
     return cut.replace(curvatures=curvatures, lengths=lengths, tangents=tangents)
 
 
-def _closed(chords: FloatArray) -> FloatArray:
+def _close_chords(chords: FloatArray) -> FloatArray:
     """Add a chord that closes the gap between end and start, as of leads or an overlap."""
     line = np.concatenate([chords[-1, 2:4], chords[0, :2], np.zeros(4)])
     ring = np.vstack([chords, line])

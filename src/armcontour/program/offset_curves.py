@@ -20,13 +20,13 @@ from armcontour.geometry.segments import Segments
 from armcontour.program.crossings import (
     CURVATURE,
     LENGTH,
-    SAME_PLACE,
+    SAME_POINT,
     TX,
     TY,
     find_crossings,
     offset_pieces,
     points_at,
-    turned_left,
+    rotate_left,
     turns_between,
 )
 
@@ -71,14 +71,14 @@ def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[
     parts = _cut_pieces(pieces, rows, knives)
     middles = points_at(parts.pieces, parts.pieces[:, LENGTH] / 2)
     clear = find_nearest(source, middles * mirror).distance >= abs(distance) - SLACK
-    parts = parts.only(clear)
-    parts = parts.joined(
+    parts = parts.select(clear)
+    parts = parts.without_dead_ends(
         None if closed else points_at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1])
     )
     return [_to_offset_part(x, ring, mirror) for x, ring in parts.chains()]
 
 
-def crosses_itself(source: Segments, *, closed: bool) -> FloatArray | None:
+def find_self_crossing(source: Segments, *, closed: bool) -> FloatArray | None:
     """A point at which a path in the plane crosses or touches itself [m]; None without one."""
     table = _table(source, np.ones(2))
     pairs, distances = find_crossings(table)
@@ -86,7 +86,7 @@ def crosses_itself(source: Segments, *, closed: bool) -> FloatArray | None:
     ahead = (pairs[:, 1] - pairs[:, 0]) % n == 1
     behind = (pairs[:, 0] - pairs[:, 1]) % n == 1
     lengths = table[pairs, LENGTH]
-    at_start, at_end = distances <= 2 * SAME_PLACE, distances >= lengths - 2 * SAME_PLACE
+    at_start, at_end = distances <= 2 * SAME_POINT, distances >= lengths - 2 * SAME_POINT
     meant = (ahead & at_end[:, 0] & at_start[:, 1]) | (behind & at_start[:, 0] & at_end[:, 1])
     if not closed:
         meant &= ~(pairs.min(axis=1) == 0) | ~(pairs.max(axis=1) == n - 1) | (n == 2)
@@ -96,7 +96,7 @@ def crosses_itself(source: Segments, *, closed: bool) -> FloatArray | None:
     return np.asarray(points_at(table[pairs[k, :1]], distances[k, :1])[0])
 
 
-def crossing_owners(paths: Sequence[Segments]) -> tuple[int, int] | None:
+def find_crossing_paths(paths: Sequence[Segments]) -> tuple[int, int] | None:
     """Indices of two paths in the plane that cross or touch each other; None if there are none."""
     table = np.concatenate([_table(x, np.ones(2)) for x in paths])
     owner = np.repeat(np.arange(len(paths)), [len(x) for x in paths])
@@ -119,15 +119,15 @@ def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, 
     moved = offset_pieces(table, d)
     # An arc to the left with a radius below d has no offset, because its points are nearer than d
     # to the arc.
-    segment_mask = moved[:, LENGTH] > SAME_PLACE
+    segment_mask = moved[:, LENGTH] > SAME_POINT
     ends, leaving = points_at(table, table[:, LENGTH]), points_at(table, table[:, LENGTH], 1)
     turn = turns_between(leaving, np.roll(table, -1, axis=0)[:, TX : TY + 1])
     # Where the contour turns back by 180°, the vertex counts as an outside corner on both sides.
-    turn = np.where(turn > np.pi - SAME_PLACE, -np.pi, turn)
+    turn = np.where(turn > np.pi - SAME_POINT, -np.pi, turn)
     around = np.column_stack(
-        [ends + d * turned_left(leaving), leaving, np.full(n, -1 / d), -turn * d]
+        [ends + d * rotate_left(leaving), leaving, np.full(n, -1 / d), -turn * d]
     )
-    arc_mask = around[:, LENGTH] > SAME_PLACE
+    arc_mask = around[:, LENGTH] > SAME_POINT
     if not closed:
         arc_mask[-1] = False
     both = np.stack([moved, around], axis=1).reshape(-1, 6)
@@ -144,7 +144,7 @@ class _Parts:
     owners: IntArray  # Index of the piece to which each part belongs, (n,)
     nodes: IntArray  # Numbers of the points at which each part starts and ends, (n, 2)
 
-    def only(self, mask: BoolArray) -> _Parts:
+    def select(self, mask: BoolArray) -> _Parts:
         """The parts selected by a mask or by indices."""
         return _Parts(
             pieces=self.pieces[mask],
@@ -153,21 +153,21 @@ class _Parts:
             nodes=self.nodes[mask],
         )
 
-    def joined(self, ends: FloatArray | None) -> _Parts:
+    def without_dead_ends(self, ends: FloatArray | None) -> _Parts:
         """Discard parts that lead nowhere; an open offset starts and ends at `ends`, (2, 2)."""
         parts = self
         while len(parts.pieces):
             starts, stops = parts.nodes[:, 0], parts.nodes[:, 1]
             comes, goes = np.isin(starts, stops), np.isin(stops, starts)
             if ends is not None:
-                first = np.linalg.norm(parts.pieces[:, :2] - ends[0], axis=1) <= SAME_PLACE
+                first = np.linalg.norm(parts.pieces[:, :2] - ends[0], axis=1) <= SAME_POINT
                 tips = points_at(parts.pieces, parts.pieces[:, LENGTH])
                 comes |= first
-                goes |= np.linalg.norm(tips - ends[1], axis=1) <= SAME_PLACE
+                goes |= np.linalg.norm(tips - ends[1], axis=1) <= SAME_POINT
             mask = comes & goes
             if mask.all():
                 break
-            parts = parts.only(mask)
+            parts = parts.select(mask)
         return parts
 
     def chains(self) -> list[tuple[_Parts, bool]]:
@@ -188,13 +188,13 @@ class _Parts:
                 used[part] = True
                 chain.append(part)
                 ways = [k for k in leaving.get(int(self.nodes[part, 1]), ()) if not used[k]]
-                part = min(ways, key=partial(self._rightness, tips[part]), default=None)
+                part = min(ways, key=partial(self._right_turn, tips[part]), default=None)
             if chain:
                 closes = self.nodes[chain[-1], 1] == self.nodes[chain[0], 0]
-                chains.append((self.only(np.array(chain)), bool(closes)))
-        return [(x._merged(ring), ring) for x, ring in chains if not (ring and x._is_thin())]
+                chains.append((self.select(np.array(chain)), bool(closes)))
+        return [(x._merge_pieces(ring), ring) for x, ring in chains if not (ring and x._is_thin())]
 
-    def _rightness(self, tangent: FloatArray, k: int) -> float:
+    def _right_turn(self, tangent: FloatArray, k: int) -> float:
         """Angle by which the path turns to the right from `tangent` into part k [rad]."""
         tx, ty = self.pieces[k, TX], self.pieces[k, TY]
         return -float(
@@ -212,7 +212,7 @@ class _Parts:
         area = float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] + caps)) / 2
         return abs(area) <= THIN * float(p[:, LENGTH].sum())
 
-    def _merged(self, ring: bool) -> _Parts:
+    def _merge_pieces(self, ring: bool) -> _Parts:
         """Merge consecutive parts of a chain that belong to one piece."""
         chain = self
         if ring and len(chain.pieces) > 1:
@@ -220,10 +220,10 @@ class _Parts:
             changes = chain.owners != np.roll(chain.owners, 1)
             if changes.any():
                 first = int(np.argmax(changes & (chain.owners == chain.owners[changes].min())))
-                chain = chain.only(np.roll(np.arange(len(chain.pieces)), -first))
+                chain = chain.select(np.roll(np.arange(len(chain.pieces)), -first))
         begins = np.append(True, chain.owners[1:] != chain.owners[:-1])
         group = np.cumsum(begins) - 1
-        merged = chain.only(begins)
+        merged = chain.select(begins)
         pieces = merged.pieces.copy()
         pieces[:, LENGTH] = np.bincount(group, weights=chain.pieces[:, LENGTH])
         return _Parts(pieces=pieces, rows=merged.rows, owners=merged.owners, nodes=merged.nodes)
@@ -248,7 +248,7 @@ def _cut_pieces(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Part
     order = np.lexsort((distances, owners))
     order = order[owners[order] < n]
     owners, distances = owners[order], distances[order]
-    long = (owners[1:] == owners[:-1]) & (np.diff(distances) > SAME_PLACE / 2)
+    long = (owners[1:] == owners[:-1]) & (np.diff(distances) > SAME_POINT / 2)
     first, last = np.nonzero(long)[0], np.nonzero(long)[0] + 1
     source = owners[first]
     parts = pieces[source].copy()
@@ -256,7 +256,7 @@ def _cut_pieces(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Part
     parts[:, [TX, TY]] = points_at(pieces[source], distances[first], 1)
     parts[:, LENGTH] = distances[last] - distances[first]
     points = np.concatenate([parts[:, :2], points_at(pieces[source], distances[last])])
-    nodes = group_points(points, SAME_PLACE).reshape(2, -1).T
+    nodes = group_points(points, SAME_POINT).reshape(2, -1).T
     return _Parts(pieces=parts, rows=rows[source], owners=source, nodes=nodes)
 
 

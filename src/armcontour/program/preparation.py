@@ -27,10 +27,10 @@ from armcontour.program.moves import (
     Program,
     Rapid,
     contour_called,
+    find_departing_rapids,
     has_intended_start,
     last_end,
     next_rapid,
-    rapids_leading_away,
     reroute,
 )
 from armcontour.program.process import MAX_TABS, Lead, Leads, Process, Switch, Tabs, Weave
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 # Tag of the line down from the height of a pierce.
 PIERCE = "pierce"
 # Smallest distance from a tab to a corner, the start point or another tab [widths of a tab].
-CLEAR = 1.0
+TAB_CLEARANCE = 1.0
 # Smallest turn of a corner [rad]. Smaller turns occur in curves that are drawn as polylines.
 CORNER = np.radians(20)
 
@@ -71,18 +71,18 @@ def prepare(
         lengths = checks.check_sequence("lengths", lengths, Leads, "Leads")
     check_process(program, process)
     program = arrange_contours(program, process)
-    rapids_away = rapids_leading_away(program.moves)
-    switching = Switching(program.moves, process)
+    departing_rapids = find_departing_rapids(program.moves)
+    output_states = OutputStates(program.moves, process)
     moves: list[Move] = []
     drawn: list[Contour] = []
     changes = 0
     for i, move in enumerate(program.moves):
         if isinstance(move, Contour):
             layer_process, called = process.of_layer(move.layer), contour_called(move, len(drawn))
-            passes = _pass_again(move, layer_process.passes)
+            passes = _repeat_open_contour(move, layer_process.passes)
             drawn += passes
             move = _start_contour(
-                move, layer_process, has_intended_start(program.moves, i), called, switching
+                move, layer_process, has_intended_start(program.moves, i), called, output_states
             )
             moves += [replace(move, name=y.name) for y in passes]
         elif isinstance(move, Event) and move.changes_tool:
@@ -90,7 +90,7 @@ def prepare(
             changes += bool(drawn)
             if drawn and process.tool_change is not None:
                 moves.append(Dwell(duration=process.tool_change))
-        elif not (isinstance(move, Event) and switching.takes(move)):
+        elif not (isinstance(move, Event) and output_states.record_event(move)):
             moves.append(move)
     placement = None
     if process.leads:
@@ -115,7 +115,7 @@ def prepare(
         contours.append(
             _add_leads(move, layer_process, leads, run_in if not contours else None, placement, k)
         )
-    result = _link(program.moves, contours, process, rapids_away)
+    result = _link_moves(program.moves, contours, process, departing_rapids)
     notes = (*program.notes, *(() if placement is None else placement.notes))
     if changes and process.tool_change is None:
         note = (
@@ -162,7 +162,7 @@ def arrange_contours(program: Program, process: Process) -> Program:
     return order_contours(program, process)
 
 
-def _pass_again(contour: Contour, passes: int) -> list[Contour]:
+def _repeat_open_contour(contour: Contour, passes: int) -> list[Contour]:
     """One contour per pass for an open contour; a closed contour alone, as its passes are laps."""
     # `passes` is checked first, because `closed` takes longer.
     if passes == 1 or contour.closed:
@@ -179,8 +179,11 @@ def _keeps_lead(process: Process, contour: Contour, event: Event) -> bool:
     return layer_process.lead_in is not None or (switched and bool(event.value))
 
 
-def _link(
-    moves: Sequence[Move], contours: Sequence[Contour], process: Process, rapids_away: set[Rapid]
+def _link_moves(
+    moves: Sequence[Move],
+    contours: Sequence[Contour],
+    process: Process,
+    departing_rapids: set[Rapid],
 ) -> list[Move]:
     """Replace contours, reroute rapids to their new ends, add approaches, retracts and dwells."""
     result: list[Move] = []
@@ -189,7 +192,7 @@ def _link(
     number = 0
     for i, move in enumerate(moves):
         positions.append(len(result))
-        if isinstance(move, Rapid) and move in rapids_away:
+        if isinstance(move, Rapid) and move in departing_rapids:
             move = reroute(move, start=last_end(result))
         if not isinstance(move, Contour):
             result.append(move)
@@ -254,7 +257,7 @@ def _with_limits(path: Path, segment_limits: SegmentLimits) -> Path:
 
 
 def _start_contour(
-    contour: Contour, process: Process, led: bool, called: str, switching: Switching
+    contour: Contour, process: Process, led: bool, called: str, output_states: OutputStates
 ) -> Contour:
     """Apply start point, overlap, layer limits, events, tabs and weave to a contour."""
     segment_limits = process.layers.get(contour.layer)
@@ -273,7 +276,7 @@ def _start_contour(
                 s=event.s,
                 allowed=path.length,
             )
-    contour = switching.confine(contour, process.events)
+    contour = output_states.add_switching(contour, process.events)
     if closed:
         contour = add_tabs(contour, process, lap)
     return contour if process.weave is None else _weave(contour, process.weave, process.up)
@@ -431,7 +434,7 @@ def _cut_after(contour: Contour, s: float, keeps_lead: Callable[[Contour, Event]
     )
 
 
-class Switching:
+class OutputStates:
     """States of the outputs in `switch` and `off_between`, updated from contour to contour."""
 
     def __init__(self, moves: Sequence[Move], process: Process) -> None:
@@ -452,13 +455,13 @@ class Switching:
                     if event.value:
                         self.states[event.name] = replace(event, value=False)
 
-    def takes(self, event: Event) -> bool:
+    def record_event(self, event: Event) -> bool:
         """Record an event between contours; true if it applies from the next contour's start on."""
         if event.name in self.names:
             self.states[event.name] = event
         return event.name in self.names
 
-    def confine(self, contour: Contour, events: Sequence[Event]) -> Contour:
+    def add_switching(self, contour: Contour, events: Sequence[Event]) -> Contour:
         """Add events to a contour, so that the outputs are off before and after the contour."""
         # `contour`: the contour from its start point, with laps and overlap; `events`: events of
         # the process for the contour.
@@ -532,11 +535,11 @@ def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
     """Arc lengths of the middles of tabs on the first lap [m], (tabs,)."""
     # Tabs are evenly spaced. A tab at a corner or at the start point is moved next to this point.
     width = tabs.width
-    count = tabs.count or _count(contour, tabs.spacing or lap, lap)
+    count = tabs.count or _count_tabs(contour, tabs.spacing or lap, lap)
     even = (np.arange(count) + 0.5) * lap / count
     inner = contour.path.breaks[1:-1][contour.path.turns > CORNER]
     corners = np.concatenate([[0.0], inner[inner < lap], [lap]])
-    margin = (0.5 + CLEAR) * width
+    margin = (0.5 + TAB_CLEARANCE) * width
     low, high = corners[:-1] + margin, corners[1:] - margin
     free = low <= high
     moved = np.clip(even[:, None], low[free], high[free])
@@ -544,9 +547,9 @@ def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
     if free.any():
         nearest = np.argmin(np.abs(moved - even[:, None]), axis=1)
         positions = np.sort(moved[np.arange(count), nearest])
-    if not free.any() or (np.diff(positions) < (1 + CLEAR) * width).any():
+    if not free.any() or (np.diff(positions) < (1 + TAB_CLEARANCE) * width).any():
         raise InvalidInput(
-            f"{_called(contour)} of {lap * 1e3:.4g} mm "
+            f"{_name_contour(contour)} of {lap * 1e3:.4g} mm "
             f"has no room for {count} tab{'s' if count > 1 else ''} of {width * 1e3:.4g} mm. Tabs "
             "must be at least one width away from corners, the start point and each other. "
             "Specify fewer or narrower tabs, or remove them with by_layer.",
@@ -556,13 +559,13 @@ def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
     return positions
 
 
-def _count(contour: Contour, spacing: float, lap: float) -> int:
+def _count_tabs(contour: Contour, spacing: float, lap: float) -> int:
     """Number of tabs of a lap for a spacing [m]."""
     count = max(1, round(lap / spacing))
     if count > MAX_TABS:
         raise InvalidInput(
-            f"{_called(contour)} of {lap * 1e3:.4g} mm would have {count:.4g} tabs with a spacing "
-            f"of {spacing * 1e3:.4g} mm, but at most {MAX_TABS} are supported. Specify a larger "
+            f"{_name_contour(contour)} of {lap * 1e3:.4g} mm would have {count:.4g} tabs with a "
+            f"spacing of {spacing * 1e3:.4g} mm, but at most {MAX_TABS} are supported. Specify a larger "
             "spacing.",
             needed=count,
             allowed=MAX_TABS,
@@ -570,6 +573,6 @@ def _count(contour: Contour, spacing: float, lap: float) -> int:
     return count
 
 
-def _called(contour: Contour) -> str:
+def _name_contour(contour: Contour) -> str:
     """Name of a contour for messages."""
     return contour_called(contour, 0) if contour.name else "A contour"

@@ -165,7 +165,7 @@ def draw_with_arcs(contour: Contour) -> Contour:
     """Replace the transitions of a contour's path by arcs."""
     from armcontour.geometry.arc_fit import draw_with_arcs as draw_path
 
-    if not contour.path.segments.bent.any():
+    if not contour.path.segments.is_transition.any():
         return contour
     path, pairs = draw_path(contour.path)
     return _move_to_path(contour, path, partial(_interpolate, pairs))
