@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
@@ -11,14 +11,12 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import checked
+from armcontour.core.fields import Checked
 from armcontour.core.frames import log
 from armcontour.core.quantities import (
-    Axes,
     Choice,
     Duration,
     Frequency,
-    Quantity,
     Size,
     Speed,
     Tolerance,
@@ -29,6 +27,8 @@ from armcontour.geometry.path_parts import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
 
 SHAPES = ("sine", "zigzag")
+# Directions that a weave can be perpendicular to, in addition to its seam.
+PLANES = ("tool", "frame")
 UP = checks.frozen_array([0.0, 0.0, 1.0])
 # Initial number of points of a sine per pitch, largest number of doublings, and largest number of
 # points.
@@ -53,6 +53,38 @@ ROUNDING = 1e-12
 MAX_DWELL = 0.8
 
 
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weave(Checked):
+    """Weaving to both sides of a seam, perpendicular to the seam and to the tool axis.
+
+    Args:
+        width: Distance between the crests on both sides [m].
+        pitch: Length of the seam per wave [m]; specify this or the frequency.
+        frequency: Waves per second at the assigned velocity [1/s].
+        dwell: Time at each edge, during which the tool moves along the seam at its assigned
+            velocity [s].
+        speed: Assigned velocity along the seam [m/s]; by default that of the contour.
+        plane: "tool" weaves perpendicular to the tool axis, "frame" perpendicular to `up` of the
+            process, which is z of `path.frame`.
+        shape: "sine", or "zigzag": lines from crest to crest with rounded corners.
+        tolerance: Largest distance of the arcs from the sine [m].
+    """
+
+    width: Size = field(kw_only=False)
+    pitch: Size | None = None
+    frequency: Frequency | None = None
+    dwell: Duration = 0.0
+    speed: Speed | None = None
+    shape: Annotated[str, Choice(SHAPES)] = "sine"
+    plane: Annotated[str, Choice(PLANES)] = "tool"
+    tolerance: Tolerance = 1e-5
+
+    def _check_together(self) -> None:
+        if (self.pitch is None) == (self.frequency is None):
+            raise InvalidInput("A weave needs either a pitch or a frequency, not both.")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Woven:
     """Seam, crests and parameters of a woven path."""
@@ -66,19 +98,7 @@ class Woven:
     left_out: float  # Total length of the parts of the seam that are too short for the weave [m]
 
 
-@checked
-def weave_seam(
-    path: Path,
-    *,
-    width: Size,  # Distance between the crests on both sides [m]
-    pitch: Size | None = None,  # Length of the seam per wave [m]; give this or the frequency
-    frequency: Frequency | None = None,
-    dwell: Duration = 0.0,
-    speed: Speed | None = None,
-    shape: Annotated[str, Choice(SHAPES)] = "sine",
-    up: Annotated[npt.ArrayLike, Quantity(""), Axes(3)] | None = None,
-    tolerance: Tolerance = 1e-5,  # Largest distance of the arcs from the sine [m]
-) -> tuple[Path, Woven]:
+def weave_seam(path: Path, weave: Weave, up: FloatArray = UP) -> tuple[Path, Woven]:
     """Path that weaves perpendicular to a seam and to the tool axis, and its parameters."""
     # Vertices that turn by no more than 30° are waypoints of a smooth seam, a spline through them,
     # unless a vertex turns by more than 5° and three times as much as both of its neighbours. All
@@ -87,18 +107,14 @@ def weave_seam(
     # tangent to the seam at both ends. A part of less than half a pitch is not woven. Speeds are
     # along the seam, so the assigned velocity of each piece of the woven path is greater by the
     # ratio of the lengths. Tolerances, tags and the tool orientation are those of the seam.
-    # `frequency`: waves per second at the assigned velocity of the seam [1/s]; `dwell`: time at
-    # each edge, during which the tool moves along the seam at its assigned velocity [s]; `speed`:
-    # assigned velocity along the seam [m/s]; by default that of its segments; `shape`: "sine", as
-    # tangent arcs, or "zigzag", as lines from crest to crest; `up`: for a seam in space, the
-    # direction that weaving is perpendicular to, (3,). By default it is the tool axis, or z for a
-    # seam without orientation.
-    if speed is not None:
-        same = path.segments.replace(speeds=np.full(len(path), speed))
+    # `up`: for a weave with the plane "frame", the direction that weaving is perpendicular to,
+    # (3,). With the plane "tool" and a seam in space without orientation, this direction is z.
+    if weave.speed is not None:
+        same = path.segments.replace(speeds=np.full(len(path), weave.speed))
         path = replace(path, segments=same)
-    pitch, edge = _pitch_and_edge(path, pitch, frequency, dwell)
+    pitch, edge = _pitch_and_edge(path, weave)
     direction = None
-    if up is not None:
+    if weave.plane == "frame":
         length = np.linalg.norm(up)
         checks.raise_if(length == 0, "up must be a direction in space.")
         direction = np.asarray(up) / length
@@ -112,12 +128,12 @@ def weave_seam(
     parts, seams, crests, left_out, done = [], [], [], 0.0, 0.0
     for begin, end in zip(ends[:-1], ends[1:], strict=True):
         part = path if len(ends) == 2 else cut_path(path, begin, end)
-        seam, matched_s = _smooth_seam(part, pitch, width)
+        seam, matched_s = _smooth_seam(part, pitch, weave.width)
         wave = _Wave(
             part=part,
             seam=seam,
             places=matched_s,
-            width=width,
+            width=weave.width,
             pitch=pitch,
             edge=edge,
             up=direction,
@@ -127,9 +143,9 @@ def weave_seam(
             left_out += part.length
             parts.append(part)
         else:
-            _check_radius(seam, width)
+            _check_radius(seam, weave.width)
             crests.append(done + wave.full_crests())
-            parts.append(_weave_part(wave, shape, tolerance))
+            parts.append(_weave_part(wave, weave.shape, weave.tolerance))
         done += seam.length
     if left_out >= 0.999 * path.length:
         raise InvalidInput(
@@ -143,7 +159,7 @@ def weave_seam(
     woven = Woven(
         seam=join_paths(seams),
         crests=np.concatenate(crests),
-        width=width,
+        width=weave.width,
         pitch=pitch,
         frequency=assigned / pitch,
         left_out=left_out,
@@ -151,12 +167,9 @@ def weave_seam(
     return join_paths(parts), woven
 
 
-def _pitch_and_edge(
-    path: Path, pitch: float | None, frequency: float | None, dwell: float
-) -> tuple[float, float]:
+def _pitch_and_edge(path: Path, weave: Weave) -> tuple[float, float]:
     """Lengths of the seam per wave and per dwell at an edge [m]."""
-    if (pitch is None) == (frequency is None):
-        raise InvalidInput("A weave needs either a pitch or a frequency, not both.")
+    pitch, frequency, dwell = weave.pitch, weave.frequency, weave.dwell
     speed = float(path.speeds[0])
     if (frequency is not None or dwell) and not (path.speeds == speed).all():
         raise InvalidInput(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ from armcontour.core.text import count_noun, shorten
 from armcontour.geometry import Path, SegmentLimits
 from armcontour.geometry.path_parts import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.geometry.weave import weave_seam
+from armcontour.geometry.weave import Weave, weave_seam
 from armcontour.program.contour_order import close_contour, direct_contours, order_contours
 from armcontour.program.moves import (
     Contour,
@@ -33,7 +33,7 @@ from armcontour.program.moves import (
     next_rapid,
     reroute,
 )
-from armcontour.program.process import MAX_TABS, Lead, Leads, Process, Switch, Tabs, Weave
+from armcontour.program.process import MAX_TABS, Lead, Leads, Process, Switch, Tabs
 
 if TYPE_CHECKING:
     from armcontour.program.kerf import LeadPlacement
@@ -285,10 +285,7 @@ def _start_contour(
 def _weave(contour: Contour, weave: Weave, up: FloatArray) -> Contour:
     """Weave along a contour; events stay at the same fraction of the length."""
     with error_context(f"weave of {contour_called(contour, 0) if contour.name else 'a contour'}"):
-        wishes = asdict(weave)
-        path, woven = weave_seam(
-            contour.path, up=up if wishes.pop("plane") == "frame" else None, **wishes
-        )
+        path, woven = weave_seam(contour.path, weave, up)
     factor = path.length / contour.path.length
     events = tuple(replace(x, s=min(x.s * factor, path.length)) for x in contour.events)
     return replace(contour, path=path, events=events, ring=contour.closed, woven=woven)
@@ -565,8 +562,8 @@ def _count_tabs(contour: Contour, spacing: float, lap: float) -> int:
     if count > MAX_TABS:
         raise InvalidInput(
             f"{_name_contour(contour)} of {lap * 1e3:.4g} mm would have {count:.4g} tabs with a "
-            f"spacing of {spacing * 1e3:.4g} mm, but at most {MAX_TABS} are supported. Specify a larger "
-            "spacing.",
+            f"spacing of {spacing * 1e3:.4g} mm, but at most {MAX_TABS} are supported. Specify a "
+            "larger spacing.",
             needed=count,
             allowed=MAX_TABS,
         )

@@ -20,7 +20,6 @@ from armcontour.core.quantities import (
     Direction,
     Distance,
     Duration,
-    Frequency,
     Interval,
     Name,
     NeededName,
@@ -29,10 +28,9 @@ from armcontour.core.quantities import (
     Size,
     Speed,
     Time,
-    Tolerance,
 )
 from armcontour.geometry import SegmentLimits
-from armcontour.geometry.weave import SHAPES as WEAVES
+from armcontour.geometry.weave import Weave
 from armcontour.program.moves import Event, Value
 
 SHAPES = ("line", "arc")
@@ -162,42 +160,6 @@ class Tabs(Checked):
     def _check_together(self) -> None:
         if (self.count is None) == (self.spacing is None):
             raise InvalidInput("Tabs need either their count or their spacing, not both.")
-
-
-# Directions that a weave can be perpendicular to, in addition to its seam.
-PLANES = ("tool", "frame")
-
-
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Weave(Checked):
-    """Weaving to both sides of a seam, perpendicular to the seam and to the tool axis.
-
-    Args:
-        width: Distance between the crests on both sides [m].
-        pitch: Length of the seam per wave [m]; specify this or the frequency.
-        frequency: Waves per second at the assigned velocity [1/s].
-        dwell: Time at each edge, during which the tool moves along the seam at its assigned
-            velocity [s].
-        speed: Assigned velocity along the seam [m/s]; by default that of the contour.
-        plane: "tool" weaves perpendicular to the tool axis, "frame" perpendicular to `up` of the
-            process, which is z of `path.frame`.
-        shape: "sine", or "zigzag": lines from crest to crest with rounded corners.
-        tolerance: Largest distance of the arcs from the sine [m].
-    """
-
-    width: Size = field(kw_only=False)
-    pitch: Size | None = None
-    frequency: Frequency | None = None
-    dwell: Duration = 0.0
-    speed: Speed | None = None
-    shape: Annotated[str, Choice(WEAVES)] = "sine"
-    plane: Annotated[str, Choice(PLANES)] = "tool"
-    tolerance: Tolerance = 1e-5
-
-    def _check_together(self) -> None:
-        if (self.pitch is None) == (self.frequency is None):
-            raise InvalidInput("A weave needs either a pitch or a frequency, not both.")
 
 
 @checks.explain_calls
