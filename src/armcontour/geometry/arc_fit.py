@@ -75,9 +75,9 @@ LARGEST_STEP = 0.35
 # errors of its points if these determine the direction of the chord.
 ON_CHORD = 1e-12
 ROUNDING = 16 * np.finfo(float).eps
-# Rounding errors within which neighbours are merged: SAME_LINE: difference of tangents [rad];
-# SAME_CIRCLE: relative difference of radii and of directions to the centre; SAME_POINT: largest
-# distance by which merging moves the end point [m].
+# Neighbours are merged if they agree within SAME_LINE (difference of tangents [rad]) or SAME_CIRCLE
+# (relative difference of radii and of directions to the centre), and if merging moves the end point
+# by at most SAME_POINT [m].
 SAME_LINE = 1e-12
 SAME_CIRCLE = 1e-10
 SAME_POINT = 1e-11
@@ -91,7 +91,7 @@ def fit_arcs(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Segments:
     # all other neighbours are tangent.
     # `curve`: `curve(t, order)` gives points [m] (order 0) or derivatives with respect to t (order
     # 1), (n, 2) or (n, 3), for t of shape (n,). It is smooth between two breaks; `breaks`:
-    # increasing values of t; the curve runs from the first to the last; `tolerance`: largest
+    # increasing values of t, from the start to the end of the curve; `tolerance`: largest
     # distance of the arcs from the curve and of the curve from the arcs [m].
     knots = checks.check_numbers("breaks of a curve", breaks)
     if knots.ndim != 1 or len(knots) < 2 or (np.diff(knots) <= 0).any():
@@ -180,7 +180,7 @@ def _wrap_curve(curve: Curve) -> Curves:
 def _fit_curves(
     curves: Curves, breaks: FloatArray, row: IntArray, tolerance: float, *, through: bool
 ) -> tuple[Segments, IntArray]:
-    """The segments of all curves, and the indices of the vertices that are never merged."""
+    """Segments of all curves, and indices of the vertices at which segments are never merged."""
     # The indices end with the number of segments. With `through` every break is such a vertex, and
     # all intervals become arcs; otherwise the start of each curve is such a vertex.
     with np.errstate(all="ignore"):
@@ -256,7 +256,7 @@ def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Interva
 def _split_at_cusps(
     curves: Curves, breaks: FloatArray, rows: IntArray
 ) -> tuple[FloatArray, IntArray, BoolArray]:
-    """The breaks with the cusps of the curves added, their curves, and a mask of the cusps."""
+    """Insert the cusps of curves into the breaks; returns breaks, their curves, mask of cusps."""
     # The derivative of a curve vanishes at a cusp.
     one = np.flatnonzero(rows[:-1] == rows[1:])
     begin, end = breaks[one], breaks[one + 1]
@@ -375,7 +375,8 @@ def _distances_from_arcs(intervals: _Intervals, points: FloatArray) -> FloatArra
         v = points - end[:, None]
         outside = dot(v, tangent[:, None]) < 0
         distances = np.maximum(distances, np.where(outside, length(v), 0.0).max(axis=1))
-    # Arcs of at most a quarter circle do not overlap between the planes at their ends.
+    # The distance from the full circle is the distance from an arc of at most a quarter circle,
+    # because points between the planes at the ends of the arc are not nearest to the other side.
     quarter = np.pi / 2 * (1 + 1e-9)
     bent = np.maximum(first.curvatures * first.lengths, second.curvatures * second.lengths)
     return np.where(bent <= quarter, distances, np.inf)

@@ -42,7 +42,8 @@ def make_biarcs(
     # The values are not finite where no biarc exists, such as for equal ends with equal tangents.
     # `share`: tangent length of the first arc divided by that of the second, (n,) or a number.
     chord, w = p1 - p0, np.asarray(share)[..., None]
-    # |chord - d (w t0 + t1)| = (1 + w) d, solved for the positive d without cancellation.
+    # The tangent length d of the second arc solves |chord - d (w t0 + t1)| = (1 + w) d. The
+    # positive solution is computed without cancellation.
     c, b = dot(chord, chord), dot(chord, w * t0 + t1)
     a = 2 * share * (1 - dot(t0, t1))
     root = np.sqrt(b * b + a * c)
@@ -86,13 +87,13 @@ def biarc_distance(points: FloatArray, first: Segments, second: Segments) -> Flo
 
 
 def _from_circle(points: FloatArray, arcs: Segments) -> FloatArray:
-    """Distances of points, (n, k, dimension), from the full circles or lines of arcs, (n, k)."""
+    """Distances of points, (n, k, dimension), from full circles or lines of arcs [m], (n, k)."""
     v = points - arcs.starts[:, None]
     x = dot(v, arcs.tangents[:, None])
     y = dot(v, arcs.normals[:, None])
     out_of_plane = dot(v, v) - x * x - y * y
     k = arcs.curvatures[:, None]
-    # |p - c| - r, without cancellation if the radius is very large.
+    # This form of |p - c| - r has no cancellation if the radius is very large.
     power = k * (x * x + y * y) - 2 * y
     in_plane = power / (1 + np.sqrt(np.maximum(1 + k * power, 0.0)))
     line = np.where(k == 0, np.abs(y), np.abs(in_plane))
@@ -142,7 +143,7 @@ def join_by_quintics(begin: Contact, end: Contact, lengths: FloatArray) -> Segme
 
 
 def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
-    """Replace transitions by arcs within `DRAWN`; also returns the original arc lengths."""
+    """Replace transitions by arcs within `DRAWN`; also returns their original arc lengths."""
     # Returns a table of lines and arcs, which is `segments` if there are no transitions, and for
     # each line and arc the arc length on the original path at which it starts [m], (n,). An arc is
     # never longer than the part that it replaces.

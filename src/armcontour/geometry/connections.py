@@ -53,7 +53,7 @@ LARGEST_CURVATURE = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Connections:
-    """The connections across n vertices."""
+    """Polynomial connections across n vertices."""
 
     begin: FloatArray  # Start points relative to the vertices [m], (n, dimension)
     # Coefficients of 1 to x⁷ of the position relative to the start, x from 0 to 1 [m], (n, 8,
@@ -113,7 +113,7 @@ class Connections:
 
     def contact(self, i: IntArray | slice, x: FloatArray) -> Contact:
         """Positions relative to the starts, unit tangents and curvature vectors at parameters x."""
-        # `i`: the connections; x from 0 to 1.
+        # `i`: indices of the connections, or a slice; x is between 0 and 1.
         return self.evaluate(i, x), *tangent_and_curvature(
             self.evaluate(i, x, 1), self.evaluate(i, x, 2)
         )

@@ -105,8 +105,8 @@ class LineCorner(CornerKind):
     stretch: Callable[[FloatArray], FloatArray]
     length: Callable[[FloatArray], FloatArray]
     least: Callable[[FloatArray], FloatArray]
-    # Draws curves with given bounds and smallest radii [m]; returns the segments, and the index of
-    # the corner of each
+    # Function that draws curves with given bounds and smallest radii [m]; it returns the segments,
+    # and the index of the corner of each segment
     lay: Callable[[CornerBounds, FloatArray], tuple[Segments, IntArray]]
     smooth: bool = False  # True if its curvature is continuous
 
@@ -241,7 +241,8 @@ def _count_quintics(half: FloatArray) -> IntArray:
 def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
     """Tangent arcs along parabolas y = x² / 2 from tangent angle -h to h, and parabola of each."""
     # The ends of the arc pairs are on the parabola and have its tangents; one end is the apex.
-    # With w = asinh(tan(angle)) the curvature is cosh(w)**-3: it changes by 3 tanh(w) dw.
+    # With w = asinh(tan(angle)) the curvature is cosh(w)**-3, so its relative change is 3 tanh(w)
+    # dw.
     largest = np.arcsinh(np.tan(half))
     steps = 2 * np.maximum(np.ceil(largest / STEP), 1.0).astype(np.intp)
     parabola, k = number_parts(steps)
@@ -292,9 +293,9 @@ SMOOTH = LineCorner(
 
 def fit_lengths(requested: FloatArray, vertex: IntArray, lengths: FloatArray) -> FloatArray:
     """Reduce the lengths that vertices request on either side until they fit the segments [m]."""
-    # A vertex may use half of a segment, or the part that the vertex at the other end does not
-    # request, if this is more. This rule depends on direct neighbours only, is independent of the
-    # direction of travel, and always has a solution.
+    # A vertex may use half of a segment, or more if the vertex at the other end requests less than
+    # half. This rule depends on direct neighbours only, is independent of the direction of travel,
+    # and always has a solution.
     # `requested`: requested lengths on either side [m], (n,); `vertex`: index of the segment before
     # each vertex, increasing, (n,); `lengths`: lengths of all segments [m].
     # Returns the reduced lengths, (n,).

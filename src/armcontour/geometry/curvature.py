@@ -28,7 +28,7 @@ from armcontour.geometry.segments import EVERY, TANGENT_TOLERANCE, Segments
 from armcontour.geometry.shaped_path import ShapedPath
 
 # Curvatures that differ by less than this fraction, or by less than the floor [1/m], count as
-# equal: over a metre of path the floor turns the tangent by a nanoradian.
+# equal, because over a metre of path the floor turns the tangent by a nanoradian only.
 SAME_BEND, BEND_FLOOR = 1e-9, 1e-9
 # Deviation of a connection from the path at a small turn, divided by the square of its half length
 # and by the jump of the curvature.

@@ -23,7 +23,7 @@ from armcontour.core.text import count_noun, short_repr
 # Orientations that differ by less than this angle [rad] count as equal.
 SAME_ORIENTATION = 1e-9
 # Angular rates that differ by less than this relative difference, or less than the floor [rad/m],
-# count as equal: over a metre of path the floor turns the tool by SAME_ORIENTATION only.
+# count as equal, because over a metre of path the floor turns the tool by SAME_ORIENTATION only.
 SAME_RATE = 1e-9
 RATE_FLOOR = 1e-9
 # Relative rounding error of an arc length.
@@ -194,7 +194,7 @@ class Orientation(Checked):
         return np.asarray(second @ first @ self.starts[i])
 
     def rates_on_piece(self, i: IntArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Angular rate [rad/m] and its derivative at distance `u` after the start of piece `i`.
+        """Angular rate [rad/m] and its derivative [rad/m²] at distance `u` along piece `i`.
 
         Args:
             i: Indices of pieces, (n,).
@@ -268,8 +268,8 @@ class Orientation(Checked):
         rows = {x: getattr(self, x)[i].copy() for x in ("starts", "first", "second", "f", "g")}
         before = max(-float(breaks[i[0]]), 0.0)
         if before > 0:
-            # The first piece starts inside its former range: its start is the rotation there, and
-            # the second rotation up to there rotates `first`.
+            # The first piece now starts inside its former range. Its start rotation is the
+            # orientation at this point, and the second rotation up to this point rotates `first`.
             rows["starts"][0] = self.on_piece(i[:1], np.array([before]))[0]
             for c in (rows["f"], rows["g"]):
                 c[:1] = shift_polynomials(c[:1], np.array([before]))

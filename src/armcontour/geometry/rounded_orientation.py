@@ -32,7 +32,7 @@ from armcontour.geometry.segments import Segments
 MIDDLE, SMOOTH_MIDDLE = 1 / 8, 5 / 32
 # A remainder of constant rate between two blends that is shorter than this is discarded [m].
 SLIVER = 1e-12
-# No vertices.
+# Empty array of vertex indices.
 NO_VERTICES = np.empty(0, dtype=np.intp)
 
 
@@ -120,8 +120,8 @@ def follow_rounded(
 
     orientation = objective.orientation
     assert orientation is not None
-    # After the curve at a corner, the frame is that of the next objective segment, except for
-    # rounding errors; exact frames prevent that these add up.
+    # After the curve at a corner, the frame equals that of the next objective segment, except for
+    # rounding errors. The frames of the objective are used, so rounding errors do not add up.
     frames = orientation.on_piece(np.arange(len(objective)), cut)
     first = np.flatnonzero(np.diff(segment)) + 1
     start_frames = dict(zip(first.tolist(), frames[segment[first]], strict=True))
@@ -179,7 +179,7 @@ def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> Floa
     # The angle between two rotations is at most the distance of their rotation vectors, so this
     # angle is at most `k |b - a|`. The tool axis alone turns by at most
     # `k d + k² e m / 2`: d and e are the components of b - a perpendicular and parallel to the
-    # axis, and m is the smaller of the rates at which a and b tilt it. See
+    # axis, and m is the smaller of the rates at which a and b tilt the axis. See
     # docs/concepts/rounding.md.
     if sharp.fixed:
         return np.full(len(vertex), np.inf)

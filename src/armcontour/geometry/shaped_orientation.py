@@ -106,12 +106,12 @@ def orient_shaped(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Runs:
-    """Runs: the k parts of an objective between changes of its angular rate."""
+    """The k runs of an objective, which are its parts between changes of the angular rate."""
 
-    objective_s: FloatArray  # Arc lengths of their ends on the objective [m], (k + 1,)
-    s: FloatArray  # Arc lengths of their ends on the path [m], (k + 1,)
-    segment: IntArray  # First segments on the objective, (k,)
-    starts: FloatArray  # Rotation matrices at their starts, (k, 3, 3)
+    objective_s: FloatArray  # Arc lengths on the objective between runs [m], (k + 1,)
+    s: FloatArray  # Arc lengths on the path between runs [m], (k + 1,)
+    segment: IntArray  # Index of the first objective segment of each run, (k,)
+    starts: FloatArray  # Rotation matrices at the starts of the runs, (k, 3, 3)
     rates: FloatArray  # Angular rates over the arc length of the objective [rad/m], (k, 3)
     # Angular speeds of the tool, or of its axis if only that is prescribed [rad/m], (k,)
     speeds: FloatArray
@@ -194,7 +194,7 @@ def _blend_lengths(
     path: Path, objective: Path, runs: _Runs, pairs: FloatArray, allowed: float
 ) -> FloatArray:
     """Length of the blend on either side of each vertex between runs [m], (k - 1,)."""
-    # The length is 0 where the rate does not jump, or where the tool stops anyway.
+    # The length is 0 where the rate does not jump, or where the tool stops at a corner.
     orientation = objective.orientation
     assert orientation is not None
     vertex = runs.segment[1:] - 1

@@ -27,7 +27,7 @@ from armcontour.geometry.path_parts import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
 
 SHAPES = ("sine", "zigzag")
-# Directions that a weave can be perpendicular to, in addition to its seam.
+# Names of the directions to which a weave can be perpendicular, in addition to its seam.
 PLANES = ("tool", "frame")
 UP = checks.frozen_array([0.0, 0.0, 1.0])
 # Initial number of points of a sine per pitch, largest number of doublings, and largest number of

@@ -168,7 +168,7 @@ class Execution(Checked):
         return motion if deviation.max(initial=0.0) < SAME_POSITION else None
 
     def _are_steps(self, indices: IntArray) -> bool:
-        """True if samples and the next samples are at whole steps, whole fractions of a cycle."""
+        """True if each sample and the next one are one step apart, and a cycle has whole steps."""
         step = float(self.t[1] - self.t[0])
         if not 0 < step < self.set_points.cycle * (1 + WHOLE_STEPS):
             return False

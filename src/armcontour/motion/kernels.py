@@ -30,7 +30,7 @@ def interval_times(
     width: FloatArray, begin: FloatArray, end: FloatArray, slope: FloatArray
 ) -> FloatArray:
     """Durations of intervals with a path acceleration linear in s [s], (n,)."""
-    # `(2 / k) atanh(k width / (begin + end))` with `k² = slope`.
+    # The duration is `(2 / k) atanh(k width / (begin + end))` with `k² = slope`.
     # `width`: lengths of the intervals [m], (n,); `begin`: path speeds at the starts [m/s], (n,);
     # `end`: path speeds at the ends [m/s], (n,); `slope`: slopes of dds over s [1/s²], (n,).
     times = np.empty(len(width))

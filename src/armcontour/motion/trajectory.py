@@ -117,7 +117,7 @@ class TimedEvent:
     point: tuple[float, ...]
 
     def shifted(self, by: float) -> TimedEvent:
-        """The event later by a time [s]."""
+        """The event delayed by a time [s]."""
         return replace(self, t=self.t + by, due=self.due + by) if by else self
 
 

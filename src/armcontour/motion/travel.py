@@ -21,8 +21,8 @@ ROUNDING = 1e-12
 
 def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray, FloatArray]:
     """Times [s], and upper bounds of each joint's travel from the start to these times [rad]."""
-    # Motion in both directions adds to the travel. Between the times, the bound is interpolated
-    # linearly: between any two times, a joint moves at most by the increase of the bound.
+    # Motion in both directions adds to the travel. The bound is linear between the times. A joint
+    # moves at most by the increase of the bound between any two times.
     # `motion`: a planned or an executed motion, or a joint path, for which arc length replaces
     # time. Between its samples, the accelerations of an executed motion are assumed to be at most
     # the largest demand.

@@ -12,7 +12,7 @@ from armcontour.core.sampling import number_parts
 
 # Points closer than this distance [m] count as equal.
 SAME_POINT = 1e-9
-# Sine of the angle between two lines below which they are parallel.
+# Lines count as parallel if the sine of the angle between them is below this value.
 PARALLEL = 1e-12
 # Approximate number of pairs of pieces that are intersected together, which limits the memory.
 PAIRS = 200_000
@@ -36,7 +36,7 @@ def points_at(pieces: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
 
 def offset_pieces(pieces: FloatArray, d: float) -> FloatArray:
     """Pieces offset by d to the left [m], (n, 6); arcs of negative radius get lengths <= 0."""
-    # Arcs keep their centres.
+    # The offset of an arc has the same centre.
     moved, grown = pieces.copy(), 1 - pieces[:, CURVATURE] * d
     moved[:, :2] += d * rotate_left(pieces[:, TX : TY + 1])
     moved[:, CURVATURE] /= np.where(grown > 0, grown, 1.0)

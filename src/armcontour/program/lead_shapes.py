@@ -18,8 +18,8 @@ QUARTER = np.pi / 2
 # Smallest sine of the angle between tangent and `up`. Below it, left and right are undefined.
 VERTICAL = 1e-6
 # Largest sine of the angle by which a contour may turn at a vertex towards the side of an arc lead.
-# With a larger angle, the arc would cross the contour along more than the fraction of its length on
-# which contact is ignored.
+# With a larger angle, the contour would cross the arc outside the part at its end on which contact
+# is ignored.
 MAX_INWARD_TURN = 0.005
 
 

@@ -163,7 +163,7 @@ def arrange_contours(program: Program, process: Process) -> Program:
 
 
 def _repeat_open_contour(contour: Contour, passes: int) -> list[Contour]:
-    """One contour per pass for an open contour; a closed contour alone, as its passes are laps."""
+    """One contour per pass of an open contour; a closed contour alone, whose passes are laps."""
     # `passes` is checked first, because `closed` takes longer.
     if passes == 1 or contour.closed:
         return [contour]
