@@ -394,7 +394,7 @@ class LeadPlacement:
         count = count_noun(len(self._shortened), "lead")
         return (
             "Leads are shorter than the tool needs to reach its speed, because longer leads cross "
-            f"a contour or leave the scrap: {count}; the shortest is {min(self._shortened)[1]}.",
+            f"a contour or leave the scrap ({count}). The shortest is {min(self._shortened)[1]}.",
         )
 
     def _beyond(self, contour: Contour, path: Path, after: bool) -> FloatArray | None:

@@ -158,13 +158,13 @@ class _Parts:
         parts = self
         while len(parts.pieces):
             starts, stops = parts.nodes[:, 0], parts.nodes[:, 1]
-            comes, goes = np.isin(starts, stops), np.isin(stops, starts)
+            has_previous, has_next = np.isin(starts, stops), np.isin(stops, starts)
             if ends is not None:
                 first = np.linalg.norm(parts.pieces[:, :2] - ends[0], axis=1) <= SAME_POINT
                 tips = points_at(parts.pieces, parts.pieces[:, LENGTH])
-                comes |= first
-                goes |= np.linalg.norm(tips - ends[1], axis=1) <= SAME_POINT
-            mask = comes & goes
+                has_previous |= first
+                has_next |= np.linalg.norm(tips - ends[1], axis=1) <= SAME_POINT
+            mask = has_previous & has_next
             if mask.all():
                 break
             parts = parts.select(mask)

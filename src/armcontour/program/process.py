@@ -54,7 +54,7 @@ DIRECTIONS = (DRAWN, *TOOL_SIDES, "clockwise", "counterclockwise")
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lead(Checked):
-    """A part of the path before or after a contour, on which the tool reaches or leaves its speed.
+    """A part of the path before or after a contour, on which the tool accelerates or decelerates.
 
     Args:
         length: Length of the lead [m]; None for the length that the arm needs to reach the

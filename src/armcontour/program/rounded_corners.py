@@ -77,7 +77,7 @@ def round_corners(
             without a stop.
 
     Raises:
-        InvalidInput: Neither case is given, a value is negative, the number of values is wrong, or
+        InvalidInput: Neither case is specified, a value is negative, their number is wrong, or
             the orientation needs an angular tolerance.
 
     Warns:
