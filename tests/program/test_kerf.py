@@ -130,7 +130,7 @@ def test_open_contours_have_no_waste_and_stay_unless_a_side_is_given():
     cut_program = cut(mark, circle(0, 0, 0.2), kerf=2e-3)
     assert any(x.path is BEND for x in cut_program.contours)
     (note,) = cut_program.notes
-    assert "contour mark stays where drawn" in note
+    assert "contour mark is not offset" in note
     cut_left = cut(mark, kerf=2e-3, kerf_side="left").path
     np.testing.assert_allclose(
         cut_left.vertices, [[0, 1e-3], [0.049, 1e-3], [0.049, 0.05]], atol=1e-15

@@ -142,7 +142,7 @@ class ShapedPath(Path):
             [
                 ("tolerance", number(self.tolerance, "m")),
                 (
-                    "off the vertices",
+                    "tolerance outside the zones",
                     "" if self.line_tolerance is None else number(self.line_tolerance, "m"),
                 ),
                 ("shortest durations", ", ".join(f"{k} {x:.4g} s" for k, x in durations.items())),

@@ -108,9 +108,10 @@ def _notes_on_open(names: Sequence[str]) -> list[str]:
     """A note on open contours that are not offset, by their names; empty without such contours."""
     if not names:
         return []
-    suffix = f" and {len(names) - 1} more open contours stay" if len(names) > 1 else " stays"
+    more = count_noun(len(names) - 1, "more open contour")
+    suffix = f" and {more} are" if len(names) > 1 else " is"
     return [
-        f"{names[0]}{suffix} where drawn, because an open contour has no waste side. Set kerf_side "
+        f"{names[0]}{suffix} not offset, because an open contour has no waste side. Set kerf_side "
         "to left or right to offset open contours, too."
     ]
 
