@@ -51,7 +51,7 @@ class _Blend(CornerKind):
     """A curve next to an arc, whose tangent length `fit` determines by a search."""
 
     @abstractmethod
-    def shares(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def bound_ratios(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Largest ratio to a bound, and inward curvature [1/m], for tangent lengths t [m], (n,)."""
 
     def shortest(self, half: FloatArray) -> FloatArray:
@@ -101,7 +101,7 @@ class _Blend(CornerKind):
 
     def _excess(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Logarithm of the largest ratio to a bound, with and without the bound of the radius."""
-        any_radius, curvature = self.shares(bounds, t)
+        any_radius, curvature = self.bound_ratios(bounds, t)
         need = 1 / (bounds.radius * np.maximum(curvature, 0.0))
         wide = np.where(np.isfinite(bounds.radius), need, 0.0)
         both = np.log(np.maximum(any_radius, wide)), np.log(any_radius)
@@ -113,7 +113,7 @@ class _Pair(_Blend):
 
     smooth = False
 
-    def shares(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def bound_ratios(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         pairs = _make_pairs(bounds.before, bounds.after, t)
         turns = [
             x.curvatures * x.lengths / (WIDEST + ROUNDING) for x in (pairs.first, pairs.second)
@@ -140,7 +140,7 @@ class _Connection(_Blend):
 
     smooth = True
 
-    def shares(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def bound_ratios(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         connections = connect(bounds.before, bounds.after, t)
         back, ahead = around_vertices(bounds.before, bounds.after)
         x, peaks = connections.nearest, []
@@ -155,7 +155,7 @@ class _Connection(_Blend):
             peaks.append(_bound_peaks(length(np.stack(deviations))))
         turn = t / 2 - middle_fraction(True) * connections.lengths_to(EVERY, np.ones(len(t)))
         shares = [np.max(peaks, axis=0) / bounds.error, turn / bounds.turn]
-        largest = np.where(connections.sound, np.max(shares, axis=0), np.inf)
+        largest = np.where(connections.is_valid, np.max(shares, axis=0), np.inf)
         return largest, connections.largest_curvature
 
     def draw(self, bounds: CornerBounds, tangent: FloatArray) -> CornerCurves:

@@ -81,7 +81,7 @@ class Connections:
     @property
     def nearest(self) -> FloatArray:
         """Parameters x of the points nearest to the vertices, from 0 to 1, (n,)."""
-        parameters = self._many[1:-1]
+        parameters = self._sample_parameters[1:-1]
         x = SAMPLES[1 + length(self.begin + self.evaluate(EVERY, parameters)).argmin(axis=0)]
         for _ in range(NEWTON_STEPS):
             offset = self.begin + self.evaluate(EVERY, x)
@@ -93,17 +93,17 @@ class Connections:
     @property
     def largest_curvature(self) -> FloatArray:
         """Largest curvatures over the sampled parameters [1/m], (n,)."""
-        return np.asarray(length(self.contact(EVERY, self._many)[2]).max(axis=0))
+        return np.asarray(length(self.contact(EVERY, self._sample_parameters)[2]).max(axis=0))
 
     @property
-    def _many(self) -> FloatArray:
+    def _sample_parameters(self) -> FloatArray:
         """Sampled parameters of every connection, (samples, n)."""
         return np.tile(SAMPLES[:, None], len(self))
 
     @property
-    def sound(self) -> BoolArray:
+    def is_valid(self) -> BoolArray:
         """Mask of the connections without loops, cusps and strong variation of speed, (n,)."""
-        first = self.evaluate(EVERY, self._many, 1)
+        first = self.evaluate(EVERY, self._sample_parameters, 1)
         speeds = length(first)
         along = dot(first, unit(first[0] + first[-1])) / speeds
         mean = speeds.mean(axis=0)

@@ -107,7 +107,7 @@ class LineCorner(CornerKind):
     least: Callable[[FloatArray], FloatArray]
     # Function that draws curves with given bounds and smallest radii [m]; it returns the segments,
     # and the index of the corner of each segment
-    lay: Callable[[CornerBounds, FloatArray], tuple[Segments, IntArray]]
+    draw_with_radius: Callable[[CornerBounds, FloatArray], tuple[Segments, IntArray]]
     smooth: bool = False  # True if its curvature is continuous
 
     def shortest(self, half: FloatArray) -> FloatArray:
@@ -126,7 +126,7 @@ class LineCorner(CornerKind):
         stretch, radius = self.stretch(bounds.half), self._radius(bounds)
         shrunk = tangent < radius * stretch * (1 - 1e-12)
         radius = np.where(shrunk, tangent / stretch, radius)
-        rows, corner = self.lay(bounds, radius)
+        rows, corner = self.draw_with_radius(bounds, radius)
         segment_limits = combine_limits(bounds.before, bounds.after)
         rows = rows.replace(**{name: column[corner] for name, column in segment_limits.items()})
         error = radius * self.gap(bounds.half)
@@ -269,7 +269,7 @@ ARC = LineCorner(
     stretch=np.tan,
     length=lambda h: 2 * h,
     least=np.ones_like,
-    lay=_draw_arcs,
+    draw_with_radius=_draw_arcs,
 )
 PARABOLA = LineCorner(
     gap=lambda h: np.tan(h) ** 2 / 2,
@@ -277,7 +277,7 @@ PARABOLA = LineCorner(
     length=_length_of_parabolas,
     # The smallest radius must not be below the resolution of a point either.
     least=lambda h: np.maximum(np.sin(h) / np.cos(h) ** 2, 1.0),
-    lay=_draw_corner_parabolas,
+    draw_with_radius=_draw_corner_parabolas,
 )
 SMOOTH = LineCorner(
     # This form is in the frame of the apex and has no cancellation at small turns.
@@ -286,7 +286,7 @@ SMOOTH = LineCorner(
     length=lambda h: 2 * h * PEAK_RATIO,
     # Each quintic, and the smallest radius, must be longer than the resolution of a point.
     least=lambda h: np.maximum(2 * _count_quintics(h), _smooth_tangent_ratio(h)),
-    lay=_draw_smooth_curves,
+    draw_with_radius=_draw_smooth_curves,
     smooth=True,
 )
 

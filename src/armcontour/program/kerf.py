@@ -342,7 +342,9 @@ class LeadPlacement:
         # Leads that are shorter than requested: fraction of the requested length, and description.
         self._shortened: list[tuple[float, str]] = []
 
-    def lay(self, number: int, path: Path, lead: Lead, length: float, *, after: bool) -> Path:
+    def place_lead(
+        self, number: int, path: Path, lead: Lead, length: float, *, after: bool
+    ) -> Path:
         """The lead-in or the lead-out of contour `number`."""
         # `length`: requested length [m]; a lead of automatic length is shortened until it fits;
         # `after`: true for the lead-out.

@@ -310,11 +310,11 @@ def _add_leads(
             lead = cut_path(run_in.path, end - leads.before, end)
         else:
             assert placement is not None
-            lead = placement.lay(number, path, process.lead_in, leads.before, after=False)
+            lead = placement.place_lead(number, path, process.lead_in, leads.before, after=False)
         before = lead.length
         parts.insert(0, lead)
     if placement and process.lead_out is not None and leads.after > REPEATED_POINT:
-        parts.append(placement.lay(number, path, process.lead_out, leads.after, after=True))
+        parts.append(placement.place_lead(number, path, process.lead_out, leads.after, after=True))
     if process.pierce is not None and process.pierce.height > REPEATED_POINT:
         # The tolerance is 0, because rounding of the corner at the end of the line would cut off
         # the start of the contour.
