@@ -110,7 +110,7 @@ def test_what_cannot_be_cut_joined_placed_or_flattened_is_refused():
         (lambda: join_paths([flat, one]), "plane or all in space"),
         (lambda: join_paths([one, other]), "orientation, or none"),
         (lambda: PLANE.placed(FLAT, scale=0.0), "scale"),
-        (lambda: drop_z(leaning), "Segment 1", "leaves the plane", {"index": 0}),
+        (lambda: drop_z(leaning), "Segment 1", "not parallel to this plane", {"index": 0}),
         (lambda: drop_z(up), "path is vertical"),
     )
 

@@ -285,5 +285,5 @@ def test_what_is_not_to_be_smoothed_is_kept():
         np.testing.assert_allclose(smoothed, true[:few], atol=1e-15)
     refused(
         (lambda: smooth_axes(np.zeros((20, 3)), axes, 0.1), "points that differ"),
-        (lambda: smooth_axes(points, 0 * axes, 0.1), "with a length"),
+        (lambda: smooth_axes(points, 0 * axes, 0.1), "that are not zero"),
     )

@@ -324,7 +324,7 @@ def test_what_is_refused():
 def test_refused_queries():
     path = ac.Path.polyline([(0, 0), (1, 0)])
     refused(
-        (lambda: path.project([(0, 0, 0)]), "have 3 coordinates", "the path has 2"),
+        (lambda: path.project([(0, 0, 0)]), "have 2 coordinates like the path", "have 3"),
         (lambda: path.project([(0, np.nan)]), "points to project", "finite", {"index": 0}),
         (lambda: path.project([0, 1]), "points to project", "(2,)"),
     )
@@ -340,7 +340,7 @@ def both_ways(call):
     """What a table of distances gives, and what the tree gives."""
     table = call()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(near_points, "FEW", 0)
+        patch.setattr(near_points, "MAX_TABLE", 0)
         return table, call()
 
 

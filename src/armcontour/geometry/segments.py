@@ -393,8 +393,8 @@ class Segments(Value):
             first = int(np.argmax(gaps > REPEATED_POINT))
             point = self.starts[first + 1].tolist()
             raise InvalidInput(
-                f"A path must be continuous, but segment {first + 2} starts at {tuple(point)} m, "
-                f"{gaps[first]:.3g} m from the end of segment {first + 1}.",
+                f"Segment {first + 2} starts at {tuple(point)} m, {gaps[first]:.3g} m from the end "
+                f"of segment {first + 1}. The segments of a path must be continuous.",
                 index=first + 1,
                 point=point,
                 needed=float(gaps[first]),
