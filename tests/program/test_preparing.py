@@ -316,8 +316,8 @@ def test_events_of_the_process_and_at_the_ends_stay_at_their_places():
     far = Process(events=(Event(name="glue", s=0.15),))
     named = program(SQUARE, Contour(path=BEND, name="E7"))
     refused(
-        (lambda: prepare(named, far), "glue", "contour E7 is 0.1 m"),
-        (lambda: prepare(program(SQUARE, BEND), far), "contour 2 is 0.1 m"),
+        (lambda: prepare(named, far), "glue", "contour E7 is only 0.1 m"),
+        (lambda: prepare(program(SQUARE, BEND), far), "contour 2 is only 0.1 m"),
     )
 
 

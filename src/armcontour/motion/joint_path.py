@@ -95,8 +95,8 @@ class JointPath(Checked):
         i, j = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
         s = float(self.breaks[i + 1])
         raise InvalidInput(
-            f"A joint path must be continuous, but joint {j + 1} jumps by {jumps[i, j]:.3g} rad at "
-            f"s = {s:g}.",
+            f"Joint {j + 1} jumps by {jumps[i, j]:.3g} rad at s = {s:g}. A joint path must be "
+            "continuous.",
             s=s,
             joint=int(j),
             needed=float(jumps[i, j]),

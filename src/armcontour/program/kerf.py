@@ -440,8 +440,8 @@ class LeadPlacement:
         if (contacts < (1 - IGNORED_CONTACT) * lead.length).any():
             return False
         enclosing = np.nonzero(((boxes[:, 0] <= tip) & (tip <= boxes[:, 1])).all(axis=1))[0]
-        holds = find_nesting([*(cut[i] for i in enclosing), Contour(path=lead)], up).contains
-        return bool(holds[:, -1].sum() % 2 == 0)
+        contains = find_nesting([*(cut[i] for i in enclosing), Contour(path=lead)], up).contains
+        return bool(contains[:, -1].sum() % 2 == 0)
 
 
 def _box(pieces: FloatArray) -> FloatArray:

@@ -49,12 +49,12 @@ def find_nesting(contours: Sequence[Contour], up: FloatArray) -> Nesting:
     # `up`: in space, the direction from which the contours are viewed, (3,).
     chords = [_close_chords(find_chords(x.path, up)) if x.closed else NO_CHORDS for x in contours]
     starts = np.array([project_along_up(x.path(0.0), up) for x in contours])
-    holds = np.array([_inside(x, starts) for x in chords])
-    np.fill_diagonal(holds, False)
+    contains = np.array([_inside(x, starts) for x in chords])
+    np.fill_diagonal(contains, False)
     areas = np.array([_area(x) for x in chords])
     # If two contours seem to be inside each other because of rounding, the smaller one is inside.
-    holds &= np.abs(areas)[:, None] > np.where(areas == 0, 0.0, np.abs(areas))[None, :]
-    return Nesting(holds=holds, areas=areas)
+    contains &= np.abs(areas)[:, None] > np.where(areas == 0, 0.0, np.abs(areas))[None, :]
+    return Nesting(contains=contains, areas=areas)
 
 
 def project_along_up(points: FloatArray, up: FloatArray) -> FloatArray:
