@@ -71,7 +71,7 @@ def _page(title: str, summary: str, members: list[tuple[str, Any]]) -> str:
 
 @functools.cache
 def by_room() -> dict[str, list[tuple[str, Any]]]:
-    """Public classes and functions of each package; a name of two packages is listed in the first."""
+    """Public classes and functions by package; a name of two packages is in the first one only."""
     members: dict[str, list[tuple[str, Any]]] = {}
     listed = set[int]()
     for room in rooms():
