@@ -329,12 +329,14 @@ class Controller(ABC):
         row = channel.samples[-1]
         return np.array(row[2 : 2 + len(channel.positions)])
 
-    def stream(self, motion: Motion, wanted: Callable[[], bool] = lambda: False) -> PlayedMotion:
+    def stream(
+        self, motion: Motion, stop_requested: Callable[[], bool] = lambda: False
+    ) -> PlayedMotion:
         """Play a motion and record it.
 
         Args:
             motion: The motion, which begins at the commanded position.
-            wanted: Called often; True stops the motion on its path.
+            stop_requested: Called often; True stops the motion on its path.
 
         Raises:
             ControllerRefused: The motion begins elsewhere; nothing moves.
@@ -347,7 +349,9 @@ class Controller(ABC):
         channel.send(["M", *rows_as_lines(motion.q), "E"])
         stops = _StopSender(channel, motion, self.ahead, self.cycle)
         if motion.next_stop is not None:
-            # Nothing moves before there is a stop.
+            # The motion starts after a stop has been sent. Functions that later stops need are
+            # compiled before, too.
+            motion.next_stop(len(motion.q) // 2)
             stops.send_next()
             stops.start()
         channel.send(["G"])
@@ -370,7 +374,7 @@ class Controller(ABC):
                     reason = f"No further stop can be computed: {stops.error}"
                 # The feeder may have stopped by itself; then joints leave their predictions.
                 stopping = stopping or channel.event("X") is not None
-                if not stopping and (reason or wanted()):
+                if not stopping and (reason or stop_requested()):
                     channel.send(["S"])
                     stopping = True
                     notes += [reason] if reason else []

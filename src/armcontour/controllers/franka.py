@@ -156,10 +156,12 @@ class Franka(Controller):
                 )
         return self._compare(q)
 
-    def stream(self, motion: Motion, wanted: Callable[[], bool] = lambda: False) -> PlayedMotion:
+    def stream(
+        self, motion: Motion, stop_requested: Callable[[], bool] = lambda: False
+    ) -> PlayedMotion:
         """Play a motion and record it, if the FCI takes its set-points."""
         self._compare(motion.q)
-        return super().stream(motion, wanted)
+        return super().stream(motion, stop_requested)
 
     def _compare(self, q: FloatArray) -> list[Row]:
         """The use of the FCI's limits by set-points."""

@@ -31,6 +31,8 @@ SLOW = 0.1
 # Smallest reserve of a plan that moves a robot: without one, a servo that differs slightly from its
 # model saturates, and a stop may be impossible where a limit is active.
 RESERVE = 0.02
+# Largest number of times that a motion is played if the machine disturbs it.
+ATTEMPTS = 3
 # Powers of a speed factor by which limits change; torques and ranges do not.
 POWERS = {
     "speed": 1, "joint_velocity": 1, "angular_speed": 1,
@@ -108,14 +110,14 @@ class Played(Result):
 @checked
 def play(
     job: Job,
-    on: Controller,
+    controller: Controller,
     *,
     run_name: str | None = None,
     execute: bool = False,
     speed_factor: Factor = SLOW,
     band: AngularDistance | None = None,
     set_points: SetPoints | None = None,
-    wanted: Callable[[], bool] = lambda: False,
+    stop_requested: Callable[[], bool] = lambda: False,
     progress: Progress | None = None,
 ) -> Played:
     """Play the set-points of a run on a robot, and record its joints.
@@ -130,7 +132,7 @@ def play(
 
     Args:
         job: The job.
-        on: The controller, not connected.
+        controller: The controller, not connected.
         run_name: The run; by default the only one.
         execute: Whether the robot moves; otherwise arm, limits, set-points and position are
             compared only.
@@ -139,7 +141,7 @@ def play(
             [rad]; by default unlimited.
         set_points: Set-points of `learn` for this run, instead of those of the compensation; only
             with a speed_factor of 1.
-        wanted: Called often during the motion; True stops it on its path.
+        stop_requested: Called often during the motion; True stops it on its path.
         progress: Called with the steps.
 
     Raises:
@@ -148,17 +150,10 @@ def play(
         ArmContourError: The run cannot be planned.
     """
     check_speed(speed_factor, learned=set_points is not None)
+    player = Player(controller, execute, stop_requested, progress)
     played_job, planned = plan_played(job, run_name, speed_factor, progress=progress)
     return play_planned(
-        played_job,
-        planned,
-        on,
-        execute=execute,
-        speed_factor=speed_factor,
-        band=band,
-        set_points=set_points,
-        wanted=wanted,
-        progress=progress,
+        player, played_job, planned, speed_factor=speed_factor, band=band, set_points=set_points
     )
 
 
@@ -171,16 +166,13 @@ def check_speed(speed_factor: float, *, learned: bool) -> None:
 
 
 def play_planned(
+    player: Player,
     job: Job,
     planned: RunResult,
-    on: Controller,
     *,
-    execute: bool,
     speed_factor: float,
     band: float | None,
     set_points: SetPoints | None,
-    wanted: Callable[[], bool],
-    progress: Progress | None,
 ) -> Played:
     """Play a run that `plan_played` has planned; arguments as of `play`."""
     if set_points is not None:
@@ -190,16 +182,9 @@ def play_planned(
             f"The simulation of run {planned.run.name} is not within its limits or accuracy: see "
             "armcontour run."
         )
-    return perform(
-        job,
-        planned,
-        on,
-        set_points=set_points,
-        execute=execute,
-        speed_factor=speed_factor,
-        watch=None if band is None else (_predicted(planned, on.cycle), band),
-        wanted=wanted,
-        progress=progress,
+    watch = None if band is None else (_predicted(planned, player.controller.cycle), band)
+    return player.play_plan(
+        job, planned, set_points=set_points, speed_factor=speed_factor, watch=watch
     )
 
 
@@ -216,69 +201,89 @@ def plan_played(
     return played_job, run(played_job, progress=progress).runs[chosen.name]
 
 
-def perform(
-    job: Job,
-    planned: RunResult,
-    on: Controller,
-    *,
-    set_points: SetPoints | None = None,
-    execute: bool = False,
-    speed_factor: float = 1.0,
-    watch: tuple[FloatArray, float] | None = None,
-    wanted: Callable[[], bool] = lambda: False,
-    progress: Progress | None = None,
-) -> Played:
-    """Play the set-points of a plan, or learned ones; other arguments as of `play`."""
-    # watch: expected positions at the cycles of the controller until rest [rad], (n, dof), and the
-    # largest difference of a joint from them before the motion is stopped [rad].
-    points = planned.set_points if set_points is None else set_points
-    options, arm, limits = planned.run.compensation, job.arm, limits_of(job, planned)
-    stopper = Stopper(points, job.servo, options, arm, on.cycle)
-    motion = Motion(q=stopper.q, next_stop=stopper)
-    if watch is not None:
-        expected, band = watch
-        k = np.minimum(np.arange(len(stopper.q)), len(expected) - 1)
-        motion = replace(motion, predicted=expected[k], band=band)
-    played = Played(
-        job=job,
-        plan=planned,
-        controller=on.name,
-        speed_factor=speed_factor,
-        checks=tuple(on.check(arm, limits, stopper.q)),
-        distance=None,
-    )
-    return perform_motion(played, motion, on, execute, wanted, progress)
+@dataclass(frozen=True, slots=True)
+class Player:
+    """A controller, and whether and how motions are executed on it; arguments as of `play`."""
 
+    controller: Controller
+    execute: bool
+    stop_requested: Callable[[], bool]
+    progress: Progress | None
 
-def perform_motion(
-    played: Played,
-    motion: Motion,
-    on: Controller,
-    execute: bool,
-    wanted: Callable[[], bool],
-    progress: Progress | None,
-) -> Played:
-    """Connect, move to the start, and play a motion."""
-    if not execute and not on.observes:
+    def play_plan(
+        self,
+        job: Job,
+        planned: RunResult,
+        *,
+        set_points: SetPoints | None = None,
+        speed_factor: float = 1.0,
+        watch: tuple[FloatArray, float] | None = None,
+    ) -> Played:
+        """Play the set-points of a plan, or learned ones; other arguments as of `play`."""
+        # watch: expected positions at the cycles of the controller until rest [rad], (n, dof), and
+        # the largest difference of a joint from them before the motion is stopped [rad].
+        points = planned.set_points if set_points is None else set_points
+        controller, limits = self.controller, limits_of(job, planned)
+        options = planned.run.compensation
+        stopper = Stopper(points, job.servo, options, job.arm, controller.cycle)
+        motion = Motion(q=stopper.q, next_stop=stopper)
+        if watch is not None:
+            expected, band = watch
+            k = np.minimum(np.arange(len(stopper.q)), len(expected) - 1)
+            motion = replace(motion, predicted=expected[k], band=band)
+        played = Played(
+            job=job,
+            plan=planned,
+            controller=controller.name,
+            speed_factor=speed_factor,
+            checks=tuple(controller.check(job.arm, limits, stopper.q)),
+            distance=None,
+        )
+        return self.play_motion(played, motion)
+
+    def play_undisturbed(
+        self,
+        play_once: Callable[[], Played],
+        deviated: Callable[[PlayedMotion], bool] = lambda record: False,
+    ) -> Played:
+        """Play a motion up to 3 times, until no late set-point or stop of the feeder disturbs it.
+
+        A motion that is stopped on request, or because the robot deviated, is not repeated.
+        """
+        for _ in range(ATTEMPTS):
+            played = play_once()
+            record = played.record
+            if record is None or self.stop_requested() or deviated(record):
+                break
+            if record.stopped is None and record.faithful:
+                break
         return played
-    job, tell = played.job, subprogress(progress, played.plan.run.name)
-    with on:
-        tell(Step(("connecting",)))
-        on.connect(job.arm, motion.q[0])
-        distance = float(np.abs(on.position() - motion.q[0]).max())
-        played = replace(played, distance=distance)
-        if not execute or wanted():
+
+    def play_motion(self, played: Played, motion: Motion) -> Played:
+        """Connect, move to the start, and play a motion."""
+        controller, stop_requested = self.controller, self.stop_requested
+        if not self.execute and not controller.observes:
             return played
-        if distance > START:
-            tell(Step(("moving to the start",)))
-            slower = min(SLOW / played.speed_factor, 1.0)
-            limits = _scaled(limits_of(job, played.plan), slower)
-            approach = approach_of(job, limits, on.position(), motion.q[0], on.cycle)
-            on.stream(approach, wanted)
-            if wanted():
+        job, tell = played.job, subprogress(self.progress, played.plan.run.name)
+        with controller:
+            tell(Step(("connecting",)))
+            controller.connect(job.arm, motion.q[0])
+            distance = float(np.abs(controller.position() - motion.q[0]).max())
+            played = replace(played, distance=distance)
+            if not self.execute or stop_requested():
                 return played
-        tell(Step(("playing",)))
-        return replace(played, record=on.stream(motion, wanted))
+            limits = _scaled(limits_of(job, played.plan), min(SLOW / played.speed_factor, 1.0))
+            for _ in range(ATTEMPTS):
+                position = controller.position()
+                if np.abs(position - motion.q[0]).max() <= START:
+                    break
+                tell(Step(("moving to the start",)))
+                approach = approach_of(job, limits, position, motion.q[0], controller.cycle)
+                controller.stream(approach, stop_requested)
+                if stop_requested():
+                    return played
+            tell(Step(("playing",)))
+            return replace(played, record=controller.stream(motion, stop_requested))
 
 
 def limits_of(job: Job, planned: RunResult) -> Limits:

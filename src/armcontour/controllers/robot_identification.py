@@ -11,7 +11,7 @@ from armcontour.control.compensation import NoCompensation
 from armcontour.control.identification import Identification, Prediction, ServoFit, identify
 from armcontour.controllers.controller import Controller
 from armcontour.controllers.excitation import excite
-from armcontour.controllers.player import Played, limits_of, perform, perform_motion, plan_played
+from armcontour.controllers.player import Played, Player, limits_of, plan_played
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
@@ -79,6 +79,8 @@ class RobotIdentification(Result):
                 f"The run moves {', '.join(self.resting)} too little: all joints are excited "
                 "about its begin, too."
             ]
+        records = [x.record for x in self.played.values() if x.record is not None]
+        notes += [x for record in records if record.stopped is not None for x in record.notes]
         title = f"Identification on {first.controller}"
         return Data(title, tuple(rows), notes=tuple(notes))
 
@@ -86,14 +88,14 @@ class RobotIdentification(Result):
 @checked
 def identify_on(
     job: Job,
-    on: Controller,
+    controller: Controller,
     *,
     run_name: str | None = None,
     reserve: Reserve = GENTLE,
     excitation: bool = False,
     execute: bool = False,
     options: ServoFit | None = None,
-    wanted: Callable[[], bool] = lambda: False,
+    stop_requested: Callable[[], bool] = lambda: False,
     progress: Progress | None = None,
 ) -> RobotIdentification:
     """Play a run of a job without compensation, and identify the servos of the robot from it.
@@ -104,14 +106,14 @@ def identify_on(
 
     Args:
         job: The job.
-        on: The controller, not connected.
+        controller: The controller, not connected.
         run_name: The run; by default the only one.
         reserve: Smallest reserve of its plan.
         excitation: Whether all joints are excited in any case, so that servos are judged on two
             different programs.
         execute: Whether the robot moves; otherwise the motions are planned and compared only.
         options: Options of the identification; by default with the arm of the job.
-        wanted: Called often during a motion; True stops it on its path.
+        stop_requested: Called often during a motion; True stops it on its path.
         progress: Called with the steps.
 
     Raises:
@@ -119,22 +121,23 @@ def identify_on(
         ControllerRefused: The controller differs from the plan, or joints cannot be excited.
         ControllerLost: The controller failed during a motion.
     """
+    player = Player(controller, execute, stop_requested, progress)
     chosen = choose_run(job, run_name, "identified")
     plain = replace(chosen, compensation=NoCompensation(), accuracy=None)
     played_job, planned = plan_played(
         replace(job, runs=(plain,)), None, reserve=reserve, progress=progress
     )
     limits, tell = limits_of(played_job, planned), subprogress(progress, chosen.name)
-    resting = _resting(planned, limits, on.cycle)
+    resting = _resting(planned, limits, controller.cycle)
     result = RobotIdentification(played={}, resting=resting)
 
     def play_run() -> Played:
-        return perform(played_job, planned, on, execute=execute, wanted=wanted, progress=progress)
+        return player.play_undisturbed(lambda: player.play_plan(played_job, planned))
 
     def play_excitation() -> Played:
-        motion = excite(played_job, limits, planned.trajectory, on.cycle)
+        motion = excite(played_job, limits, planned.trajectory, controller.cycle)
         bare = replace(result.played[RUN], record=None)
-        return perform_motion(bare, motion, on, execute, wanted, progress)
+        return player.play_undisturbed(lambda: player.play_motion(bare, motion))
 
     def fit_of(logs: dict[str, Log]) -> Identification:
         tell(Step(("identifying",)))

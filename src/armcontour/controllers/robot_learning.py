@@ -10,7 +10,7 @@ import numpy as np
 from armcontour.control.learning import LearningResult
 from armcontour.controllers.commands import commands_at
 from armcontour.controllers.controller import Controller, PlayedMotion
-from armcontour.controllers.player import Played, perform, plan_played
+from armcontour.controllers.player import ATTEMPTS, Played, Player, plan_played
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.fields import checked
@@ -30,8 +30,6 @@ RUNS = 4
 # A later run is stopped where a joint deviates from the plan by this multiple of the largest
 # deviation in the best run before it, but not by less than LEAST [rad].
 RUNAWAY, LEAST = 3.0, 1e-3
-# Number of times that a motion is played which the machine disturbed.
-ATTEMPTS = 3
 # Commands of a log, and the set-points of its run, are equal within this [rad].
 SAME = 1e-6
 STOPPED = "stopped on request"
@@ -100,20 +98,16 @@ class RobotLearner:
 
     def __init__(
         self,
+        player: Player,
         job: Job,
-        on: Controller,
         *,
         run_name: str | None = None,
         runs: int = RUNS,
         reserve: float = CORRECTIONS,
-        execute: bool = False,
         band: float | None = None,
-        wanted: Callable[[], bool] = lambda: False,
-        progress: Progress | None = None,
     ) -> None:
-        played_job, plan = plan_played(job, run_name, reserve=reserve, progress=progress)
-        self.on, self.runs, self.execute, self.band = on, runs, execute, band
-        self.wanted, self.progress = wanted, progress
+        played_job, plan = plan_played(job, run_name, reserve=reserve, progress=player.progress)
+        self.player, self.runs, self.band = player, runs, band
         self.result = RobotLearning(job=played_job, plan=plan)
 
     @property
@@ -138,33 +132,24 @@ class RobotLearner:
 
     def run_next(self) -> None:
         """Play the next run, and learn from it."""
-        if self.wanted():
+        player = self.player
+        if player.stop_requested():
             self.result = replace(self.result, ended=STOPPED)
             return
-        watch, ran_away = self._watch(), False
-        for _ in range(ATTEMPTS):
-            played = perform(
-                self.result.job,
-                self.result.plan,
-                self.on,
-                set_points=self.set_points,
-                execute=self.execute,
-                watch=watch,
-                wanted=self.wanted,
-                progress=self.progress,
-            )
-            self.result = replace(self.result, played=played)
-            record = played.record
-            if not self.execute or self.wanted() or record is None:
-                break
-            ran_away = _ran_away(record, watch, self.on.cycle)
-            if ran_away or (record.stopped is None and record.faithful):
-                break
-        if not self.execute:
+        watch = self._watch()
+        played = player.play_undisturbed(
+            lambda: player.play_plan(
+                self.result.job, self.result.plan, set_points=self.set_points, watch=watch
+            ),
+            lambda record: _ran_away(record, watch, player.controller.cycle),
+        )
+        record = played.record
+        self.result = replace(self.result, played=played)
+        if not player.execute:
             self.result = replace(self.result, ended="dry run")
-        elif record is None or (record.stopped is not None and self.wanted()):
+        elif record is None or (record.stopped is not None and player.stop_requested()):
             self.result = replace(self.result, ended=STOPPED)
-        elif ran_away:
+        elif _ran_away(record, watch, player.controller.cycle):
             self._go_back(record)
         elif record.stopped is not None:
             raise ControllerRefused(f"The run was stopped {ATTEMPTS} times: {_notes(record)}")
@@ -175,7 +160,7 @@ class RobotLearner:
     def _learn_from(self, log: Log) -> None:
         """Learn from the log of the next run."""
         result, before = self.result, self.result.lesson
-        subprogress(self.progress)(Step((f"learning from {log.source}",)))
+        subprogress(self.player.progress)(Step((f"learning from {log.source}",)))
         lesson = learn_run(result.job, result.plan, self.set_points, log)
         ended = lesson.reason if lesson.finished else ""
         if before is not None and lesson.setbacks > before.setbacks and not ended:
@@ -201,16 +186,22 @@ class RobotLearner:
         if lesson is not None:
             largest = float(np.abs(lesson.runs[lesson.best].error).max())
             band = min(band, max(RUNAWAY * largest, LEAST))
-        cycle = self.on.cycle
+        cycle = self.player.controller.cycle
         end = plan.trajectory.duration - points.start_time
         t = points.start_time + np.arange(round(end / cycle) + 1) * cycle
         return plan.trajectory.with_rests(np.asarray(t, dtype=float)), band
 
     def _check_commands(self, log: Log) -> None:
         """Refuse a log whose commands are not the set-points of the next run."""
-        q = commands_at(self.set_points, self.on.cycle, self.result.job.servo.interpolation)
+        q = commands_at(
+            self.set_points, self.player.controller.cycle, self.result.job.servo.interpolation
+        )
         n = min(len(q), len(log.command))
-        same = log.dof == q.shape[1] and abs(log.interval - self.on.cycle) < SAME * self.on.cycle
+        same = (
+            log.dof == q.shape[1]
+            and abs(log.interval - self.player.controller.cycle)
+            < SAME * self.player.controller.cycle
+        )
         differs = float(np.abs(log.command[:n] - q[:n]).max()) if same else np.inf
         if differs > SAME:
             by = f", by up to {number(differs, 'rad')}" if same else ""
@@ -244,7 +235,7 @@ def _end(lesson: LearningResult, reason: str) -> LearningResult:
 @checked
 def learn_on(
     job: Job,
-    on: Controller,
+    controller: Controller,
     *,
     run_name: str | None = None,
     runs: int = RUNS,
@@ -252,7 +243,7 @@ def learn_on(
     execute: bool = False,
     logs: Sequence[Log] = (),
     band: AngularDistance | None = None,
-    wanted: Callable[[], bool] = lambda: False,
+    stop_requested: Callable[[], bool] = lambda: False,
     progress: Progress | None = None,
 ) -> RobotLearning:
     """Play a run on a robot, learn from its log, and repeat this with the learned set-points.
@@ -263,7 +254,7 @@ def learn_on(
 
     Args:
         job: The job.
-        on: The controller, not connected.
+        controller: The controller, not connected.
         run_name: The run; by default the only one.
         runs: Number of runs, with those of `logs`.
         reserve: Smallest reserve of the plan: corrections need acceleration.
@@ -271,7 +262,7 @@ def learn_on(
         logs: Logs of earlier runs, with which learning goes on.
         band: Largest deviation of a joint from the plan before a motion is stopped, also in the
             first run [rad]; by default unlimited in the first run.
-        wanted: Called often during a motion; True stops it on its path and ends learning.
+        stop_requested: Called often during a motion; True stops it on its path and ends learning.
         progress: Called with the steps.
 
     Raises:
@@ -279,10 +270,8 @@ def learn_on(
         ControllerRefused: The controller differs from the plan.
         ControllerLost: The controller failed during a motion.
     """
-    learner = RobotLearner(
-        job, on, run_name=run_name, runs=runs, reserve=reserve, execute=execute, band=band,
-        wanted=wanted, progress=progress,
-    )  # fmt: skip
+    player = Player(controller, execute, stop_requested, progress)
+    learner = RobotLearner(player, job, run_name=run_name, runs=runs, reserve=reserve, band=band)
     learner.resume(logs)
     while learner.goes_on:
         learner.run_next()

@@ -158,7 +158,7 @@ class Feeder:
         self.rest = b""
         self.lines: deque[bytes] = deque()
         self.sent = 0
-        self.playing = self.stop_wanted = self.orphaned = self.quitting = self.stopped = False
+        self.playing = self.stop_requested = self.orphaned = self.quitting = self.stopped = False
         self.heard = time.monotonic()
 
     def say(self, *words: object) -> None:
@@ -184,7 +184,7 @@ class Feeder:
         """Go on alone: take the next stop, then quit."""
         if not self.quitting:
             self.say("V")
-        self.orphaned = self.stop_wanted = self.quitting = True
+        self.orphaned = self.stop_requested = self.quitting = True
 
     def run(self) -> None:
         """Connect and obey until the end."""
@@ -233,11 +233,11 @@ class Feeder:
         if (
             not self.orphaned
             and self.playing
-            and not self.stop_wanted
+            and not self.stop_requested
             and time.monotonic() - self.heard > SILENCE
         ):
             self.say("W")
-            self.stop_wanted = True
+            self.stop_requested = True
 
     def take(self, data: bytes) -> None:
         """Receive data, and obey its lines."""
@@ -266,12 +266,12 @@ class Feeder:
             self.stops[self.block_start or 0] = self.block
         elif kind == "G":
             self.device.start()
-            self.sent, self.playing, self.stop_wanted = 0, True, False
+            self.sent, self.playing, self.stop_requested = 0, True, False
             self.state[3] = 0
         elif kind == "S":
-            self.stop_wanted = self.playing
+            self.stop_requested = self.playing
         elif kind == "Q":
-            self.quitting, self.stop_wanted = True, self.playing
+            self.quitting, self.stop_requested = True, self.playing
 
     def feed(self) -> None:
         """Send rows, or the rows of the next stop."""
@@ -280,10 +280,10 @@ class Feeder:
         self.stops = {k: rows for k, rows in self.stops.items() if k >= self.sent}
         # Rows after the last stop in hand are not sent: then nothing could stop on the path.
         last = max(self.stops, default=len(self.rows))
-        if self.stops and not self.stop_wanted and last == self.sent < len(self.rows):
+        if self.stops and not self.stop_requested and last == self.sent < len(self.rows):
             self.say("A")
-            self.stop_wanted = True
-        if self.stop_wanted and self.stops:
+            self.stop_requested = True
+        if self.stop_requested and self.stops:
             k = min(self.stops)
             self.take_stop(k)
             self.state[3] = k + 1
@@ -302,7 +302,7 @@ class Feeder:
     def take_stop(self, k: int) -> None:
         """Replace the rows from cycle k on. Other stops leave the motion that was replaced."""
         self.rows = self.rows[:k] + self.stops[k]
-        self.stops, self.stop_wanted, self.stopped = {}, False, True
+        self.stops, self.stop_requested, self.stopped = {}, False, True
 
     def report(self) -> None:
         """Print the samples."""
