@@ -69,7 +69,7 @@ def test_dry_runs_move_nothing(job):
 
 
 def test_saturated_log_is_not_identified(job):
-    with pytest.raises(ac.InvalidInput, match="commanded acceleration exceeds"):
+    with pytest.raises(ac.InvalidInput, match="saturate"):
         identify_on(job, Simulated(acceleration=0.4, cycle=4e-3), execute=True, options=SECOND)
 
 
@@ -122,7 +122,7 @@ def test_earlier_runs_go_on(job, learned):
 def test_log_of_other_set_points_is_refused(job, learned):
     _, result = learned
     robot = Simulated()
-    with pytest.raises(ac.InvalidInput, match="log of other set-points than those of run 2"):
+    with pytest.raises(ac.InvalidInput, match="set-points of run 2"):
         learn_on(job, robot, execute=True, logs=[result.logs[0], result.logs[0]])
     other = ac.ServoModel(kp=21.0, kv=120.0)
     with pytest.raises(ac.InvalidInput, match="the job has changed"):

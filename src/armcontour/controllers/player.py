@@ -1,4 +1,4 @@
-"""`play`: move a robot along the plan of a job, and record it."""
+"""`play`: plan a run for a robot, play its set-points and record the motion."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from armcontour.planning import plan
 from armcontour.planning.options import Optimal
 from armcontour.robot import Limits, resolve_limits
 
-# Share of the planned speed by default.
+# Default speed factor; also the maximum one on the way to the start.
 SLOW = 0.1
-# Smallest reserve of a plan that moves a robot: without one, a servo that differs slightly from its
-# model saturates, and a stop may be impossible where a limit is active.
+# Minimum reserve of a plan that moves a robot. Without reserve, a servo that differs slightly from
+# its model saturates, and a stop may be impossible where a limit is active.
 RESERVE = 0.02
-# Largest number of times that a motion is played if the machine disturbs it.
+# Maximum number of attempts to play a motion that late set-points disturb.
 ATTEMPTS = 3
-# Powers of a speed factor by which limits change; torques and ranges do not.
+# Exponents of the speed factor with which limits are scaled; torques and ranges do not change.
 POWERS = {
     "speed": 1, "joint_velocity": 1, "angular_speed": 1,
     "joint_acceleration": 2, "tool_acceleration": 2, "centripetal_acceleration": 2,
@@ -44,7 +44,7 @@ POWERS = {
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Played(Result):
-    """A motion of a robot, or of a dry run what would move.
+    """A motion of a robot, or the motion that a dry run has checked.
 
     Args:
         job: The job with the run as it is played.
@@ -67,17 +67,18 @@ class Played(Result):
 
     @property
     def log(self) -> Log:
-        """The record as a log, for `identify` and `learn`.
+        """Log of the motion for `identify` and `learn`.
 
         Raises:
             InvalidInput: A dry run, or a controller that used other set-points than those sent.
         """
         record = self.record
         if record is None:
-            raise InvalidInput("A dry run has no log: play with execute=True.")
+            raise InvalidInput("A dry run has no log: set execute=True.")
         if not record.faithful:
             raise InvalidInput(
-                f"This motion is no log of its set-points: {' '.join(record.notes)} Play it again."
+                f"The robot did not execute the set-points as sent: {' '.join(record.notes)} "
+                "Play the motion again."
             )
         return Log(
             t=record.t,
@@ -90,7 +91,7 @@ class Played(Result):
         )
 
     def to_data(self) -> Data:
-        """The run, its checks, and the motion if one was executed."""
+        """Rows on the run, the checks, and the motion if one was executed."""
         record = self.record
         moved = None if record is None else record.stopped is None
         rows = [
@@ -122,9 +123,9 @@ def play(
 ) -> Played:
     """Play the set-points of a run on a robot, and record its joints.
 
-    The run is planned again at a share of its speed and with a reserve of 2 % at least, then
-    compensated; set-points are never stretched. The robot moves to the start in joint space, at
-    10 % of its speed at most. A stop ends on the path, within the limits.
+    The run is planned again for the speed factor, with a reserve of at least 2 %, and compensated;
+    set-points are never stretched in time. The robot moves to the start on a straight line in joint
+    space, with at most 10 % of its speed. A stop ends on the path and respects the limits.
 
     >>> from armcontour.controllers import LinuxCNC
     >>> ac.play(ac.read_job("job.yaml"), LinuxCNC("machine.hal")).record is None
@@ -134,8 +135,8 @@ def play(
         job: The job.
         controller: The controller, not connected.
         run_name: The run; by default the only one.
-        execute: Whether the robot moves; otherwise arm, limits, set-points and position are
-            compared only.
+        execute: True moves the robot. False is a dry run, which only compares arm, limits,
+            set-points and position.
         speed_factor: Share of the speed; accelerations change by its square, jerks by its cube.
         band: Largest difference of a joint from its simulated position before the motion is stopped
             [rad]; by default unlimited.
@@ -158,11 +159,11 @@ def play(
 
 
 def check_speed(speed_factor: float, *, learned: bool) -> None:
-    """Refuse a speed factor above 1, or another one than 1 for learned set-points."""
+    """Refuse a speed factor above 1, or below 1 for learned set-points."""
     if speed_factor > 1:
-        raise InvalidInput(f"speed_factor is at most 1, but {speed_factor:g}.")
+        raise InvalidInput(f"speed_factor must be at most 1, but is {speed_factor:g}.")
     if learned and speed_factor != 1.0:
-        raise InvalidInput("Learned set-points are for the full speed: give speed_factor=1.")
+        raise InvalidInput("Learned set-points are valid at full speed only: set speed_factor=1.")
 
 
 def play_planned(
@@ -195,7 +196,7 @@ def plan_played(
     reserve: float = RESERVE,
     progress: Progress | None = None,
 ) -> tuple[Job, RunResult]:
-    """The job with one run as it is played, and the plan of this run."""
+    """Job with the scaled run, and the result of planning this run."""
     chosen = choose_run(job, run_name, "played")
     played_job = replace(job, runs=(at_speed(chosen, job, speed_factor, reserve),))
     return played_job, run(played_job, progress=progress).runs[chosen.name]
@@ -203,7 +204,7 @@ def plan_played(
 
 @dataclass(frozen=True, slots=True)
 class Player:
-    """A controller, and whether and how motions are executed on it; arguments as of `play`."""
+    """A controller, and the options of motions on it; fields as the arguments of `play`."""
 
     controller: Controller
     execute: bool
@@ -219,7 +220,7 @@ class Player:
         speed_factor: float = 1.0,
         watch: tuple[FloatArray, float] | None = None,
     ) -> Played:
-        """Play the set-points of a plan, or learned ones; other arguments as of `play`."""
+        """Play learned set-points, or by default those of the plan; arguments as of `play`."""
         # watch: expected positions at the cycles of the controller until rest [rad], (n, dof), and
         # the largest difference of a joint from them before the motion is stopped [rad].
         points = planned.set_points if set_points is None else set_points
@@ -246,9 +247,9 @@ class Player:
         play_once: Callable[[], Played],
         deviated: Callable[[PlayedMotion], bool] = lambda record: False,
     ) -> Played:
-        """Play a motion up to 3 times, until no late set-point or stop of the feeder disturbs it.
+        """Play a motion, up to 3 times if set-points were late or the feeder stopped it.
 
-        A motion that is stopped on request, or because the robot deviated, is not repeated.
+        Not repeated if a stop was requested, or if `deviated` is true for the record.
         """
         for _ in range(ATTEMPTS):
             played = play_once()
@@ -260,7 +261,7 @@ class Player:
         return played
 
     def play_motion(self, played: Played, motion: Motion) -> Played:
-        """Connect, move to the start, and play a motion."""
+        """Connect, move to the start of a motion, and play it."""
         controller, stop_requested = self.controller, self.stop_requested
         if not self.execute and not controller.observes:
             return played
@@ -272,27 +273,36 @@ class Player:
             played = replace(played, distance=distance)
             if not self.execute or stop_requested():
                 return played
-            limits = _scaled(limits_of(job, played.plan), min(SLOW / played.speed_factor, 1.0))
-            for _ in range(ATTEMPTS):
-                position = controller.position()
-                if np.abs(position - motion.q[0]).max() <= START:
-                    break
+            if distance > START:
                 tell(Step(("moving to the start",)))
-                approach = approach_of(job, limits, position, motion.q[0], controller.cycle)
-                controller.stream(approach, stop_requested)
+                self._move_to_start(played, motion.q[0])
                 if stop_requested():
                     return played
             tell(Step(("playing",)))
             return replace(played, record=controller.stream(motion, stop_requested))
 
+    def _move_to_start(self, played: Played, start: FloatArray) -> None:
+        """Move in joint space to the first set-point, again if set-points were late."""
+        controller, job = self.controller, played.job
+        limits = _scaled(limits_of(job, played.plan), min(SLOW / played.speed_factor, 1.0))
+        for _ in range(ATTEMPTS):
+            approach = approach_of(job, limits, controller.position(), start, controller.cycle)
+            notes = controller.stream(approach, self.stop_requested).notes
+            distance = np.abs(controller.position() - start).max()
+            if self.stop_requested() or distance <= START:
+                return
+        raise ControllerRefused(
+            f"The motion to the start was stopped in each of {ATTEMPTS} attempts: {' '.join(notes)}"
+        )
+
 
 def limits_of(job: Job, planned: RunResult) -> Limits:
-    """Limits of a run."""
+    """Limits of a planned run, with the defaults of the arm."""
     return resolve_limits("play", job.arm, planned.run.limits)
 
 
 def at_speed(chosen: Run, job: Job, factor: float, reserve: float = RESERVE) -> Run:
-    """The run at a share of its speed, with a reserve."""
+    """The run with limits for a speed factor, and with a minimum reserve."""
     limits = _scaled(resolve_limits("play", job.arm, chosen.limits), factor)
     changed = {x: getattr(limits, x) for x in POWERS if getattr(limits, x) is not None}
     timing = replace(chosen.timing, reserve=max(chosen.timing.reserve, reserve))
@@ -300,7 +310,7 @@ def at_speed(chosen: Run, job: Job, factor: float, reserve: float = RESERVE) -> 
 
 
 def _scaled(limits: Limits, factor: float) -> Limits:
-    """Limits of a motion at a share of its speed."""
+    """Limits scaled by a speed factor."""
     changed = {
         name: np.multiply(getattr(limits, name), factor**power)
         for name, power in POWERS.items()
@@ -312,7 +322,7 @@ def _scaled(limits: Limits, factor: float) -> Limits:
 def approach_of(
     job: Job, limits: Limits, position: FloatArray, start: FloatArray, cycle: float
 ) -> Motion:
-    """A straight motion of the joints to the first set-point, clear of arm and cell.
+    """Straight motion in joint space to the first set-point, without contact.
 
     Raises:
         ControllerRefused: The arm would come too near to itself or its cell.
@@ -324,7 +334,7 @@ def approach_of(
 
 
 def _check_clear(job: Job, line: JointPath) -> None:
-    """Refuse a motion to the start that comes too near to the arm or its cell."""
+    """Refuse a joint path whose clearance to the scene is too small."""
     from armcontour.verification.clearance import check_clearance
 
     if job.scene is None:
@@ -332,23 +342,26 @@ def _check_clear(job: Job, line: JointPath) -> None:
     clearance = check_clearance(line, job.arm, job.scene)
     if not clearance.satisfied:
         raise ControllerRefused(
-            f"On a straight way of the joints to the start: {clearance.sentence} Move the robot "
-            "to the start yourself."
+            f"The straight motion in joint space to the start is not possible: "
+            f"{clearance.sentence} Move the robot to the start by other means."
         )
 
 
 def _check_same_plan(set_points: SetPoints, planned: RunResult) -> None:
-    """Refuse learned set-points of another plan."""
+    """Refuse learned set-points whose plan differs from that of the job."""
     before, now = set_points.trajectory, planned.trajectory
     if (
         abs(before.duration - now.duration) > 1e-9
         or np.abs(before(before.duration / 2) - now(before.duration / 2)).max() > 1e-9
     ):
-        raise InvalidInput("The set-points are of another plan than that of the job.")
+        raise InvalidInput(
+            "The learned set-points belong to another plan, because the job has changed since. "
+            "Learn again."
+        )
 
 
 def _predicted(planned: RunResult, cycle: float) -> FloatArray:
-    """Simulated joint positions at the cycles of a controller [rad], (n, dof)."""
+    """Simulated joint positions at the cycles of the controller [rad], (n, dof)."""
     executed = planned.execution
     assert executed is not None
     begin = planned.set_points.start_time

@@ -1,4 +1,4 @@
-"""`identify_on`: identify the servos of a robot from motions of its own."""
+"""`identify_on`: play motions on a robot, and identify its servos from their logs."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from armcontour.jobs.job_result import RunResult
 from armcontour.motion import Log
 from armcontour.robot import Limits
 
-# Reserve of the run that is identified: its commanded accelerations should not saturate.
+# Default reserve of the run, so that commanded accelerations do not saturate.
 GENTLE = 0.2
-# A joint moves enough if it uses this share of its acceleration limit, RMS.
+# A joint is excited enough if its RMS acceleration is at least this share of its limit.
 ENOUGH = 0.15
-# Names of the motions, also of their logs.
+# Names of the motions and of their logs.
 RUN, EXCITATION = "run", "excitation"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RobotIdentification(Result):
-    """Motions of a robot, and its identified servos.
+    """Motions of a robot, and the servos identified from their logs.
 
     Args:
         played: The motions by their names, `run` and `excitation`: the run without compensation,
@@ -50,7 +50,7 @@ class RobotIdentification(Result):
 
     @property
     def logs(self) -> dict[str, Log]:
-        """Logs of the motions that were played to their ends, by name."""
+        """Logs of the motions that were completed, by name."""
         return {
             name: replace(x.log, source=name)
             for name, x in self.played.items()
@@ -59,13 +59,13 @@ class RobotIdentification(Result):
 
     @property
     def stopped(self) -> bool:
-        """True if a motion was stopped, or not begun."""
+        """True if a motion was stopped or did not start."""
         records = [x.record for x in self.played.values()]
         executed = any(x is not None for x in records)
         return executed and any(x is None or x.stopped is not None for x in records)
 
     def to_data(self) -> Data:
-        """The motions, and the servos if they are identified."""
+        """Rows on the motions."""
         first = self.played[RUN]
         rows = [
             *first.to_data().rows,
@@ -76,8 +76,8 @@ class RobotIdentification(Result):
         notes = []
         if self.resting:
             notes = [
-                f"The run moves {', '.join(self.resting)} too little: all joints are excited "
-                "about its begin, too."
+                f"The run moves {', '.join(self.resting)} too little, so a second motion excites "
+                "all joints about the start of the run."
             ]
         records = [x.record for x in self.played.values() if x.record is not None]
         notes += [x for record in records if record.stopped is not None for x in record.notes]
@@ -170,7 +170,7 @@ def identify_on(
 
 
 def _resting(planned: RunResult, limits: Limits, cycle: float) -> tuple[str, ...]:
-    """Names of the joints that a plan moves too little for an identification."""
+    """Names of the joints whose planned RMS acceleration is too small for identification."""
     ddq = np.sqrt(np.mean(planned.trajectory.sample(cycle).ddq ** 2, axis=0))
     low, high = limits.acceleration_bounds(len(ddq))
     fastest = np.minimum(-low, high)
@@ -179,14 +179,14 @@ def _resting(planned: RunResult, limits: Limits, cycle: float) -> tuple[str, ...
 
 
 def _refuse_saturated(fit: Identification, limits: Limits) -> None:
-    """Refuse logs in which drives may have saturated: models of such logs may be wrong."""
+    """Refuse logs with possible saturation, because the identified model may be wrong."""
     for j, joint in enumerate(fit.joints):
         limit = joint.servo.acceleration_limit
         if not joint.saturation and not np.isfinite(limit):
             continue
         said = joint.saturation or f"{joint.name} may saturate at {limit:.3g} rad/s²."
         raise InvalidInput(
-            f"The commanded acceleration exceeds what the drives give: {said} Its servo is not "
-            "identified from such a log: take a larger reserve, or lower limits of the run.",
+            f"The drives saturate, so servos cannot be identified from this log: {said} Increase "
+            "the reserve, or reduce the limits of the run.",
             joint=j,
         )
