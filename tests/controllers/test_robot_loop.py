@@ -168,9 +168,6 @@ def test_disturbed_motion_is_played_again(job):
     robot = Disturbed()
     assert len(learn_on(job, robot, execute=True, runs=1).logs) == 1
     assert len(robot.motions) == 2
-    robot = Disturbed()
-    assert identify_on(job, robot, execute=True).fit is not None
-    assert len(robot.motions) == 2
 
 
 def test_identification_stopped_on_request_is_not_repeated(job):

@@ -80,6 +80,10 @@ class Played(Result):
                 f"The robot did not execute the set-points as sent: {' '.join(record.notes)} "
                 "Play the motion again."
             )
+        return self.log_of(record)
+
+    def log_of(self, record: PlayedMotion) -> Log:
+        """Log of the commands that the robot used, which may differ from the set-points."""
         return Log(
             t=record.t,
             command=record.command,
@@ -245,18 +249,13 @@ class Player:
     def play_undisturbed(
         self,
         play_once: Callable[[], Played],
-        deviated: Callable[[PlayedMotion], bool] = lambda record: False,
+        is_final: Callable[[PlayedMotion], bool],
     ) -> Played:
-        """Play a motion, up to 3 times if set-points were late or the feeder stopped it.
-
-        Not repeated if a stop was requested, or if `deviated` is true for the record.
-        """
+        """Play a motion, up to 3 times until a stop is requested or a record is final."""
         for _ in range(ATTEMPTS):
             played = play_once()
             record = played.record
-            if record is None or self.stop_requested() or deviated(record):
-                break
-            if record.stopped is None and record.faithful:
+            if record is None or self.stop_requested() or is_final(record):
                 break
         return played
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour.control.compensation import NoCompensation
 from armcontour.control.identification import Identification, Prediction, ServoFit, identify
-from armcontour.controllers.controller import Controller
+from armcontour.controllers.controller import Controller, PlayedMotion
 from armcontour.controllers.excitation import excite
 from armcontour.controllers.player import Played, Player, limits_of, plan_played
 from armcontour.core.errors import InvalidInput
@@ -52,7 +52,7 @@ class RobotIdentification(Result):
     def logs(self) -> dict[str, Log]:
         """Logs of the motions that were completed, by name."""
         return {
-            name: replace(x.log, source=name)
+            name: replace(x.log_of(x.record), source=name)
             for name, x in self.played.items()
             if x.record is not None and x.record.stopped is None
         }
@@ -131,13 +131,17 @@ def identify_on(
     resting = _resting(planned, limits, controller.cycle)
     result = RobotIdentification(played={}, resting=resting)
 
+    def is_complete(record: PlayedMotion) -> bool:
+        # The log has the commands that the robot used, so late set-points do not matter.
+        return record.stopped is None
+
     def play_run() -> Played:
-        return player.play_undisturbed(lambda: player.play_plan(played_job, planned))
+        return player.play_undisturbed(lambda: player.play_plan(played_job, planned), is_complete)
 
     def play_excitation() -> Played:
         motion = excite(played_job, limits, planned.trajectory, controller.cycle)
         bare = replace(result.played[RUN], record=None)
-        return player.play_undisturbed(lambda: player.play_motion(bare, motion))
+        return player.play_undisturbed(lambda: player.play_motion(bare, motion), is_complete)
 
     def fit_of(logs: dict[str, Log]) -> Identification:
         tell(Step(("identifying",)))

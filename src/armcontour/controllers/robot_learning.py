@@ -141,7 +141,10 @@ class RobotLearner:
             lambda: player.play_plan(
                 self.result.job, self.result.plan, set_points=self.set_points, watch=watch
             ),
-            lambda record: _ran_away(record, watch, player.controller.cycle),
+            lambda record: (
+                (record.stopped is None and record.faithful)
+                or _ran_away(record, watch, player.controller.cycle)
+            ),
         )
         record = played.record
         self.result = replace(self.result, played=played)
