@@ -122,7 +122,7 @@ def test_the_interpolation_of_ros():
     corners = [(0.45, 0.08), (0.55, 0.08), (0.55, 0.18), (0.45, 0.18), (0.45, 0.08)]
     square = ac.Path.polyline([(*x, 0.2) for x in corners]).pointing((0, 0, -1))
     steps = re.search(
-        r"are (\d+) times the\s+limit with lines and (\d+) .* (\d+) and (\d+) times", text
+        r"are (\d+) times the\s+limit for linear \w+ and (\d+) .* (\d+) and (\d+) times", text
     )
     for k, (continuity, jerk) in enumerate((("tangent", {}), ("curvature", {"joint_jerk": 400.0}))):
         path = ac.round_corners(square, tolerance=2.5e-4, continuity=continuity)
