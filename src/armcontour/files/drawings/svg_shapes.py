@@ -1,4 +1,4 @@
-"""Outlines of SVG paths and shapes, in the coordinates of their elements."""
+"""Outlines of SVG paths and basic shapes, in the coordinates of their elements."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from armcontour.files.drawings.svg_elements import (
     numbers_of,
 )
 
-# Number of arguments of each command.
+# Number of arguments of each path command.
 COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
-# Commands of further points after a move command.
+# Commands for the further points of a move command, which are lines.
 FURTHER = {"M": "L", "m": "l"}
 LETTERS = "".join(COUNTS) + "".join(COUNTS).lower()
 _LETTER = re.compile(r"([A-DF-Za-df-z])")
 _NO_COMMAND = re.compile(r"[^\WMmLlHhVvCcSsQqTtAaZzEe\d_]")
-# Between the two flags of an arc no separator is needed.
+# The flags of an arc need no separators.
 _GAP = r"[\s,]*+"
 _ARC = re.compile(
     rf"{_GAP}({NUMBER}){_GAP}({NUMBER}){_GAP}({NUMBER}){_GAP}([01]){_GAP}([01]){_GAP}({NUMBER})"
@@ -42,7 +42,7 @@ Command = tuple[str, list[float]]
 
 
 def outlines_of(element: Element, spend: Callable[[int], None]) -> list[Outline]:
-    """The outlines of a path, one per subpath."""
+    """The outlines of a path, one per subpath; `spend` is called with numbers of segments."""
     pen = Pen(element)
     for letter, numbers in _commands(element, spend):
         pen.obey(letter, numbers)
@@ -51,7 +51,7 @@ def outlines_of(element: Element, spend: Callable[[int], None]) -> list[Outline]
 
 
 def _commands(element: Element, spend: Callable[[int], None]) -> Iterator[Command]:
-    """Yield the commands of a path, each repetition with its own numbers."""
+    """Yield the commands of a path; a command with repeated arguments is yielded repeatedly."""
     text = element.get("d")
     if text == "none":
         return
@@ -60,20 +60,20 @@ def _commands(element: Element, spend: Callable[[int], None]) -> Iterator[Comman
         element.refuse(
             f"path data has the unknown command {unknown[0]!r} at character {unknown.start() + 1}"
         )
-    # Each command is a segment; repetitions are added below.
+    # Each command counts as a segment; repetitions are counted below.
     spend(sum(text.count(x) for x in LETTERS))
     parts = _LETTER.split(text)
     position = len(parts[0])
     if parts[0].strip() or (len(parts) > 1 and parts[1] not in "Mm"):
-        element.refuse(f"path data begins with {text[:20]!r}: it must begin with M")
+        element.refuse(f"path data must begin with M, but begins with {text[:20]!r}")
     for letter, chunk in zip(parts[1::2], parts[2::2], strict=True):
         count = COUNTS[letter.upper()]
         values = (_arcs if count == 7 else _numbers)(element, chunk, position + 1)
         repeats, remainder = divmod(len(values), count) if count else (1, len(values))
         if remainder or not repeats:
             element.refuse(
-                f"the command {letter} at character {position + 1} of the path data takes {count} "
-                f"numbers, but has {len(values)}"
+                f"the command {letter} at character {position + 1} of the path data must have "
+                f"{count} numbers or a multiple, but has {len(values)}"
             )
         position += 1 + len(chunk)
         spend(repeats - 1)
@@ -82,7 +82,7 @@ def _commands(element: Element, spend: Callable[[int], None]) -> Iterator[Comman
 
 
 def _numbers(element: Element, chunk: str, position: int) -> list[float]:
-    """The arguments of a command, whose text `chunk` starts at character `position` (from 0)."""
+    """Parse the arguments of a command, whose text `chunk` starts at `position` of the data."""
     good = NUMBERS.match(chunk)
     end = good.end() if good else 0
     if end < len(chunk):
@@ -92,7 +92,7 @@ def _numbers(element: Element, chunk: str, position: int) -> list[float]:
 
 
 def _arcs(element: Element, chunk: str, position: int) -> list[float]:
-    """The arguments of a command A, whose text `chunk` starts at character `position` (from 0)."""
+    """Parse the arguments of a command A, whose text `chunk` starts at `position` of the data."""
     values: list[float] = []
     end = 0
     while (match := _ARC.match(chunk, end)) and len(values) <= MAX_NUMBERS:
@@ -104,26 +104,26 @@ def _arcs(element: Element, chunk: str, position: int) -> list[float]:
 
 
 def _refuse(element: Element, chunk: str, position: int, end: int) -> None:
-    """Refuse the arguments of a command from character `end` of its text."""
+    """Raise an error for the character `end` of the arguments of a command."""
     element.refuse(
         f"path data has {chunk[end : end + 20].strip()!r} at character {position + end + 1}, which "
-        "is not what its command takes"
+        "is not a valid argument of the command"
     )
 
 
 @dataclass(slots=True, eq=False)
 class Pen:
-    """Executes the commands of a path one after the other; points are complex numbers."""
+    """Executes the commands of a path in sequence; points are complex numbers x + i y."""
 
     element: Element
     outlines: list[Outline] = field(default_factory=list)  # Outlines of the completed subpaths
     shapes: list[Shape] = field(default_factory=list)  # Shapes of the current subpath
-    here: complex = 0j
+    here: complex = 0j  # Current point
     start: complex = 0j  # Start point of the current subpath
-    # Points of lines, or control points of Bézier curves, that are not yet a shape.
+    # Points of lines, or control points of Bézier curves, that are not in `shapes` yet.
     drawn: list[complex] = field(default_factory=list)
     curved: bool = False  # Whether the points of `drawn` are control points of Bézier curves
-    # The previous command, in capitals, and its last control point.
+    # The previous command as a capital letter, and its last control point.
     before: tuple[str, complex] = ("", 0j)
 
     def obey(self, letter: str, numbers: Sequence[float]) -> None:
@@ -149,7 +149,7 @@ class Pen:
         self.before = kind, control
 
     def lift(self, *, closed: bool) -> None:
-        """End the current subpath; it becomes an outline if it has shapes."""
+        """End the current subpath, which becomes an outline if it has shapes."""
         self._finish()
         if self.shapes:
             self.outlines.append(Outline(self.shapes, closed))
@@ -160,22 +160,22 @@ class Pen:
         self._draw(False, [end])
 
     def _bezier(self, kind: str, points: list[complex]) -> complex:
-        """Draw a command C, S, Q or T; returns its last control point."""
+        """Draw a Bézier curve (command C, S, Q or T); return its last control point."""
         last, control = self.before
         if kind in "ST":
-            # The control point of the previous curve, mirrored at the current point.
+            # The first control point is that of the previous curve, mirrored at the current point.
             smooth = last in ("CS" if kind == "S" else "QT") and bool(last)
             points = [2 * self.here - control if smooth else self.here, *points]
         if kind in "CS":
             self._draw(True, points)
             return points[1]
-        # A quadratic Bézier curve as an equal cubic one.
+        # A quadratic Bézier curve is converted to the equivalent cubic curve.
         (b, c), a = points, self.here
         self._draw(True, [a + 2 / 3 * (b - a), c + 2 / 3 * (b - c), c])
         return b
 
     def _draw(self, curved: bool, points: list[complex]) -> None:
-        """Append points of a line or control points of a curve, after the current point."""
+        """Append points of a line, or control points of a curve, and move the current point."""
         if self.curved != curved:
             self._finish()
         self.curved = curved
@@ -185,7 +185,7 @@ class Pen:
         self.here = points[-1]
 
     def _finish(self) -> None:
-        """Make a shape of the points in `drawn`."""
+        """Convert the points in `drawn` to a shape."""
         if len(self.drawn) > 1:
             points = _plane(self.drawn)
             self.shapes.append(
@@ -194,7 +194,7 @@ class Pen:
         self.drawn = []
 
     def _arc(self, numbers: Sequence[float], end: complex) -> None:
-        """Draw an arc from the current point, with the arguments of A before its end point."""
+        """Draw an arc from the current point; `numbers` are radii, tilt and flags of A."""
         rx, ry, tilt, large, sweep = numbers
         if rx == 0 or ry == 0 or self.here == end:
             self._line(end)
@@ -209,13 +209,15 @@ class Pen:
             except (ValueError, ZeroDivisionError, OverflowError):
                 arc = None
         if arc is None or not all(np.isfinite(x).all() for x in (arc.cosines, arc.angles)):
-            self.element.refuse("an arc of the path data has radii that do not fit its ends")
+            self.element.refuse(
+                "an arc of the path data has radii that cannot be scaled to its end points"
+            )
         self.shapes.append(arc)
         self.here = end
 
 
 def _plane(points: Sequence[complex]) -> FloatArray:
-    """Complex numbers as points in the plane, (n, 2)."""
+    """Convert complex numbers to points in the plane, (n, 2)."""
     array = np.array(points, dtype=np.complex128)
     return np.stack([array.real, array.imag], axis=-1)
 
@@ -228,11 +230,11 @@ def _arc_between(
     large: bool,
     sweep: bool,
 ) -> ArcChain:
-    """The elliptical arc between two points as defined by SVG's command A."""
-    # Radii that are too small are increased until the ellipse passes through both points.
+    """The elliptical arc between two points as defined for SVG's command A."""
+    # Radii that are too small are scaled so that the ellipse passes through both points.
     c, s = math.cos(tilt), math.sin(tilt)
     axes = np.array([[c, -s], [s, c]]) * radii
-    # The vector between the points, in coordinates in which the ellipse is a unit circle.
+    # The vector between the points, in coordinates that map the ellipse to a unit circle.
     step = np.array([[c, s], [-s, c]]) @ (last - first) / radii
     half = math.hypot(*step) / 2
     if half > 1:
@@ -252,7 +254,7 @@ Spend = Callable[[int], None]
 
 
 def shape_of(element: Element, spend: Spend) -> list[Outline]:
-    """The outlines of an element with a tag of `SHAPES`; empty if it has no size."""
+    """The outlines of an element with a tag in `SHAPES`; empty if the shape has no size."""
     return SHAPES[element.tag](element, spend)
 
 
@@ -269,7 +271,7 @@ def _polyline(element: Element, spend: Spend) -> list[Outline]:
     """The outline of a polyline or polygon; empty if it has fewer than two points."""
     values = numbers_of(element, "points", element.get("points"))
     if len(values) % 2:
-        element.refuse(f"points are pairs of x and y, but there are {len(values)} numbers")
+        element.refuse(f"points must be pairs of x and y, but has {len(values)} numbers")
     spend(len(values) // 2)
     points = np.array(values).reshape(-1, 2)
     closed = element.tag == "polygon"
@@ -277,7 +279,7 @@ def _polyline(element: Element, spend: Spend) -> list[Outline]:
 
 
 def _rect(element: Element, spend: Spend) -> list[Outline]:
-    """The outline of a rect with sharp or round corners; empty without width or height."""
+    """The outline of a rect with sharp or rounded corners; empty if it has no width or height."""
     spend(8)
     x, y, width, height = (number_of(element, key) for key in ("x", "y", "width", "height"))
     radii = [length_of(element, key, default=None) for key in ("rx", "ry")]
@@ -311,14 +313,14 @@ def _rect(element: Element, spend: Spend) -> list[Outline]:
 
 
 def _circle(element: Element, spend: Spend) -> list[Outline]:
-    """The outline of a circle; empty without a radius."""
+    """The outline of a circle; empty if the radius is zero."""
     spend(1)
     radius = number_of(element, "r")
     return _around(element, (radius, radius), ("r", "r"))
 
 
 def _ellipse(element: Element, spend: Spend) -> list[Outline]:
-    """The outline of an ellipse; empty without radii."""
+    """The outline of an ellipse; empty if a radius is zero."""
     spend(1)
     radii = [length_of(element, key, default=None) for key in ("rx", "ry")]
     rx, ry = (b if a is None else a for a, b in (radii, radii[::-1]))
@@ -326,14 +328,14 @@ def _ellipse(element: Element, spend: Spend) -> list[Outline]:
 
 
 def _around(element: Element, radii: tuple[float, float], keys: tuple[str, str]) -> list[Outline]:
-    """The outline of a full ellipse; empty if a radius is zero."""
+    """The outline of a full ellipse with radii from the attributes `keys`; empty if one is 0."""
     for key, value in zip(keys, radii, strict=True):
         if value < 0:
             element.refuse(f"{key} must not be negative, but is {value:g}")
     if not all(radii):
         return []
     center = np.array([number_of(element, "cx"), number_of(element, "cy")])
-    # SVG draws an ellipse from its point with the largest x.
+    # By the SVG standard, an ellipse starts at its point with the largest x.
     cosine, sine = np.diag(radii)
     return [Outline([ArcChain.arc(center, cosine, sine, 2 * np.pi)], closed=True)]
 

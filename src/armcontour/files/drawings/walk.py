@@ -1,4 +1,4 @@
-"""Traversal of DXF and SVG drawings: inheritance, clips, omitted entities, and the contours."""
+"""Traversal of DXF and SVG drawings: inherited properties, clips, omitted entities, contours."""
 
 from __future__ import annotations
 
@@ -33,8 +33,9 @@ from armcontour.program.moves import describe_not_run
 class Clip:
     """A polygon at which entities are cut."""
 
-    corners: FloatArray  # Its corners, (n, dimension); the inside has a winding number other than 0
-    outside: bool = False  # Whether the clip keeps the outside instead of the inside
+    # Corners [m], (n, dimension). A point is inside if its winding number is not 0.
+    corners: FloatArray
+    outside: bool = False  # Whether the parts outside are drawn instead of the parts inside
 
     def place(self, to: Affine) -> Clip:
         """The image of the clip under an affine map."""
@@ -42,9 +43,9 @@ class Clip:
 
 
 def clip_path(path: Path, *clips: Clip) -> list[Path]:
-    """The parts of a path in the plane that all clips keep, in their order."""
-    # Lines and arcs are cut where they cross the edges; a closed path that begins inside goes on
-    # through its start.
+    """The parts of a path in the plane that all clips leave visible, in the order of the path."""
+    # Lines and arcs are cut at the edges of the clips. If a closed path starts in a visible part,
+    # this part continues through the start of the path.
     parts = [path]
     for clip in clips:
         parts = [x for part in parts for x in _clip_once(part, clip)]
@@ -52,7 +53,7 @@ def clip_path(path: Path, *clips: Clip) -> list[Path]:
 
 
 def _clip_once(path: Path, clip: Clip) -> list[Path]:
-    """The parts of a path that one clip keeps."""
+    """The parts of a path that one clip leaves visible."""
     table, polygon = path.segments, clip.corners
     i, begin, end = _cut_at_edges(table, polygon)
     inside = _kept(table.evaluate(i, (begin + end) / 2), clip)
@@ -70,7 +71,7 @@ def _clip_once(path: Path, clip: Clip) -> list[Path]:
 
 
 def _cut_at_edges(table: Segments, polygon: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Segment, begin and end [m] of the parts between the crossings with a polygon's edges."""
+    """Parts of segments between crossings with a polygon: segment index, start and end [m]."""
     n = len(table)
     rows, distances = [np.arange(n)], [np.zeros(n)]
     for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
@@ -79,7 +80,7 @@ def _cut_at_edges(table: Segments, polygon: FloatArray) -> tuple[IntArray, Float
             continue
         along = (b - a) / size
         for u in _crossings(table, a, np.array([-along[1], along[0]])):
-            # Crossings at the ends of a segment or outside of the edge do not cut.
+            # Crossings at the ends of a segment or outside of the edge are ignored.
             good = (u > REPEATED_POINT) & (u < table.lengths - REPEATED_POINT)
             i = np.flatnonzero(good)
             coordinate = (table.evaluate(i, u[i]) - a) @ along
@@ -96,20 +97,25 @@ def _cut_at_edges(table: Segments, polygon: FloatArray) -> tuple[IntArray, Float
 
 
 def _crossings(table: Segments, a: FloatArray, normal: FloatArray) -> list[FloatArray]:
-    """Distances along each segment [m] at which it meets a straight line; not finite for none."""
+    """Arc lengths [m] at which segments cross a line: two arrays of (n,), not finite if none.
+
+    The line passes through `a`, and is perpendicular to the unit vector `normal`.
+    """
     k = table.curvatures
     height = (table.starts - a) @ normal
     rise, normal_rise = table.tangents @ normal, table.normals @ normal
     with np.errstate(divide="ignore", invalid="ignore"):
         straight = -height / rise
-        # k height + bend + rise sin(ku) - bend cos(ku) = 0, and rise² + bend² = 1 for an arc.
+        # An arc crosses the line at the arc length u with
+        # k height + normal_rise + rise sin(ku) - normal_rise cos(ku) = 0.
+        # In the plane, rise² + normal_rise² = 1 for an arc.
         middle, half = np.arctan2(rise, -normal_rise), np.arccos(-(k * height + normal_rise))
         turns = [np.mod(middle + x, 2 * np.pi) / k for x in (-half, half)]
     return [np.where(k > 0, x, straight) for x in turns]
 
 
 def _kept(points: FloatArray, clip: Clip) -> BoolArray:
-    """Mask of the points that a clip keeps, (n,)."""
+    """Mask of the points that a clip leaves visible, or that are on its edges, (n,)."""
     winding = np.zeros(len(points), dtype=np.intp)
     near = np.zeros(len(points), dtype=bool)
     for a, b in zip(clip.corners, np.roll(clip.corners, -1, axis=0), strict=True):
@@ -124,42 +130,42 @@ def _kept(points: FloatArray, clip: Clip) -> BoolArray:
     return np.asarray(((winding != 0) != clip.outside) | near)
 
 
-# Share of the reading of a drawing after which its entities are known and their curves are fitted.
+# Share of the progress at which the traversal of a drawing is complete; fitting takes the rest.
 WALKED = 0.4
-# Largest number of entities that a note names.
+# Largest number of entities that a note lists.
 NAMED = 9
-NO_SIZE = "Skipped because of no size"
+NO_SIZE = "Skipped because they have no size"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Inherited:
-    """Properties that the entities in a group, block or reference inherit."""
+    """Properties that the entities inside a group, block or reference inherit."""
 
-    to: Affine  # Map from their coordinates to the page or the world [m]
-    layer: str = ""  # Layer of entities without a layer
-    name: str = ""  # Name of the reference or INSERT around them
-    inside: tuple[object, ...] = ()  # Targets of the references or INSERTs around them
-    color: frozenset[str] = frozenset()
-    clips: tuple[Clip, ...] = ()  # Clips around them [m]
+    to: Affine  # Map from the coordinates of the entities to the page or the world [m]
+    layer: str = ""  # Layer of entities that have none
+    name: str = ""  # Name of the innermost reference or INSERT
+    inside: tuple[object, ...] = ()  # Targets of the nested references or INSERTs, outermost first
+    color: frozenset[str] = frozenset()  # Names of the colour
+    clips: tuple[Clip, ...] = ()  # Clips that apply to the entities [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EntityOutlines:
-    """The outlines of one entity in metres."""
+    """The outlines of one entity [m], with the data of its contours."""
 
     outlines: Sequence[Outline]
     where: str  # Name of the entity for messages
     name: str
     layer: str
-    clips: tuple[Clip, ...] = ()  # Clips around it [m]
+    clips: tuple[Clip, ...] = ()  # Clips that apply to the entity [m]
 
 
 class Walk:
-    """Base of the traversals of drawings: selection of entities, notes, and contours."""
+    """Base class of the traversals of drawings: selects entities, and makes contours and notes."""
 
-    # True if the parts of one entity are never chained and share its name.
+    # Whether the parts of one entity have the same name and are never chained.
     apart = False
-    # The part of a file that is read, for messages.
+    # Part of the file that is read, for messages.
     part = ""
 
     def __init__(self, source: str, options: ReadOptions, progress: Progress | None) -> None:
@@ -167,21 +173,22 @@ class Walk:
         self.requested_layers, self.colors = options.layer_set, options.color_set
         self.tell = fraction_reporter(progress, source)
         self.labels = Labels()
-        # Names of omitted items by the reasons; entities on other layers and of other colours.
+        # Names of omitted entities by the reason, with their counts.
         self.left_out: dict[str, Counter[str]] = {}
+        # Numbers of entities on layers, and of colours, that are not selected.
         self.elsewhere: Counter[str] = Counter()
         self.others: Counter[str] = Counter()
 
     def leave_out(self, reason: str, name: str) -> None:
-        """Record an omitted item and the reason."""
+        """Count an omitted entity under a reason, which starts the note."""
         self.left_out.setdefault(reason, Counter())[name] += 1
 
     def wants_layer(self, layer: str) -> bool:
-        """True if contours on a layer are read."""
+        """True if the options select a layer."""
         return self.requested_layers is None or self.labels(layer) in self.requested_layers
 
     def wants_color(self, names: frozenset[str]) -> bool:
-        """True if entities of a colour are read; counts other entities."""
+        """True if the options select a colour; otherwise the entity is counted as omitted."""
         if self.colors is None or names & self.colors:
             return True
         self.others[min(names)] += 1
@@ -189,22 +196,22 @@ class Walk:
 
     @property
     def notes(self) -> list[str]:
-        """Notes on omitted entities and changed names."""
+        """Sentences on omitted entities and changed names."""
         sentences = [f"{why}: {list_counted(x)}." for why, x in self.left_out.items()]
         return sentences + self.labels.notes
 
     def explain_empty(self) -> str:
-        """The reason for a program without contours, if the notes do not explain it."""
+        """Predicate for the message about a drawing without contours; "" for the general one."""
         return ""
 
     def program(self, entities: Iterable[EntityOutlines], notes: Sequence[str]) -> Program:
-        """The program of all contours."""
+        """Chain all entities to a program; its notes are `notes` and those of the traversal."""
         pieces = self._pieces(list(entities))
         contours, chaining_notes = chain_pieces(pieces, self.options.join_tolerance)
         notes = [*notes, *self.notes, *chaining_notes]
         if not contours:
             if self.others:
-                notes.append(f"Of other colours than chosen: {list_counted(self.others)}.")
+                notes.append(f"Entities of other colours: {list_counted(self.others)}.")
             reason = f" ({' '.join(notes).rstrip('.')})" if notes else ""
             reason = self.explain_empty() or f"has no contour to follow{self.part}{reason}"
             raise InvalidInput(f"{self.source} {reason}.")
@@ -218,7 +225,7 @@ class Walk:
         return repair_vertices(program, self.options)
 
     def _pieces(self, entities: Sequence[EntityOutlines]) -> list[DrawnEntity]:
-        """The paths of all outlines, clipped."""
+        """The clipped paths of all outlines, as entities for chaining."""
         options = self.options
         try:
             with np.errstate(over="ignore", invalid="ignore"):
@@ -249,18 +256,18 @@ class Walk:
 
 
 def list_counted(names: Counter[str]) -> str:
-    """The first names with their numbers above 1, such as `2 TEXT, HATCH`."""
+    """Text that lists the first names, with their counts if above 1: `2 TEXT, HATCH`."""
     return list_some([x if n == 1 else f"{n} {x}" for x, n in names.items()], NAMED)
 
 
 def place_outline(outline: Outline, to: Affine) -> tuple[Outline, str]:
-    """The image of an outline under an affine map [m], and its defect if it is too far away."""
+    """The image of an outline under an affine map [m], and a text if it is too far away, or ""."""
     with np.errstate(over="ignore", invalid="ignore"):
         placed = outline.place(to)
         reach = float(np.abs(placed.reach).max())
     if reach <= FARTHEST:
         return placed, ""
     return placed, (
-        f"reaches {reach:.3g} m far, more than {FARTHEST:g} m: give the unit in which it is drawn, "
-        "such as units: mm"
+        f"has coordinates up to {reach:.3g} m, but at most {FARTHEST:g} m are allowed: specify the "
+        "unit of the drawing, for example units: mm"
     )

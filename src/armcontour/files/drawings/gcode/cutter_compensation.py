@@ -1,8 +1,9 @@
-"""Cutter radius compensation (G41, G42): offsets of the programmed moves for the tool's centre.
+"""Cutter radius compensation (G41, G42): offset of the programmed moves by the tool radius.
 
-Moves are collected up to G40, then offset together as kerfs are: parallels of lines, arcs around
-the same centres, an arc around each outside corner. At an inside corner both moves end where they
-cross. Unlike a kerf, a move that is too short for its corners is refused, as in LinuxCNC.
+Moves are collected up to G40 and then offset together, like contours with a kerf: lines become
+parallels, arcs keep their centres, and an arc is added at each outside corner. At an inside corner,
+both moves end at their intersection. A move that is too short for its corners is refused, as in
+LinuxCNC.
 Source: LinuxCNC manual, "Cutter Radius Compensation", and G Codes, G40, G41, G42.
 """
 
@@ -36,38 +37,40 @@ from armcontour.program.crossings import (
 )
 from armcontour.program.moves import Value
 
-# Ends of parallels that are this near are one point [m]: half of what a path takes for a gap.
+# Largest distance of two ends of parallels that are one point [m]: half of the smallest gap of a
+# path.
 SAME_END = REPEATED_POINT / 2
-# A move turns straight back if its turn is this near to half a turn [rad].
+# A move reverses the direction if its turn differs from half a turn by at most this [rad].
 STRAIGHT_BACK = 1e-9
 
 
 @dataclass(slots=True)
 class _Move:
-    """A programmed move in the plane XY."""
+    """A programmed move in the plane XY, which can also change the height."""
 
-    row: tuple[float, ...]  # Its row in the table of pieces of `_crossings`
-    end: InPlane  # End [m]
+    # Row of the tables in `program.crossings`: start [m], tangent, curvature [1/m], length [m].
+    row: tuple[float, ...]
+    end: InPlane  # Programmed end [m]
     z: float  # Height at the end [m]
     line: int
-    feed: Feed | None = None  # Speed, tolerance and line; None for a rapid
-    # Actions at its end, before the next move.
+    feed: Feed | None = None  # Speed, tolerance and line number; None for a rapid
+    # Events and stops at the end of the move, before the next move.
     actions: list[Callable[[], None]] = field(default_factory=list)
 
 
 class Compensation:
-    """Converts programmed moves to moves of the tool's centre."""
+    """Converts programmed moves to moves of the tool's centre, and adds these to a draft."""
 
     def __init__(self, draft: ProgramDraft, chord_tolerance: float) -> None:
         self.draft, self.chord_tolerance = draft, chord_tolerance
         self.code = codes.NO_COMPENSATION
         # Offset of the tool's centre to the left of the contour [m].
         self.offset = 0.0
-        # The programmed point; only while compensation is on.
+        # The programmed point [m]; valid only while compensation is on.
         self.position: Point = draft.last
-        # The moves since G41 or G42, which are not drafted yet.
+        # The moves since G41 or G42, which are not in the draft yet.
         self.moves: list[_Move] = []
-        # Whether the next move leads away from the contour.
+        # Whether the next move is the exit move, from the contour to an uncompensated point.
         self.leaves = False
 
     @property
@@ -77,47 +80,48 @@ class Compensation:
 
     @property
     def inactive(self) -> bool:
-        """True if moves are drafted as programmed."""
+        """True if the next move is added to the draft as programmed."""
         return not (self.active or self.leaves)
 
     @property
     def begun(self) -> bool:
-        """True if a contour has begun."""
+        """True if the draft has a contour."""
         return self.draft.begun
 
     def start(self, code: int, offset: float) -> None:
-        """G41, G42: the next move in the plane leads to the contour."""
+        """G41, G42: start compensation by an offset [m]; the next move is the entry move."""
         self.refuse(codes.g_name(code))
         self.code, self.offset = code, offset
         if not self.leaves:
             self.position = self.draft.last
 
     def stop(self) -> None:
-        """G40: the next move leads away from the contour."""
+        """G40: end compensation, and draft the collected moves; the next move is the exit move."""
         if self.moves:
             self.leaves = True
             self._draft_moves()
         self.code, self.offset = codes.NO_COMPENSATION, 0.0
 
     def refuse(self, action: str) -> None:
-        """Refuse what cannot be done while compensation is on."""
+        """Raise an error if compensation is on; `action` is the noun for the message."""
         if self.active:
             raise Fault(
-                f"{action} while cutter radius compensation ({codes.g_name(self.code)}) is on: "
-                "write G40, and a straight move away from the contour, before"
+                f"{action} is not possible while cutter radius compensation "
+                f"({codes.g_name(self.code)}) is on: write G40, and a straight move away from the "
+                "contour, before"
             )
 
     def start_of_arc(self) -> Point:
-        """Start point of the next arc."""
+        """Programmed start point [m] of the next arc, which must not be the exit move."""
         if self.leaves:
             raise Fault(
-                "an arc as the first move after G40, which has to be straight: the tool's centre "
-                "leaves the contour on it"
+                "the first move after G40 must be straight, because the offset of the tool ends "
+                "along this move, but it is an arc"
             )
         return self.position if self.offset else self.draft.last
 
     def feed(self, x: float, y: float, z: float, feed: Feed) -> None:
-        """A straight feed move."""
+        """Add a straight feed move to a point [m]."""
         if not self.offset:
             self.leaves = False
             self.draft.feed(x, y, z, feed)
@@ -128,7 +132,7 @@ class Compensation:
             self.position = (*self.position[:2], z)
 
     def go(self, x: float, y: float, z: float, line: int) -> None:
-        """A rapid move."""
+        """Add a rapid move to a point [m]."""
         if not self.offset:
             self.leaves = False
             self.draft.go(x, y, z)
@@ -141,7 +145,7 @@ class Compensation:
     def arc(
         self, piece: ArcPart, axes: tuple[int, int, int], feed: Feed, *, rise: float = 0.0
     ) -> None:
-        """An arc; while compensation is on, in the plane XY, or a helix across it."""
+        """Add an arc; while compensation is on, in the plane XY, with a rise in height [m]."""
         if not self.offset:
             self.draft.arc(piece, axes, feed)
             return
@@ -150,8 +154,9 @@ class Compensation:
         radius = 1 / piece.curvature
         if radius * (1 - curvature * self.offset) <= REPEATED_POINT:
             raise Fault(
-                "an inside arc of radius {} for a tool of {}: its diameter must be below {}",
-                radius, 2 * abs(self.offset), 2 * radius,
+                "the diameter of the tool must be less than {} for an inside arc of radius {}, but "
+                "is {}",
+                2 * radius, radius, 2 * abs(self.offset),
             )  # fmt: skip
         if not self.moves:
             self._check_entry_length(math.dist(self.draft.last[:2], piece.end))
@@ -175,22 +180,22 @@ class Compensation:
         self.draft.resume_at(point)
 
     def room_for(self, segments: int) -> None:
-        """Count segments, as `ProgramDraft.room_for`."""
+        """Count segments of helices and full turns, see `ProgramDraft.room_for`."""
         self.draft.room_for(segments)
 
     def set_layer(self, number: str | None, kind: str | None) -> None:
-        """Start a layer, as `ProgramDraft.set_layer`."""
+        """Start a layer or a type of moves, see `ProgramDraft.set_layer`."""
         self._wait(partial(self.draft.set_layer, number, kind))
 
     def _wait(self, action: Callable[[], None]) -> None:
-        """Run an action at the end of the last collected move, or now if there is none."""
+        """Defer an action to the end of the last collected move; run it now if there is none."""
         if self.moves:
             self.moves[-1].actions.append(action)
         else:
             action()
 
     def _follow_line(self, end: InPlane, z: float, line: int, feed: Feed | None = None) -> None:
-        """Collects a straight move."""
+        """Collect a straight move in the plane; `feed` is None for a rapid."""
         (x, y), length = self.position[:2], math.dist(self.position[:2], end)
         if not self.moves:
             self._check_entry_length(length)
@@ -198,19 +203,21 @@ class Compensation:
         self._follow(_Move(row, end, z, line, feed))
 
     def _follow(self, move: _Move) -> None:
+        """Collect a move, and set the programmed point to its end."""
         self.moves.append(move)
         self.position, self.leaves = (*move.end, move.z), False
 
     def _check_entry_length(self, length: float) -> None:
+        """Check that the entry move is longer than the radius of the tool."""
         if length <= abs(self.offset):
             raise Fault(
-                f"the first move under {codes.g_name(self.code)}, which is {{}} long and leads the "
-                "tool beside the contour: it must be longer than the tool's radius of {}",
-                length, abs(self.offset),
+                f"the first move after {codes.g_name(self.code)} must be longer than the radius of "
+                "the tool, {}, but its length is {}",
+                abs(self.offset), length,
             )  # fmt: skip
 
     def _draft_moves(self) -> None:
-        """Draft the collected moves with the tool offset to the side."""
+        """Add the collected moves to the draft, offset by the radius of the tool."""
         moves, self.moves = self.moves, []
         table = np.array([x.row for x in moves])
         parallel, tangents = (
@@ -221,8 +228,8 @@ class Compensation:
         if table[0, CURVATURE]:
             parallel[0] = self._entry_arc(moves[0], complex(*tips[0]), complex(*tangents[0]))
         turns = turns_between(tangents[:-1], table[1:, [TX, TY]])
-        # A move straight back turns around the outside of the tip, as in LinuxCNC, unless it bends
-        # away to the tool's side, where both make an inside corner.
+        # If the direction reverses, the tool goes around the outside of the tip, as in LinuxCNC. If
+        # an arc bends to the tool's side there, the moves form an inside corner instead.
         side = math.copysign(math.pi, self.offset)
         inside = (table[:-1, CURVATURE] + table[1:, CURVATURE]) * self.offset < 0
         back = np.abs(turns) >= math.pi - STRAIGHT_BACK
@@ -238,14 +245,15 @@ class Compensation:
                 action()
 
     def _entry_arc(self, move: _Move, tip: complex, tangent: complex) -> FloatArray:
-        """The row of an arc from where the tool is, tangent to the first parallel at its end."""
+        """Row of the entry arc: from the position of the tool, tangent to `tangent` at `tip`."""
         start = complex(*self.draft.last[:2])
         half = cmath.phase(tangent / (tip - start))
         curvature = 2 * math.sin(half) / abs(tip - start)
         if curvature * move.row[CURVATURE] <= 0:
             raise Fault(
-                f"the first move under {codes.g_name(self.code)}, an arc that the tool cannot "
-                "enter from where it is: enter by a straight move",
+                f"the first move after {codes.g_name(self.code)} is an arc for which there is no "
+                "entry arc of the same direction from the position of the tool: write a straight "
+                "entry move",
                 line=move.line,
             )
         first = tangent * cmath.exp(-2j * half)
@@ -256,35 +264,32 @@ class Compensation:
     def _cut_corners(
         self, moves: Sequence[_Move], parallel: FloatArray, inside: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Lengths at which each parallel begins and ends, cut at inside corners [m], (n,) each."""
+        """Arc lengths at which each parallel, cut at inside corners, begins and ends [m], (n,)."""
         cut, lengths = np.flatnonzero(inside), parallel[:, LENGTH]
         first, last = np.zeros(len(parallel)), lengths.copy()
         back, first[cut + 1] = corner_cuts(parallel[cut], parallel[cut + 1])
         last[cut] -= back
         for i, by in zip(cut.tolist(), back.tolist(), strict=True):
             position, cut_length, available = (
-                "before it by {}, of which {} are left",
+                "before the corner by {}, but only {} are available",
                 by,
                 lengths[i] - first[i],
             )
-            # A straight entry may end before its start.
+            # The cut of a straight entry move may be longer than the move.
             fits = cut_length <= available + REPEATED_POINT or not (i or parallel[0, CURVATURE])
             if fits:
                 position, cut_length, available = (
-                    "after it by {}, which is {} long",
+                    "after the corner by {}, but only {} are available",
                     first[i + 1],
                     lengths[i + 1],
                 )
             if fits and cut_length <= available + REPEATED_POINT:
                 continue
-            reason = (
-                f"which shortens the move {position}"
-                if not math.isnan(by)
-                else "into which it does not fit"
-            )
+            reason = f": the tool would shorten the move {position}" if not math.isnan(by) else ""
             raise Fault(
-                f"an inside corner at ({{}}, {{}}) for a tool of {{}}, {reason}: take a smaller "
-                "tool, or round the corner by more than the tool's radius",
+                "the inside corner at ({}, {}) is too narrow for a tool with the diameter "
+                f"{{}}{reason}. Use a smaller tool, or round the corner by more than the radius of "
+                "the tool",
                 *moves[i].end, 2 * abs(self.offset), cut_length, available, line=moves[i + 1].line,
             )  # fmt: skip
         return first, last
@@ -292,7 +297,7 @@ class Compensation:
     def _turn_corner(
         self, move: _Move, parallel: FloatArray, tangent: FloatArray, turn: float
     ) -> None:
-        """Drafts the arc around the outside corner before a move; a rapid goes straight."""
+        """Draft the arc around the outside corner before a move; a line before a rapid."""
         x, y = parallel[:2].tolist()
         if move.feed is None:
             self.draft.go(x, y, self.draft.last[2])
@@ -303,7 +308,10 @@ class Compensation:
     def _draft_move(
         self, move: _Move, parallel: FloatArray, first: float, last: float, end: InPlane
     ) -> None:
-        """Drafts a move along a part of its parallel; chords of an arc where the height changes."""
+        """Draft a move along its parallel from arc length `first` to `last` [m], up to `end`.
+
+        An arc whose height changes becomes chords of a helix.
+        """
         if move.feed is None:
             self.draft.go(*end, move.z)
             return
@@ -328,6 +336,6 @@ class Compensation:
 
 
 def _arc(tangent: FloatArray, curvature: float, length: float, end: InPlane) -> ArcPart:
-    """An arc whose curvature is positive to the left."""
+    """The arc with a tangent at its start and a signed curvature, positive to the left."""
     (tx, ty), turn = tangent.tolist(), math.copysign(1.0, curvature)
     return ArcPart((tx, ty), (-turn * ty, turn * tx), abs(curvature), length, end)

@@ -1,4 +1,4 @@
-"""Machine state that executes the blocks of a G-code program."""
+"""The machine that executes the lines of a G-code program, and rejects or skips unknown words."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from armcontour.files.drawings.read_options import ReadOptions
 
 # Rotary axes, and linear axes other than X, Y and Z.
 OTHER_AXES = "ABCUVW"
-# Words that cause no motion: offsets of tools, pockets, values of skipped codes.
+# Letters of words that cause no motion: tool offsets, pockets, values of skipped codes.
 IDLE = "DEHLOT"
-# Positions of such an axis up to this are zero [degrees or units].
+# Largest position of another axis that counts as zero [degrees or units].
 TURNED = 1e-9
-# Words of an unknown M code on a line with a motion.
+# Letters of words that belong to an unknown M code on a line with a motion.
 OF_M = "DEHLOPQST"
 
 
 class Unknown:
-    """Skips codes and words that are not executed, with notes, or refuses them."""
+    """Removes codes and words that are not executed from a line, with notes, or refuses them."""
 
     def __init__(self, notes: Notes, skip: Collection[str], lenient: bool) -> None:
         self.notes, self.skipped, self.lenient = notes, frozenset(skip), lenient
@@ -43,7 +43,7 @@ class Unknown:
         words = block.words.keys()
         if "I" in words and math.isnan(block.words["I"]) and not LASER.isdisjoint(block.m):
             block.drop("I")
-            self.notes.count("I of M3, M4 or M5 (power of a laser that changes with moves)")
+            self.notes.count("I of M3, M4 or M5 (inline laser power)")
         if (
             codes.SHIFT in block.g
             and words.isdisjoint("XYZES")
@@ -58,7 +58,7 @@ class Unknown:
         if strange_m:
             self._leave_m(block, strange_m)
         if codes.SHIFT in block.g and "S" in words and words.isdisjoint("XYZE"):
-            # The largest spindle speed of lathes.
+            # On lathes, G92 S is the maximum spindle speed.
             block.g.remove(codes.SHIFT)
             block.drop("S")
             self.notes.count("G92 S")
@@ -68,12 +68,12 @@ class Unknown:
             self._check_axes(block)
 
     def _leave_m(self, block: Block, strange: list[float]) -> None:
-        """Skip M codes of other machines; RepRap's M201 and M203 have parameters X, Y and Z."""
+        """Skip unknown M codes and their parameters, which can be X, Y and Z (RepRap's M201)."""
         for code in strange:
             if code in codes.CALLS:
-                raise Fault(f"M{code:g}: subprograms are not read; {codes.PLAIN_MOVES}")
+                raise Fault(f"M{code:g} (subprograms) is not supported: {codes.PLAIN_MOVES}")
             if code == codes.RESTORE and block.words.keys().isdisjoint("PRS"):
-                raise Fault(f"M72, which restores saved modes, is not read; {codes.PLAIN_MOVES}")
+                raise Fault(f"M72 (restore saved modes) is not supported: {codes.PLAIN_MOVES}")
             block.m.remove(code)
             self.notes.count(f"M{code:g}")
         alone = block.motion is None and not any(x in codes.OWN_THE_LINE for x in block.g)
@@ -81,24 +81,25 @@ class Unknown:
         block.drop(x for x in parameters if alone or x in OF_M)
 
     def _leave_g(self, block: Block, code: int) -> None:
+        """Skip an unknown G code and its words, or refuse it."""
         name, moves = codes.g_name(code), not block.words.keys().isdisjoint("XYZ")
         if code in codes.REFUSED_G:
-            raise Fault(f"{name}, {codes.REFUSED_G[code]}")
+            meaning, advice = codes.REFUSED_G[code]
+            raise Fault(f"{name} is not supported ({meaning}): {advice}")
         if code in codes.NEVER_SKIPPED_G:
             raise Fault(
-                f"{name}, which this reader does not carry out and does not skip either, because "
-                "the moves after it would be elsewhere: write G0, G1, G2 and G3"
+                f"{name} is not supported, and cannot be skipped because it may displace the "
+                "following moves: write G0, G1, G2 and G3 instead"
             )
         if moves:
             raise Fault(
-                f"{name} with coordinates, which this reader does not know: write G0, G1, G2 and "
-                f"G3, or skip it with its words (unknown: {{skip: [{name}]}}, or --skip "
-                f"{name})"
+                f"{name} with coordinates is not supported: write G0, G1, G2 and G3 instead, or "
+                f"skip the code with its words (unknown: {{skip: [{name}]}}, or --skip {name})"
             )
         if code not in codes.HARMLESS_G and not self.lenient:
             raise Fault(
-                f"{name}, which this reader does not know: remove it, or skip it "
-                f"(unknown: {{skip: [{name}]}}, or --skip {name})"
+                f"the code {name} is unknown: remove it, or skip it (unknown: {{skip: [{name}]}}, "
+                f"or --skip {name})"
             )
         block.g.remove(code)
         if block.motion == code:
@@ -111,7 +112,10 @@ class Unknown:
         for code in [x for x in block.g if codes.g_name(x) in self.skipped]:
             name = codes.g_name(code)
             if code in codes.NEVER_SKIPPED_G or codes.G_GROUP.get(code) == codes.MOTION:
-                raise Fault(f"{name}, a motion, which cannot be skipped: write it otherwise")
+                raise Fault(
+                    f"{name} cannot be skipped, because it is a motion or displaces the following "
+                    "moves: write G0, G1, G2 and G3 instead"
+                )
             block.g.remove(code)
             self.notes.count(name)
             strange = code not in codes.UNDERSTOOD_G and block.motion is None
@@ -124,50 +128,52 @@ class Unknown:
             self.notes.count(f"the word {letter}")
 
     def _check_axes(self, block: Block) -> None:
-        """Check positions of axes other than X, Y and Z: only zero is skipped."""
+        """Skip positions of zero on axes other than X, Y and Z; refuse other positions."""
         for letter in [x for x in OTHER_AXES if x in block.words]:
             value = block.words.pop(letter)
             if abs(value) > TURNED:
                 raise Fault(
-                    f"{letter}{value:g}, a move of the axis {letter}, which this reader does not "
-                    "have: it reads X, Y and Z (to skip the word: unknown: "
-                    f"{{skip: [{letter}]}}, or --skip {letter})"
+                    f"{letter}{value:g} is a move of the axis {letter}, but only X, Y and Z are "
+                    f"supported: remove the word {letter}, or skip it (unknown: {{skip: "
+                    f"[{letter}]}}, or --skip {letter})"
                 )
             if not math.isnan(value):
-                self.notes.count(f"the word {letter} of zero")
+                self.notes.count(f"the word {letter} with the value 0")
 
     def leave_idle(self, block: Block) -> None:
-        """Remove the remaining words of a line that cause no motion."""
+        """Remove the remaining words of a line if they cause no motion; refuse other words."""
         for letter in list(block.words):
             if letter in "PQ" and not self._has_modes(block):
-                with_what = {"P": "G4, G64, G2, G3", "Q": "G64"}[letter]
+                users = {"P": "G4, G64, G2 and G3", "Q": "G64"}[letter]
                 raise Fault(
-                    f"the word {letter}, which belongs to nothing here: it goes with {with_what}"
+                    f"no code on this line uses the word {letter}, which belongs to {users}: "
+                    "remove the word, or add the code"
                 )
             if letter in "IJKR":
                 raise Fault(
-                    f"the word {letter}, which belongs to nothing here: it goes with G2 and G3"
+                    f"no code on this line uses the word {letter}, which belongs to G2 and G3: "
+                    "remove the word, or add the code"
                 )
             if letter not in IDLE + "PQ":
-                raise Fault(f"the word {letter}, which belongs to nothing here: remove it")
+                raise Fault(f"no code on this line uses the word {letter}: remove the word")
             del block.words[letter]
             self.notes.count(f"the word {letter}")
 
     @staticmethod
     def _has_modes(block: Block) -> bool:
-        """True if P and Q may belong to a mode of another controller, such as G8 P1 or M0 P500."""
+        """True if the line has an M code or G8, to which P and Q can belong (G8 P1, M0 P500)."""
         return bool(block.m) or 80 in block.g
 
 
-# Codes and words of simple motions.
+# G codes and letters of lines that have only a motion.
 SIMPLE_CODES = (codes.RAPID, codes.LINE, *codes.ARCS)
 SIMPLE_WORDS = frozenset("XYZIJKFE")
-# A dwell this long [s] may be meant in milliseconds.
+# Dwells of at least this time [s] get a note, because the program may be in milliseconds.
 LONG_DWELL = 60.0
 
 
 class Machine:
-    """Modal state of a program, and the draft of its moves."""
+    """Executes lines: changes the modal state, and drafts the moves and events."""
 
     def __init__(self, options: ReadOptions, dialect: Dialect) -> None:
         stated = options.unit is not None
@@ -188,7 +194,7 @@ class Machine:
         self.dialect = dialect
 
     def ready(self) -> bool:
-        """True if a line with only X, Y, Z and F is a straight feed move to that point."""
+        """True if `feed_to` can execute a line with only X, Y, Z and F; prepares it."""
         modes = self.modes
         plain = (
             modes.motion == codes.LINE
@@ -206,7 +212,7 @@ class Machine:
         return plain
 
     def feed_to(self, x: str | None, y: str | None, z: str | None, f: str | None) -> None:
-        """Execute a line with only these words; the machine must be `ready`."""
+        """Execute a line with only the words X, Y, Z and F; requires that `ready` was true."""
         modes, tool = self.modes, self.tool
         if f is not None:
             modes.feed_per_minute(float(f))
@@ -253,7 +259,7 @@ class Machine:
         return self._stop(block)
 
     def _is_simple(self, block: Block) -> bool:
-        """True if a line has only a motion and its words, as nearly all lines."""
+        """True if a line has only a motion and its words, like nearly all lines of a program."""
         g = block.g
         return (
             (not g or (len(g) == 1 and g[0] in SIMPLE_CODES))
@@ -262,12 +268,14 @@ class Machine:
         )
 
     def _check_single_p(self, block: Block) -> None:
-        """Check that a word P belongs to one code of its line."""
+        """Check that at most one code of the line uses the word P."""
         users = [codes.g_name(x) for x in (codes.DWELL, codes.BLEND) if x in block.g]
         if self._turns_on(block):
             users.append("the arc")
         if "P" in block.words and len(users) > 1:
-            raise Fault(f"the word P, which may belong to {' or '.join(users)}: write two lines")
+            raise Fault(
+                f"the word P can belong to {' or '.join(users)}: write these in separate lines"
+            )
 
     def _turns_on(self, block: Block) -> bool:
         """True if a line draws an arc."""
@@ -279,30 +287,31 @@ class Machine:
         return self.modes.motion in codes.ARCS and not block.words.keys().isdisjoint(letters)
 
     def _dwell(self, block: Block) -> float:
-        """The time of G4 in seconds, from P, or from S, X or U of other controllers."""
+        """Time of G4 [s], from the word P, or from S, X or U (other controllers)."""
         words = block.words
         letter = next((x for x in "PSXU" if x in words), None)
         if letter is None:
-            # Marlin: wait until all moves are done.
-            self.notes.count("G4 without a time, a stop of 0 s")
+            # In Marlin, G4 without a time waits until all moves are done.
+            self.notes.count("G4 without a time (a stop of 0 s)")
             return 0.0
         duration = words.pop(letter)
         if duration < 0:
-            raise Fault(f"G4 needs a time of zero or above, but has {letter}{duration:g}")
+            raise Fault(f"the time of G4 must not be negative, but is {letter}{duration:g}")
         if letter == "P" and duration and self.dialect.printer:
             self.notes.once(
-                "G4 P, first in line {}, is read in milliseconds, because the program is a "
-                "printer's (extrusion, temperatures)."
+                "G4 P, first in line {}, is interpreted in milliseconds, because the program is "
+                "for a 3D printer (extrusion, temperatures)."
             )
             return duration * 1e-3
         if duration >= LONG_DWELL:
             self.notes.once(
-                f"Dwells of {LONG_DWELL:g} s and above, first in line {{}}, are read in seconds, "
-                "as LinuxCNC and grbl read G4 P; some controllers mean milliseconds."
+                f"Dwells of {LONG_DWELL:g} s and above, first in line {{}}, are interpreted in "
+                "seconds, as in LinuxCNC and grbl. Some controllers use milliseconds."
             )
         return duration
 
     def _set_modes(self, block: Block) -> None:
+        """Set units, plane, distance modes, path control and offsets that a line selects."""
         modes = self.modes
         unit = unit_of(block)
         if unit is not None:
@@ -310,7 +319,7 @@ class Machine:
         for code in block.g:
             if code in PLANES:
                 if code != modes.plane:
-                    self.compensation.refuse(f"another plane ({codes.g_name(code)})")
+                    self.compensation.refuse(f"a change of the plane to {codes.g_name(code)}")
                 modes.plane = code
             elif code in (codes.ABSOLUTE, codes.RELATIVE):
                 modes.absolute = code == codes.ABSOLUTE
@@ -329,68 +338,77 @@ class Machine:
                 self._compensate_length(block, code)
 
     def _compensate_radius(self, block: Block) -> None:
-        """G41, G42: offset the tool from the contour, starting with the next move."""
+        """G41, G42: start the offset of the tool from the contour with the next move."""
         code = next((x for x in block.g if x in codes.COMPENSATION), None)
         if code is None:
             return
         name = codes.g_name(code)
         if self.modes.plane != codes.XY:
-            raise Fault(f"{name} in the plane {codes.g_name(self.modes.plane)}: it is read in G17")
+            raise Fault(
+                f"{name} needs the plane G17, but the plane is {codes.g_name(self.modes.plane)}"
+            )
         if self.tool.away:
-            raise Fault(f"{name} at a position that the file does not give: go on by G0 before")
+            raise Fault(
+                f"{name} is not possible here, because the file does not define the position of "
+                "the tool: write a G0 with absolute coordinates before"
+            )
         diameter = self._diameter(block, code)
         offset = -diameter / 2 if code in codes.ON_THE_RIGHT else diameter / 2
         self.compensation.start(code, offset)
 
     def _diameter(self, block: Block, code: int) -> float:
-        """The tool's diameter for G41 or G42 of a line [m]; removes its words from the line."""
+        """The tool's diameter for G41 or G42 [m], negative for the other side; removes D and L."""
         in_spindle = self.switches.tool
         name, word = codes.g_name(code), block.words.pop("D", None)
         if code in codes.BY_DIAMETER:
             if block.words.pop("L", 0.0) != 0.0:
-                raise Fault(f"{name} with L, the orientation of a lathe's tool, which is not read")
+                raise Fault(
+                    f"{name} with L (orientation of a lathe tool) is not supported: remove L"
+                )
             if word is None:
-                raise Fault(f"{name} without D, the tool's diameter")
+                raise Fault(f"{name} needs D, the diameter of the tool")
             return word * self.modes.unit
         if not word and not in_spindle and 0 not in self.tools:
             raise Fault(
-                f"{name} without D, while no tool is in the spindle (T, M6): give D, the number of "
-                f"a tool, and {_explain_tool(1)}"
+                f"{name} needs the number of a tool, D, because no tool is in the spindle (T, M6): "
+                f"write D, and specify {_explain_tool(1)}"
             )
-        # D0 is the tool in the spindle, as in LinuxCNC.
-        number = whole_number(word or 0.0, f"{name} with a tool D") or in_spindle
+        # D0 means the tool in the spindle, as in LinuxCNC.
+        number = whole_number(word or 0.0, f"the tool number D of {name}") or in_spindle
         if number not in self.tools:
             raise Fault(
-                f"{name}, cutter radius compensation by the tool {number}, whose diameter is in "
-                f"the table of the controller and not in the file: give {_explain_tool(number)}, "
-                "or let the post-processor write the path of the tool's centre"
+                f"{name} (cutter radius compensation) needs the diameter of tool {number}, which "
+                f"is not in the file: specify {_explain_tool(number)}, or post-process the "
+                "program to the path of the tool's centre"
             )
         return self.tools[number]
 
     def _compensate_length(self, block: Block, code: int) -> None:
-        """G43: the programmed point is the tip of the tool, as for a calibrated tool."""
+        """G43: note that the programmed point is the tip of the tool; removes H from the line."""
         block.words.pop("H", None)
         if code != codes.TOOL_LENGTH[-1]:
             self.notes.once(
-                "Tool length compensation, first in line {}, is read so that the programmed point "
-                "is the tip of the tool: calibrate the robot's tool to its tip."
+                "With tool length compensation, first in line {}, the programmed point is the tip "
+                "of the tool: calibrate the tool of the robot to its tip."
             )
 
-    def _blend(self, largest: float | None) -> float:
-        if largest == 0:
+    def _blend(self, tolerance: float | None) -> float:
+        """Permitted corner error [m] of G64 for its word P; NaN without P or with P0."""
+        if tolerance == 0:
             self.notes.once(
-                "G64 P0 in line {} sets no tolerance, as in LinuxCNC; G61 keeps to corners exactly."
+                "G64 P0 in line {} sets no tolerance, as in LinuxCNC. G61 allows no corner error."
             )
-        if not largest:
+        if not tolerance:
             return math.nan
-        if largest < 0:
+        if tolerance < 0:
             raise Fault(
-                f"G64 with P{largest:g}, which must not be negative: G61 keeps to corners exactly"
+                f"the tolerance P of G64 must not be negative, but is {tolerance:g}: write G61 to "
+                "allow no corner error"
             )
-        return largest * self.modes.unit
+        return tolerance * self.modes.unit
 
     def _move_once(self, block: Block) -> bool:
-        """Execute a code that uses the coordinates of its line; returns False if there is none."""
+        """Execute a non-modal code that uses the words of its line; False if there is none."""
         g = block.g
         for code in codes.OWN_THE_LINE.intersection(g):
             self.compensation.refuse(codes.g_name(code))
@@ -401,7 +419,7 @@ class Machine:
             motion = self.modes.motion if block.motion is None else block.motion
             self.tool.go_in_machine(block, motion)
         elif 431 in g or 432 in g:
-            # Lengths of tools, which move nothing here.
+            # G43.1 and G43.2: the coordinates are tool lengths, which cause no motion.
             block.drop(AXES)
         elif codes.SET_DATA in g:
             self._retract(block)
@@ -414,29 +432,30 @@ class Machine:
         return True
 
     def _retract(self, block: Block) -> None:
-        """G10 of printers, which retracts filament or sets temperatures."""
+        """G10 of printers, which retracts filament or sets temperatures; it is skipped."""
         words = block.words
         if not words.keys().isdisjoint("LXYZ"):
             raise Fault(
-                "G10 that sets offsets or tools of the controller is not supported: let the CAM "
-                "system write the program without it, or skip it if it has no effect on this "
-                "program (unknown: {skip: [G10]}, or --skip G10)"
+                "G10 that sets offsets or tools of the controller is not supported: post-process "
+                "the program in the CAM system without G10. If G10 has no effect on this program, "
+                "skip it (unknown: {skip: [G10]}, or --skip G10)"
             )
         block.drop("PRS")
         self.notes.count("G10")
 
     def _set_position(self, block: Block) -> None:
-        """G92: the tool is at these coordinates, and E at this one."""
+        """G92: assign the coordinates of the line to the current position, E to the extruder."""
         words, unit = block.words, self.modes.unit
         fed = words.pop("E", None)
         if fed is not None:
             self.extruder.position = fed
         values = {i: words.pop(x) * unit for i, x in enumerate(AXES) if x in words}
         if not values and fed is None:
-            raise Fault("G92 without coordinates: name the axes that it sets, such as G92 X0 Y0 Z0")
+            raise Fault("G92 needs at least one coordinate, such as G92 X0 Y0 Z0")
         self.tool.set_position(values)
 
     def _set_motion(self, block: Block) -> None:
+        """Set the modal motion; a motion other than a cycle ends the series of cycles."""
         explicit = block.motion
         if explicit is not None:
             self.modes.motion = None if explicit == codes.CANCEL_MOTION else explicit
@@ -444,6 +463,7 @@ class Machine:
                 self.cycles.end()
 
     def _move(self, block: Block) -> None:
+        """Execute the motion of a line, and the extrusion along it."""
         arc = self._turns_on(block)
         self._set_motion(block)
         modes = self.modes
@@ -455,7 +475,9 @@ class Machine:
                 self.extruder.feed_alone(fed * modes.unit, speed)
             return
         if modes.motion is None:
-            raise Fault("coordinates without an active motion: write G0, G1, G2 or G3 before")
+            raise Fault(
+                "the line has coordinates, but no motion is active: write G0, G1, G2 or G3 before"
+            )
         if modes.motion in codes.CYCLES:
             self.compensation.refuse(f"the cycle {codes.g_name(modes.motion)}")
             self.cycles.run(block)
@@ -465,7 +487,7 @@ class Machine:
         block.drop(AXES)
 
     def _travel(self, block: Block, feeds: bool) -> None:
-        """Move the tool; `feeds` is true if the move feeds material."""
+        """Move the tool to the point of a line; `feeds` is true if the move feeds material."""
         motion, target = self.modes.motion, self.tool.target(block)
         if motion == codes.RAPID:
             self.tool.go(target)
@@ -474,16 +496,16 @@ class Machine:
         elif not feeds and self.tool.lost and self.dialect.printer:
             self.tool.pass_by(target)
         elif not feeds and not self.draft.begun and self.dialect.extrudes:
-            # Before the first extrusion the tool only moves to the start of the print.
             self.notes.once(
-                "Feed moves before the first extrusion, first in line {}, are read as rapids: the "
-                "program begins where material flows."
+                "Feed moves before the first extrusion, first in line {}, are interpreted as "
+                "rapids, so that the program begins with the first extrusion."
             )
             self.tool.go(target)
         else:
             self.tool.feed(target)
 
     def _stop(self, block: Block) -> bool:
+        """Record the pauses M0, M1 and M60; True if M2 or M30 ends the program."""
         for code, value in ((0, True), (60, True), (1, "optional")):
             if code in block.m:
                 self.compensation.rest()
@@ -494,12 +516,13 @@ class Machine:
         return True
 
     def finish(self) -> None:
-        """End the program, and with it the compensation."""
+        """End the program, including an active compensation."""
         self.compensation.stop()
 
 
 def _explain_tool(number: int) -> str:
+    """Text for messages on how to specify the diameter of a tool."""
     return (
-        f"its diameter (tools: {{{number}: 3 mm}} under path, or --tool-diameter '{number}: 3 mm', "
-        "with the tool's own diameter)"
+        f"its diameter, for example 3 mm (tools: {{{number}: 3 mm}} under path, or "
+        f"--tool-diameter '{number}: 3 mm')"
     )
