@@ -15,21 +15,21 @@ from armcontour.geometry.arc_fit import fit_arcs
 from armcontour.geometry.segments import REPEATED_POINT, close_gaps
 
 # An ellipse counts as a circle if both limits are satisfied: the difference of its semi-axes is at
-# most SAME_AXES times the chord tolerance, and its square at most FLAT times the square of the
-# longer semi-axis.
+# most SAME_AXES times the chord tolerance, and the square of the difference is at most
+# MAX_FLATTENING times the square of the longer semi-axis.
 SAME_AXES = 0.01
-FLAT = 0.01
+MAX_FLATTENING = 0.01
 # Largest distance between the end of an arc drawn with its radius and the end point in the drawing
 # [m]. An arc with a larger distance is drawn through both end points.
-SAME_END = 0.1 * REPEATED_POINT
+END_TOLERANCE = 0.1 * REPEATED_POINT
 # Relative difference of semi-axes that is due to rounding.
-ROUND = 1e-12
+AXIS_ROUNDING = 1e-12
 # An arc with a larger swept angle [rad] is not defined accurately by its chord.
-WELL_KNOWN = 1.5 * np.pi
+MAX_CHORD_ANGLE = 1.5 * np.pi
 # Vertices closer than this [m] are merged.
 ONE_VERTEX = 0.5 * REPEATED_POINT
 # For an arc with a larger swept angle [rad], the bounding box is that of the whole ellipse.
-WIDE = 1.0
+WIDE_ANGLE = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,14 +98,14 @@ class ArcChain:
         return ArcChain(
             starts=to(self.starts),
             ends=to(self.ends),
-            cosines=to.turn(self.cosines),
-            sines=to.turn(self.sines),
+            cosines=to.map_vectors(self.cosines),
+            sines=to.map_vectors(self.sines),
             angles=self.angles,
         )
 
     def halve(self) -> ArcChain:
         """The same curve with each line and arc split into two halves."""
-        middles, half = self._at(0.5), self.angles[:, None] / 2
+        middles, half = self._evaluate(0.5), self.angles[:, None] / 2
         c, s = np.cos(half), np.sin(half)
         first = dataclasses.replace(self, ends=middles, angles=self.angles / 2)
         second = ArcChain(
@@ -131,11 +131,11 @@ class ArcChain:
         return dataclasses.replace(self, ends=np.concatenate([self.ends[:-1], point[None]]))
 
     @property
-    def reach(self) -> FloatArray:
+    def bounding_points(self) -> FloatArray:
         """Points whose bounding box approximately contains the chain, (m, dimension)."""
         points = [self.starts[:1], self.ends]
         if self.angles.any():
-            wide = self.angles > WIDE
+            wide = self.angles > WIDE_ANGLE
             centres = (self.starts - self.cosines)[wide]
             sizes = np.hypot(self.cosines[wide], self.sines[wide])
             points += [centres - sizes, centres + sizes]
@@ -143,7 +143,7 @@ class ArcChain:
             if narrow.any():
                 # The ellipse of an arc with a small angle can be much larger than the arc, so the
                 # middle of the arc is used.
-                points.append(self[narrow]._at(0.5))
+                points.append(self[narrow]._evaluate(0.5))
         return np.concatenate(points)
 
     def to_segments(self, tolerance: float) -> Segments | None:
@@ -183,7 +183,7 @@ class ArcChain:
         angles = np.where(arc, self.angles, 0.0)
         return dataclasses.replace(self, starts=starts, angles=angles)[has_length]
 
-    def _is_plain(self, tolerance: float) -> BoolArray:
+    def _is_exact(self, tolerance: float) -> BoolArray:
         """Mask of the lines and circular arcs with a length, which are not approximated, (n,)."""
         arc, far = self._long_arcs, np.linalg.norm(self.ends - self.starts, axis=1) > ONE_VERTEX
         return np.asarray(np.where(self.angles > 0, arc, far) & ~self._elliptical(tolerance))
@@ -203,11 +203,11 @@ class ArcChain:
         flattening = (np.sqrt(long) - np.sqrt(wide)) ** 2 + skew
         # An arc with a large angle counts as circular only if its semi-axes are equal except for
         # rounding, because its chord does not define the arc accurately.
-        long_arc = (self.angles > WELL_KNOWN) & (self.angles < 2 * np.pi)
-        allowed = np.minimum((SAME_AXES * tolerance) ** 2, FLAT * np.maximum(long, wide))
-        return np.asarray(arc & (flattening > np.where(long_arc, ROUND**2 * long, allowed)))
+        long_arc = (self.angles > MAX_CHORD_ANGLE) & (self.angles < 2 * np.pi)
+        allowed = np.minimum((SAME_AXES * tolerance) ** 2, MAX_FLATTENING * np.maximum(long, wide))
+        return np.asarray(arc & (flattening > np.where(long_arc, AXIS_ROUNDING**2 * long, allowed)))
 
-    def _at(self, share: float | FloatArray, order: int = 0) -> FloatArray:
+    def _evaluate(self, share: float | FloatArray, order: int = 0) -> FloatArray:
         """Points (order 0) or derivatives (order 1) at a fraction of each line or arc.
 
         The curves are corrected to pass exactly through their end points.
@@ -228,7 +228,7 @@ class ArcChain:
         def curve(t: FloatArray, order: int) -> FloatArray:
             # Elliptical arc i has the parameters from i to i + 1.
             i = np.clip(np.floor(t).astype(np.intp), 0, n - 1)
-            return self[i]._at(t - i, order)
+            return self[i]._evaluate(t - i, order)
 
         quarters = np.maximum(np.ceil(self.angles / (np.pi / 2) - 1e-9), 1).astype(np.intp)
         i, k = number_parts(quarters)
@@ -252,7 +252,7 @@ class ArcChain:
             curvatures=np.where(arc, 1 / radii, 0.0),
             lengths=np.where(arc, radii * self.angles, sizes),
         )
-        inexact = arc & (np.linalg.norm(drawn.ends - self.ends, axis=1) > SAME_END)
+        inexact = arc & (np.linalg.norm(drawn.ends - self.ends, axis=1) > END_TOLERANCE)
         return drawn.put(inexact, self[inexact]._through_ends()) if inexact.any() else drawn
 
     def _through_ends(self) -> Segments:
@@ -274,7 +274,7 @@ class ArcChain:
         )
 
 
-def draw_plain(chains: Sequence[ArcChain], tolerance: float) -> list[Segments | None]:
+def draw_exact(chains: Sequence[ArcChain], tolerance: float) -> list[Segments | None]:
     """Segments of each chain that has only lines and circular arcs; None for other chains.
 
     The result is that of `ArcChain.to_segments`, computed in one step for all chains.
@@ -284,7 +284,7 @@ def draw_plain(chains: Sequence[ArcChain], tolerance: float) -> list[Segments | 
     if not count.any():
         return tables
     table, chain_of = ArcChain.join(chains), np.repeat(np.arange(len(chains)), count)
-    other = np.bincount(chain_of, ~table._is_plain(tolerance), len(chains)) > 0
+    other = np.bincount(chain_of, ~table._is_exact(tolerance), len(chains)) > 0
     indices = np.flatnonzero(~other & (count > 0))
     if len(indices):
         drawn, ends = table[~other[chain_of]]._as_drawn(), np.cumsum(count[indices])
@@ -310,7 +310,7 @@ class Affine:
         with np.errstate(over="ignore", invalid="ignore"):
             return Affine(self.linear @ inner.linear, self.linear @ inner.offset + self.offset)
 
-    def turn(self, vectors: FloatArray) -> FloatArray:
+    def map_vectors(self, vectors: FloatArray) -> FloatArray:
         """The images of vectors, (..., dimension), which the offset does not change."""
         return np.asarray(vectors @ self.linear.T)
 

@@ -25,15 +25,15 @@ from armcontour.files.drawings.dxf_entities import (
     SHAPES,
     Unreadable,
     check_required,
-    clip_of,
     insert_grid,
     insert_transforms,
+    read_clip,
 )
 from armcontour.files.drawings.outlines import Outline
-from armcontour.files.drawings.read_options import SKIP, ReadOptions, hex_of
+from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, hex_of
 from armcontour.files.drawings.walk import (
-    NAMED,
-    WALKED,
+    MAX_NAMED,
+    TRAVERSAL_SHARE,
     EntityOutlines,
     Inherited,
     Walk,
@@ -67,7 +67,7 @@ UNITS = {
 }
 # Maximum depth of nested blocks, and maximum number of copied entities. A document with more is
 # malicious.
-DEEPEST = 50
+MAX_DEPTH = 50
 EXPLODE = "explode the entity into lines and arcs in the CAD program"
 MAX_COPIES = 200_000
 OFF, FROZEN = "off", "frozen"
@@ -88,7 +88,7 @@ CUT_OFF = "The file has no end mark (EOF): it seems to be cut off, and contours 
 STRUCTURE = ("SECTION", "ENDSEC", "TABLE", "ENDTAB", "EOF")
 # Subclass markers, which ezdxf requires for entities of these types, and the group codes before the
 # marker.
-CLASSES = {
+SUBCLASSES = {
     "LWPOLYLINE": "AcDbPolyline",
     "SPLINE": "AcDbSpline",
     "MTEXT": "AcDbMText",
@@ -136,7 +136,7 @@ def _flattened(entities: list[EntityOutlines], source: str) -> list[EntityOutlin
     def is_flat(points: FloatArray) -> bool:
         return bool(np.abs(points[:, 2]).max() <= REPEATED_POINT)
 
-    flat = all(is_flat(y.reach) for x in entities for y in x.outlines)
+    flat = all(is_flat(y.bounding_points) for x in entities for y in x.outlines)
     for entity in entities:
         if entity.clips and not (flat and all(is_flat(clip.corners) for clip in entity.clips)):
             raise InvalidInput(
@@ -172,16 +172,16 @@ class DxfWalk(Walk):
         self.document, self.line_of = document, line_of
         self.texts = options.texts == "contours"
         self._copies = 0
-        self._sizes: dict[str, int] = {}
+        self._block_sizes: dict[str, int] = {}
         self._layers: dict[str, tuple[str, str]] = {}
         self._layer_colors: dict[str, frozenset[str]] = {}
 
     def explain_empty(self) -> str:
         """Predicate for the message about a drawing whose entities are all on other layers."""
-        if not self.elsewhere:
+        if not self.on_other_layers:
             return ""
         requested = ", ".join(repr(x) for x in sorted(self.requested_layers or ()))
-        layers = list_some([repr(x) for x in sorted(self.elsewhere)], 12)
+        layers = list_some([repr(x) for x in sorted(self.on_other_layers)], 12)
         return f"has no contour on the layer {requested}, only on {layers}"
 
     def shapes(self, unit: float) -> Iterator[EntityOutlines]:
@@ -189,15 +189,17 @@ class DxfWalk(Walk):
         try:
             for layer in self.document.layers:
                 state = FROZEN if layer.is_frozen() else OFF if layer.is_off() else ""
-                self._layers[_key(layer.dxf.name)] = (layer.dxf.name, state)
-                self._layer_colors[_key(layer.dxf.name)] = _color_names(layer, abs(layer.color))
+                self._layers[_fold_case(layer.dxf.name)] = (layer.dxf.name, state)
+                self._layer_colors[_fold_case(layer.dxf.name)] = _color_names(
+                    layer, abs(layer.color)
+                )
             entities = self.document.modelspace()
         except Exception as error:
             raise InvalidInput(f"{self.source} is damaged ({error_line(error)}).") from None
         world = Affine(unit * np.eye(3), np.zeros(3))
         drawing = Inherited(to=world, layer="0", color=WHITE)
         for k, entity in enumerate(entities):
-            self.tell(WALKED * k / len(entities))
+            self.tell(TRAVERSAL_SHARE * k / len(entities))
             yield from self._shapes_in([entity], drawing)
 
     def _shapes_in(self, entities: Iterable[Any], block: Inherited) -> Iterator[EntityOutlines]:
@@ -208,27 +210,27 @@ class DxfWalk(Walk):
             name = f"{block.name}/{handle}" if block.name else f"handle {handle}"
             layer, state = self._layer(entity, block)
             try:
-                if kind == "ATTDEF" and block.inside:
+                if kind == "ATTDEF" and block.targets:
                     # An ATTDEF is a template for a text, which the INSERT defines.
                     continue
                 if state == FROZEN or (state == OFF and kind != "INSERT"):
-                    self.leave_out(HIDDEN, layer)
+                    self.omit(HIDDEN, layer)
                 elif _attribute(entity, "invisible", 0):
-                    self.leave_out(INVISIBLE, kind)
+                    self.omit(INVISIBLE, kind)
                 elif kind == "INSERT":
                     yield from self._insert(entity, block, name, layer)
                 elif not self.wants_layer(layer):
                     # Entities on other layers are ignored, even if they are damaged.
-                    self.elsewhere[self.labels(layer)] += kind in SHAPES
+                    self.on_other_layers[self.labels(layer)] += kind in SHAPES
                 else:
                     yield from self._drawn(entity, kind, name, layer, block)
             except Unreadable as error:
-                self._leave(kind, name, layer, str(error), handle)
+                self._refuse_or_skip(kind, name, layer, str(error), handle)
             except InvalidInput:
                 raise
             except Exception as error:
                 # For a damaged entity, ezdxf can raise exceptions of any class.
-                self._leave(kind, name, layer, f"is damaged ({error_line(error)})", handle)
+                self._refuse_or_skip(kind, name, layer, f"is damaged ({error_line(error)})", handle)
 
     def _drawn(
         self, entity: Any, kind: str, name: str, layer: str, block: Inherited
@@ -242,13 +244,11 @@ class DxfWalk(Walk):
         ):
             yield from self._shape(entity, kind, name, layer, block)
         elif kind == "TEXT" and self.texts:
-            self.leave_out(THROUGH_FONT, kind)
-            for k, part in enumerate(letters_of(entity)):
+            self.omit(THROUGH_FONT, kind)
+            for k, part in enumerate(text_letters(entity)):
                 yield from self._shape(part, part.dxftype(), f"{name}[{k + 1}]", layer, block)
         elif kind in NO_CONTOUR:
-            self.leave_out(
-                TEXT if kind == "TEXT" else NOT_READ, "mesh" if kind == "POLYLINE" else kind
-            )
+            self.omit(TEXT if kind == "TEXT" else NOT_READ, "mesh" if kind == "POLYLINE" else kind)
         else:
             raise Unreadable(f"is of an unsupported type: {EXPLODE}")
 
@@ -281,15 +281,15 @@ class DxfWalk(Walk):
             if number == BY_BLOCK:
                 return block.color
             if number == BY_LAYER:
-                return self._layer_colors.get(_key(layer), WHITE)
+                return self._layer_colors.get(_fold_case(layer), WHITE)
         return _color_names(entity, number)
 
     def _layer(self, entity: Any, block: Inherited) -> tuple[str, str]:
         """Name of the layer of an entity, and the state of the layer: OFF, FROZEN or ""."""
         layer = str(_attribute(entity, "layer", "") or _layer_tag(entity))
         # In a block, layer 0 stands for the layer of the INSERT.
-        layer = block.layer if layer == "0" and block.inside else layer
-        return self._layers.get(_key(layer), (layer, ""))
+        layer = block.layer if layer == "0" and block.targets else layer
+        return self._layers.get(_fold_case(layer), (layer, ""))
 
     def _insert(
         self, entity: Any, block: Inherited, name: str, layer: str
@@ -297,17 +297,17 @@ class DxfWalk(Walk):
         """Yield the outlines of all copies of the block of an INSERT."""
         if self.wants_layer(layer):
             for _ in getattr(entity, "attribs", ()):
-                self.leave_out(NOT_READ, "ATTRIB")
+                self.omit(NOT_READ, "ATTRIB")
         check_required(entity)
         called = str(_attribute(entity, "name", ""))
         content = self.document.blocks.get(called)
         if content is None:
             raise Unreadable(f"inserts the block {called!r}, which does not exist")
-        if _key(called) in block.inside:
+        if _fold_case(called) in block.targets:
             raise Unreadable(f"inserts the block {called!r} in itself")
-        if len(block.inside) >= DEEPEST:
-            raise Unreadable(f"is nested in more than {DEEPEST} blocks")
-        if not block.inside:
+        if len(block.targets) >= MAX_DEPTH:
+            raise Unreadable(f"is nested in more than {MAX_DEPTH} blocks")
+        if not block.targets:
             self._copies += self._copies_of(entity)
             if self._copies > MAX_COPIES:
                 raise Unreadable(
@@ -316,7 +316,7 @@ class DxfWalk(Walk):
         base = np.array(tuple(content.block.dxf.base_point), dtype=np.float64)
         affine, offsets = insert_transforms(entity, base)
         columns = insert_grid(entity)[1]
-        clip = clip_of(entity)
+        clip = read_clip(entity)
         color = self._color(entity, layer, block)
         for k, offset in enumerate(offsets):
             copy = block.to @ Affine(affine.linear, affine.offset + offset)
@@ -325,7 +325,7 @@ class DxfWalk(Walk):
                 name=name if len(offsets) == 1 else f"{name}[{row},{column}]",
                 to=copy,
                 layer=layer,
-                inside=(*block.inside, _key(called)),
+                targets=(*block.targets, _fold_case(called)),
                 color=color,
                 clips=block.clips if clip is None else (*block.clips, clip.place(copy)),
             )
@@ -333,34 +333,34 @@ class DxfWalk(Walk):
 
     def _copies_of(self, entity: Any) -> int:
         """Number of entities that an INSERT draws, including those of nested blocks."""
-        name = _key(str(_attribute(entity, "name", "")))
-        if name not in self._sizes:
+        name = _fold_case(str(_attribute(entity, "name", "")))
+        if name not in self._block_sizes:
             # The value 1 ends the recursion if a block contains itself, which is refused later.
-            self._sizes[name] = 1
+            self._block_sizes[name] = 1
             content = self.document.blocks.get(name)
             inner = [x for x in content or () if x.dxftype() == "INSERT"]
             count = 1 + (len(content) if content is not None else 0)
-            self._sizes[name] = count + sum(self._copies_of(x) for x in inner)
+            self._block_sizes[name] = count + sum(self._copies_of(x) for x in inner)
         rows, columns = insert_grid(entity)
-        return rows * columns * self._sizes[name]
+        return rows * columns * self._block_sizes[name]
 
-    def _leave(self, kind: str, name: str, layer: str, reason: str, handle: str) -> None:
+    def _refuse_or_skip(self, kind: str, name: str, layer: str, reason: str, handle: str) -> None:
         """Refuse an entity that cannot be read, or record it if the options skip such entities."""
         if kind != "INSERT" and not self.wants_layer(layer):
             return
         # The search for a line number reads the whole file, so only entities that the note lists
         # get a line number.
-        line = self.line_of(handle) if len(self.left_out.get(BROKEN, ())) < NAMED else ""
+        line = self.line_of(handle) if len(self.omitted.get(BROKEN, ())) < MAX_NAMED else ""
         defect = f"{kind} {name}{line} on layer {layer!r} {reason}"
         if not self.skip:
             raise InvalidInput(
                 f"{self.source}: {defect}. Correct the entity in the drawing, select other layers "
-                f"(layers, or --layer), or {SKIP}."
+                f"(layers, or --layer), or {SKIP_ADVICE}."
             )
-        self.leave_out(BROKEN, defect)
+        self.omit(BROKEN, defect)
 
 
-def letters_of(entity: Any) -> list[Any]:
+def text_letters(entity: Any) -> list[Any]:
     """The outlines of the letters of a TEXT as ezdxf's splines and polylines."""
     from ezdxf.addons import text2path
 
@@ -375,7 +375,7 @@ def _attribute(entity: Any, name: str, default: Any) -> Any:
     return entity.dxf.get(name, default) if entity.dxf.is_supported(name) else default
 
 
-def _key(name: str) -> str:
+def _fold_case(name: str) -> str:
     """The name of a layer or block in lower case, because DXF ignores the case of these names."""
     return name.lower()
 
@@ -435,14 +435,17 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
         damage = f"The file is damaged ({reason}){mended}; damaged parts may be missing."
         return document, [*notes, damage]
     except Exception:
-        intact, broken = (b"", []) if data.startswith(BINARY) else _without_broken(data)
+        intact, broken = (b"", []) if data.startswith(BINARY) else _remove_broken(data)
     if not broken:
         with contextlib.suppress(Exception):
             return _read(intact), notes
-        raise InvalidInput(f"{source} cannot be read as DXF: {' '.join([_reason(first), *notes])}")
+        raise InvalidInput(
+            f"{source} cannot be read as DXF: {' '.join([_explain_error(first), *notes])}"
+        )
     if not skip:
         raise InvalidInput(
-            f"{source} has an entity that cannot be read, {broken[0]}: correct it, or {SKIP}."
+            f"{source} has an entity that cannot be read, {broken[0]}: correct the entity, or "
+            f"{SKIP_ADVICE}."
         )
     try:
         document = _read(intact)
@@ -450,7 +453,7 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
         raise InvalidInput(f"{source} cannot be read as DXF ({error_line(error)}).") from None
     return document, [
         *notes,
-        f"{BROKEN}: {list_some(broken, NAMED)}.",
+        f"{BROKEN}: {list_some(broken, MAX_NAMED)}.",
     ]
 
 
@@ -468,7 +471,7 @@ def _read(data: bytes) -> Any:
     return Drawing.read(io.StringIO(text, newline=None))
 
 
-def _reason(error: Exception) -> str:
+def _explain_error(error: Exception) -> str:
     """Clause on an error of ezdxf for a message; internal errors get a general text."""
     from ezdxf.lldxf.const import DXFError
 
@@ -477,7 +480,7 @@ def _reason(error: Exception) -> str:
     return "its structure is damaged. Open the file in a CAD program, and save it again."
 
 
-def _without_broken(data: bytes) -> tuple[bytes, list[str]]:
+def _remove_broken(data: bytes) -> tuple[bytes, list[str]]:
     """An ASCII file without the entities that ezdxf cannot load, and descriptions of these."""
     from ezdxf.entities import factory
     from ezdxf.lldxf.extendedtags import ExtendedTags
@@ -493,8 +496,8 @@ def _without_broken(data: bytes) -> tuple[bytes, list[str]]:
     marked = False
     for i, end in itertools.pairwise([*begins, len(lines)]):
         kind, part = lines[i + 1].strip(), lines[i:end]
-        if kind in CLASSES:
-            part, before = _mark_class(part, CLASSES[kind]), part
+        if kind in SUBCLASSES:
+            part, before = _add_subclass_markers(part, SUBCLASSES[kind]), part
             marked = marked or part is not before
         try:
             if kind not in STRUCTURE:
@@ -504,11 +507,11 @@ def _without_broken(data: bytes) -> tuple[bytes, list[str]]:
         else:
             intact += part
     if marked:
-        intact = _without_version_12(intact)
+        intact = _raise_version(intact)
     return "\n".join([*intact, ""]).encode("utf-8", errors="surrogateescape"), broken
 
 
-def _without_version_12(lines: list[str]) -> list[str]:
+def _raise_version(lines: list[str]) -> list[str]:
     """The file with a version later than R12, in which ezdxf supports subclass markers."""
     names = [x.strip() for x in lines]
     version = ["9", "$ACADVER", "1", "AC1015"]
@@ -521,7 +524,7 @@ def _without_version_12(lines: list[str]) -> list[str]:
     return ["0", "SECTION", "2", "HEADER", *version, "0", "ENDSEC", *lines]
 
 
-def _mark_class(lines: list[str], name: str) -> list[str]:
+def _add_subclass_markers(lines: list[str], name: str) -> list[str]:
     """The lines of an entity with its subclass markers, which some programs omit."""
     codes = [x.strip() for x in lines[::2]]
     if "100" in codes:

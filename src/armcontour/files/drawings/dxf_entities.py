@@ -15,7 +15,7 @@ from armcontour.files.drawings.walk import Clip
 # An arc with a smaller swept angle [rad] is a full circle whose angles have been rounded.
 NO_SWEEP = 1e-8
 # Maximum degree and number of points of a spline.
-HIGHEST_DEGREE = 25
+MAX_DEGREE = 25
 MAX_POINTS = 100_000
 # Flag of a polyline vertex that is a control point of a spline frame and is not drawn.
 FRAME_POINT = 16
@@ -147,8 +147,8 @@ def spline(entity: Any) -> Shape | None:
         return _fit_spline(entity)
     points = _numbers("control points", [tuple(x) for x in entity.control_points])
     n, degree = len(points), int(entity.dxf.degree)
-    if not 1 <= degree <= HIGHEST_DEGREE:
-        raise Unreadable(f"has degree {degree}, but it must be from 1 to {HIGHEST_DEGREE}")
+    if not 1 <= degree <= MAX_DEGREE:
+        raise Unreadable(f"has degree {degree}, but it must be from 1 to {MAX_DEGREE}")
     _check_point_count(n)
     knots = _numbers("knots", list(entity.knots))
     if n <= degree or len(knots) != n + degree + 1:
@@ -199,12 +199,15 @@ def _fit_spline(entity: Any) -> Shape | None:
             raise Unreadable("must not have an end tangent of length zero")
         ends = ([(1, t[0] / size[0])], [(1, t[1] / size[1])])
     curve = make_interp_spline(
-        parameters / parameters[-1], points, k=3, bc_type=_scale_ends(ends, parameters[-1])
+        parameters / parameters[-1],
+        points,
+        k=3,
+        bc_type=_scale_end_derivatives(ends, parameters[-1]),
     )
     return BezierSpline.from_knots(curve.c, np.ones(len(curve.c)), curve.t, 3)
 
 
-def _scale_ends(ends: Any, by: float) -> Any:
+def _scale_end_derivatives(ends: Any, by: float) -> Any:
     """The boundary conditions of `make_interp_spline` with derivatives multiplied by `by`."""
     return ends if isinstance(ends, str) else tuple([(1, by * x[0][1])] for x in ends)
 
@@ -217,7 +220,7 @@ def _check_point_count(n: int) -> None:
 
 # Attributes that the DXF format requires. They are checked because ezdxf has default values for
 # missing ones.
-NEEDED = {
+REQUIRED = {
     "LINE": ("start", "end"),
     "ARC": ("center", "radius", "start_angle", "end_angle"),
     "CIRCLE": ("center", "radius"),
@@ -263,7 +266,7 @@ NO_CONTOUR = frozenset(
 
 def check_required(entity: Any) -> None:
     """Check that an entity has its required attributes."""
-    for name in NEEDED.get(entity.dxftype(), ()):
+    for name in REQUIRED.get(entity.dxftype(), ()):
         if not entity.dxf.hasattr(name):
             raise Unreadable(f"has no {name.replace('_', ' ')}, which DXF requires")
 
@@ -294,7 +297,7 @@ def insert_transforms(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray
     return Affine(linear, insertion - linear @ base), offsets @ rotation.T
 
 
-def clip_of(entity: Any) -> Clip | None:
+def read_clip(entity: Any) -> Clip | None:
     """The clip of an INSERT in the coordinates of its block; None if it is not clipped."""
     from ezdxf.xclip import XClip
 

@@ -18,17 +18,17 @@ from armcontour.program import Contour
 # Two pieces are the same if their points differ by at most this [m].
 SAME_PIECE = 1e-9
 # Grid on which pieces must have equal features to be compared [m].
-CANDIDATES = 1e-8
+FEATURE_GRID = 1e-8
 # Gaps up to this [m] stay open, because closing them would change the tangents of short segments.
-NO_GAP = 0.5 * REPEATED_POINT
+MAX_OPEN_GAP = 0.5 * REPEATED_POINT
 # Two ends touch if their distance is less than this fraction of the tolerance.
-TOUCHING = 0.01
+TOUCHING_SHARE = 0.01
 # Number of candidates per end for joining: those with the smallest turns, or the nearest ones.
 MAX_CANDIDATES = 8
 # Turns that differ by less than this [rad] are equal, so that the order of the pieces decides.
 SAME_TURN = 1e-6
 # Distance between layers in an additional coordinate [m], which is larger than any tolerance.
-LAYERS_APART = 1e9
+LAYER_DISTANCE = 1e9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,7 +38,7 @@ class DrawnEntity:
     path: Path
     name: str  # Name of the entity in the drawing
     layer: str
-    apart: int = 0  # Group number; pieces with different group numbers are never chained
+    group: int = 0  # Group number; pieces with different group numbers are never chained
 
 
 def chain_pieces(
@@ -85,7 +85,7 @@ def _layer_numbers(pieces: Sequence[DrawnEntity]) -> IntArray:
     # A dictionary needs less memory than numpy, which stores all texts with the maximum length.
     numbers: dict[tuple[str, int], int] = {}
     return np.array(
-        [numbers.setdefault((x.layer, x.apart), len(numbers)) for x in pieces], dtype=np.intp
+        [numbers.setdefault((x.layer, x.group), len(numbers)) for x in pieces], dtype=np.intp
     )
 
 
@@ -96,13 +96,13 @@ def _meets_exactly(ends: EntityEnds, chain: Sequence[int]) -> bool:
     return bool((np.linalg.norm(gaps, axis=1) <= REPEATED_POINT).all())
 
 
-def _chains(partner: IntArray, left_out: BoolArray) -> list[tuple[list[int], bool]]:
+def _chains(partner: IntArray, omitted: BoolArray) -> list[tuple[list[int], bool]]:
     """The entries of each chain of joined pieces, and whether the chain is closed.
 
     Entry 2 i is piece i forwards, 2 i + 1 piece i backwards. `partner` is that of `find_partners`.
     """
     joined = partner.tolist()
-    used = left_out.tolist()
+    used = omitted.tolist()
     chains = []
     for i in range(len(used)):
         if used[i]:
@@ -129,7 +129,7 @@ def _find_repeated(
     """Mask of the pieces that coincide with an earlier piece of their layer, (n,)."""
     n = len(pieces)
     feature = np.column_stack([table.starts + table.ends, table.middles, table.lengths])
-    cell = np.column_stack([layers, np.round(feature / CANDIDATES)])
+    cell = np.column_stack([layers, np.round(feature / FEATURE_GRID)])
     group = np.unique(cell, axis=0, return_inverse=True)[1].ravel()
     order = np.argsort(group, kind="stable")
     runs = np.flatnonzero(np.diff(group[order], prepend=-1))
@@ -137,11 +137,11 @@ def _find_repeated(
     for run in np.split(order, runs[1:]):
         if len(run) > 1:
             first = pieces[run[0]].path
-            repeated[run[1:]] = [_same(first, pieces[i].path) for i in run[1:]]
+            repeated[run[1:]] = [_coincide(first, pieces[i].path) for i in run[1:]]
     return repeated
 
 
-def _same(a: Path, b: Path) -> bool:
+def _coincide(a: Path, b: Path) -> bool:
     """True if two paths are the same within `SAME_PIECE`, in the same or opposite direction."""
     # The paths can have different numbers of segments, so points at equal fractions are compared.
     fractions = np.linspace(0, 1, 2 * max(len(a), len(b)) + 5)
@@ -220,7 +220,7 @@ class EntitySegments:
         start = np.cumsum(count) - count
         vertices, ends = start if closed else start[1:], rows.ends
         gaps = np.linalg.norm(ends[vertices - 1] - rows.starts[vertices], axis=1)
-        wide = gaps > NO_GAP
+        wide = gaps > MAX_OPEN_GAP
         if wide.any():
             rows = _close_gaps(rows, ends, vertices[wide], tolerance)
         return Path(segments=rows)
@@ -240,12 +240,12 @@ def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance:
     stays = arc.copy()
     stays[arc] = _shift(rows[arc], ends[arc], to_start[arc], to_end[arc]) > tolerance
     moves = arc & ~stays
-    moved = rows.put(line, _lines(rows[line], to_start[line], to_end[line]))
+    moved = rows.put(line, _connect(rows[line], to_start[line], to_end[line]))
     if moves.any():
         moved = moved.put(moves, _stretch(rows[moves], ends[moves], to_start[moves], to_end[moves]))
     # Lines connect an arc that is not moved to the middles of the gaps before and after the arc.
     # Lines without length are omitted.
-    before, after = _lines(rows, to_start, rows.starts), _lines(rows, ends, to_end)
+    before, after = _connect(rows, to_start, rows.starts), _connect(rows, ends, to_end)
     used = [
         stays & (before.lengths > REPEATED_POINT),
         ~line | (moved.lengths > REPEATED_POINT),
@@ -255,7 +255,7 @@ def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance:
     return Segments.join([before, moved, after])[in_order]
 
 
-def _lines(rows: Segments, starts: FloatArray, ends: FloatArray) -> Segments:
+def _connect(rows: Segments, starts: FloatArray, ends: FloatArray) -> Segments:
     """Lines between points, with the speeds and tolerances of the given segments."""
     chords = ends - starts
     lengths = np.linalg.norm(chords, axis=1)
@@ -319,9 +319,9 @@ class EntityEnds:
 
     @classmethod
     def from_segments(
-        cls, pieces: EntitySegments, layers: IntArray, left_out: BoolArray
+        cls, pieces: EntitySegments, layers: IntArray, omitted: BoolArray
     ) -> EntityEnds:
-        """The ends of pieces; ends of closed pieces and of pieces in `left_out` are not free."""
+        """The ends of pieces; ends of closed pieces and of pieces in `omitted` are not free."""
 
         def both(a: FloatArray, b: FloatArray) -> FloatArray:
             return np.stack([a, b], axis=1).reshape(-1, a.shape[1])
@@ -334,7 +334,7 @@ class EntityEnds:
             layers=np.repeat(layers, 2),
             lengths=pieces.lengths,
             closed=closed,
-            free=np.repeat(~(closed | left_out), 2),
+            free=np.repeat(~(closed | omitted), 2),
         )
 
 
@@ -342,15 +342,15 @@ def find_partners(ends: EntityEnds, tolerance: float) -> IntArray:
     """Index of the end to which each end is joined, (2 n,); -1 for an end that is not joined."""
     # Ends at the same point are joined first, then ends that touch, then ends with a gap.
     partner = np.full(len(ends.points), -1, dtype=np.intp)
-    for near in (REPEATED_POINT, TOUCHING * tolerance, tolerance):
+    for near in (REPEATED_POINT, TOUCHING_SHARE * tolerance, tolerance):
         free = np.flatnonzero(ends.free & (partner < 0))
         if len(free) > 1:
-            candidates = _near if near == tolerance else _touching
-            _match(ends, partner, candidates(ends, free, near), tolerance)
+            candidates = _near_pairs if near == tolerance else _touching_pairs
+            _join_ends(ends, partner, candidates(ends, free, near), tolerance)
     return partner
 
 
-def _match(ends: EntityEnds, partner: IntArray, candidates: IntArray, tolerance: float) -> None:
+def _join_ends(ends: EntityEnds, partner: IntArray, candidates: IntArray, tolerance: float) -> None:
     """Join candidate pairs, (m, 2), of free ends in the order of their turns; writes `partner`."""
     a, b = candidates.min(axis=1), candidates.max(axis=1)
     gap = np.linalg.norm(ends.points[a] - ends.points[b], axis=1)
@@ -369,12 +369,12 @@ def _match(ends: EntityEnds, partner: IntArray, candidates: IntArray, tolerance:
             partner[i], partner[j] = j, i
 
 
-def _touching(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
+def _touching_pairs(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
     """Pairs of free ends that touch, with the smallest turns for each end, (m, 2)."""
     # Ends in one cell of a grid are merged, so that many ends at one point cause few pairs.
     keys = np.column_stack([ends.layers[free], np.round(ends.points[free] / (near / 2))])
     _, first, cell = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    centres = np.column_stack([ends.layers[free][first] * LAYERS_APART, ends.points[free][first]])
+    centres = np.column_stack([ends.layers[free][first] * LAYER_DISTANCE, ends.points[free][first]])
     vertex = group_points(centres, near)[cell.ravel()]
     alone = np.bincount(vertex)[vertex] == 1
     free, vertex = free[~alone], vertex[~alone]
@@ -392,9 +392,9 @@ def _smallest_turns(vertex: IntArray, inwards: FloatArray) -> tuple[IntArray, In
     return _drop_missing(nearest_points(opposite, points, count, 3.0), len(vertex))
 
 
-def _near(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
+def _near_pairs(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
     """Pairs of free ends within the distance `near` [m], the nearest ones of each end, (m, 2)."""
-    points = np.column_stack([ends.layers[free] * LAYERS_APART, ends.points[free]])
+    points = np.column_stack([ends.layers[free] * LAYER_DISTANCE, ends.points[free]])
     count = min(MAX_CANDIDATES + 1, len(free))
     return _pairs(free, *_drop_missing(nearest_points(points, points, count, near), len(free)))
 

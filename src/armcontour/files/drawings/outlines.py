@@ -13,16 +13,16 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.files.drawings.arc_chain import Affine, ArcChain, draw_plain
+from armcontour.files.drawings.arc_chain import Affine, ArcChain, draw_exact
 from armcontour.geometry import Path, Segments
 from armcontour.geometry.arc_fit import fit_many
 from armcontour.geometry.segments import REPEATED_POINT
 
 # Number of Bézier curves that are fitted at once: large enough for a small overhead of numpy, and
 # small enough for less than 100 MB of memory.
-AT_ONCE = 4000
+FIT_BATCH = 4000
 # Largest gap in a continuous spline due to rounding, as a fraction of its size.
-SAME = 1e-9
+SAME_RELATIVE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,7 +52,9 @@ class BezierSpline:
         parts = parts * np.cumprod(np.append(1.0, ratios))[:, None, None]
         controls = parts[..., :-1] / parts[..., -1:]
         gaps = np.abs(controls[1:, 0] - controls[:-1, -1]).max(initial=0.0)
-        if gaps > SAME * max(float(np.ptp(points, axis=0).max()), float(np.abs(points).max())):
+        if gaps > SAME_RELATIVE * max(
+            float(np.ptp(points, axis=0).max()), float(np.abs(points).max())
+        ):
             return None
         flat = np.concatenate([controls[:, :-1].reshape(-1, points.shape[1]), controls[-1:, -1]])
         same = np.ptp(weights) == 0
@@ -83,12 +85,12 @@ class BezierSpline:
         return dataclasses.replace(self, points=np.concatenate([self.points[:-2], moved]))
 
     @property
-    def reach(self) -> FloatArray:
+    def bounding_points(self) -> FloatArray:
         """Points whose bounding box contains the spline, (n, dimension)."""
         return self.points
 
     @property
-    def pieces(self) -> int:
+    def curve_count(self) -> int:
         """Number of Bézier curves."""
         return (len(self.points) - 1) // self.degree
 
@@ -130,7 +132,7 @@ def fit_splines(
             # A spline of degree 1 consists of straight lines for all weights.
             yield from ((i, Path.polyline(splines[i].points).segments) for i in numbers)
             continue
-        chunk = np.cumsum([splines[i].pieces for i in numbers]) // AT_ONCE
+        chunk = np.cumsum([splines[i].curve_count for i in numbers]) // FIT_BATCH
         for part in np.split(np.array(numbers), np.flatnonzero(np.diff(chunk)) + 1):
             yield from _fit_alike(splines, part.tolist(), tolerance)
 
@@ -139,7 +141,7 @@ def _fit_alike(
     splines: Sequence[BezierSpline], numbers: list[int], tolerance: float
 ) -> list[tuple[int, Segments]]:
     """Fit the splines with the indices `numbers`, which have one degree; indices and arcs."""
-    table = _Table([splines[i] for i in numbers])
+    table = _SplineCurves([splines[i] for i in numbers])
     try:
         return list(zip(numbers, fit_many(table, *table.breaks, tolerance), strict=True))
     except InvalidInput as error:
@@ -149,7 +151,7 @@ def _fit_alike(
     return [x for i in numbers for x in _fit_alike(splines, [i], tolerance)]
 
 
-class _Table:
+class _SplineCurves:
     """Splines of one degree as the curve argument of `fit_many`.
 
     In each spline, Bézier curve k has the parameters from k to k + 1.
@@ -162,7 +164,7 @@ class _Table:
         if not self.plain:
             weights = np.concatenate([x.weights for x in splines if x.weights is not None])[:, None]
             self._points = np.hstack([weights * self._points, weights])
-        self._counts = np.array([x.pieces for x in splines])
+        self._counts = np.array([x.curve_count for x in splines])
         sizes = self._counts * self.degree + 1
         self._first = np.cumsum(sizes) - sizes
 
@@ -179,22 +181,22 @@ class _Table:
         first = self._first[row] + k * self.degree
         control = [self._points.take(first + j, axis=0) for j in range(self.degree + 1)]
         if self.plain:
-            return _blend(_slopes(control) if order else control, fraction)
-        value = _blend(control, fraction)
+            return _evaluate_bezier(_derivative_points(control) if order else control, fraction)
+        value = _evaluate_bezier(control, fraction)
         w, p = value[:, -1:], value[:, :-1] / value[:, -1:]
         if order == 0:
             return np.asarray(p)
-        change = _blend(_slopes(control), fraction)
+        change = _evaluate_bezier(_derivative_points(control), fraction)
         return np.asarray((change[:, :-1] - p * change[:, -1:]) / w)
 
 
-def _slopes(control: list[FloatArray]) -> list[FloatArray]:
+def _derivative_points(control: list[FloatArray]) -> list[FloatArray]:
     """Control points of the derivatives of Bézier curves."""
     degree = len(control) - 1
     return [degree * (b - a) for a, b in itertools.pairwise(control)]
 
 
-def _blend(control: list[FloatArray], fraction: FloatArray) -> FloatArray:
+def _evaluate_bezier(control: list[FloatArray], fraction: FloatArray) -> FloatArray:
     """Points of Bézier curves, (m, dimension), by de Casteljau's algorithm."""
     complement = 1 - fraction
     while len(control) > 1:
@@ -221,17 +223,17 @@ class Outline:
         return Outline([x.place(to) for x in self.shapes], self.closed)
 
     @property
-    def reach(self) -> FloatArray:
+    def bounding_points(self) -> FloatArray:
         """Points whose bounding box approximately contains the outline, (m, dimension)."""
-        return np.concatenate([x.reach for x in self.shapes])
+        return np.concatenate([x.bounding_points for x in self.shapes])
 
     def parts(self, tolerance: float, join: float) -> list[Segments | BezierSpline]:
         """The chains of the outline as segments, and its splines; parts without length are omitted.
 
-        Each part starts exactly at the end of the previous part. `join` is that of `closed_up`.
+        Each part starts exactly at the end of the previous part. `join` is that of `close_gap`.
         """
         parts: list[Segments | BezierSpline] = []
-        for shape in self.closed_up(join):
+        for shape in self.close_gap(join):
             moved = shape
             if parts:
                 before = parts[-1]
@@ -248,7 +250,7 @@ class Outline:
                 parts.append(part)
         return parts
 
-    def closed_up(self, join: float) -> Sequence[Shape]:
+    def close_gap(self, join: float) -> Sequence[Shape]:
         """The shapes of the outline; the gap of a closed outline is closed.
 
         A gap up to `join` [m] is closed by moving the end point, a larger gap by a line.
@@ -277,7 +279,7 @@ def paths_of(
     [m]. A gap of a closed outline up to `join` [m] is closed by moving the end point.
     """
     # All curves are fitted in one call, which is faster.
-    plain = _draw_plain(outlines, tolerance, join)
+    plain = _draw_exact(outlines, tolerance, join)
     parts: list[list[Segments | BezierSpline]] = []
     for i, outline in enumerate(outlines):
         with _indexed(i):
@@ -300,14 +302,14 @@ def paths_of(
     return _join_parts([[x for x in row if isinstance(x, Segments)] for row in parts])
 
 
-def _draw_plain(outlines: Sequence[Outline], tolerance: float, join: float) -> dict[int, Segments]:
+def _draw_exact(outlines: Sequence[Outline], tolerance: float, join: float) -> dict[int, Segments]:
     """Segments, by index, of the outlines that consist of one chain of lines and circular arcs."""
     alone: dict[int, ArcChain] = {}
     for i, outline in enumerate(outlines):
-        shapes = outline.closed_up(join)
+        shapes = outline.close_gap(join)
         if len(shapes) == 1 and isinstance(shapes[0], ArcChain):
             alone[i] = shapes[0]
-    drawn = draw_plain(list(alone.values()), tolerance)
+    drawn = draw_exact(list(alone.values()), tolerance)
     return {i: x for i, x in zip(alone, drawn, strict=True) if x is not None}
 
 

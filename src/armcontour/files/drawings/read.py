@@ -17,14 +17,14 @@ from armcontour.core.file_access import read_bytes
 from armcontour.core.frames import Frame
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.endings import READERS, find_reader
-from armcontour.files.drawings.read_options import FARTHEST, LARGEST, ReadOptions
+from armcontour.files.drawings.read_options import MAX_COORDINATE, MAX_FILE_SIZE, ReadOptions
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program import Program, smooth_curvature
 
 # Modules whose readers report the progress.
 WITH_PROGRESS = ("gcode", "dxf", "svg")
 # Options for some file formats only: the modules of these formats, and the text for the message.
-ONLY = {
+FORMAT_OPTIONS = {
     "smooth_axes": (
         ("waypoint_table",),
         "smooth_axes is supported for tables of waypoints with tool axes only",
@@ -75,7 +75,7 @@ def read_path(
     """
     location, suffix = find_reader(file)
     module, name = READERS[suffix]
-    for option, (modules, purpose) in ONLY.items():
+    for option, (modules, purpose) in FORMAT_OPTIONS.items():
         checks.raise_if(
             bool(getattr(options, option)) and module not in modules,
             f"{purpose}, so it is not valid for {location.name}: remove the option.",
@@ -84,7 +84,7 @@ def read_path(
     if module in WITH_PROGRESS:
         read = partial(read, progress=progress)
     program: Program = read(
-        read_bytes(location, "file", maximum=LARGEST), source=location.name, options=options
+        read_bytes(location, "file", maximum=MAX_FILE_SIZE), source=location.name, options=options
     )
     factor, unit = options.scale, options.unit
     program = _select(program, options)
@@ -134,8 +134,8 @@ def _check_scaled_size(program: Program, factor: float) -> None:
     """Check that coordinates and contour lengths are within the limits after scaling."""
     far = _farthest(program)
     short = min(x.path.length for x in program.contours)
-    if not far <= FARTHEST:
-        problem = f"coordinates up to {far:.3g} m, but at most {FARTHEST:g} m are allowed"
+    if not far <= MAX_COORDINATE:
+        problem = f"coordinates up to {far:.3g} m, but at most {MAX_COORDINATE:g} m are allowed"
     elif short <= REPEATED_POINT:
         problem = f"a contour of {short:.3g} m, but the length must exceed {REPEATED_POINT:g} m"
     else:

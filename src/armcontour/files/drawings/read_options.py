@@ -34,13 +34,13 @@ from armcontour.program import Contour, Program
 from armcontour.program.moves import Move
 
 # Maximum size of a file [bytes]. The data structures need many times the size of the file.
-LARGEST = SMALL
+MAX_FILE_SIZE = SMALL
 # Length to which a too long name is cut [characters]. A number is appended to equal cut names.
-KEPT = LONGEST_NAME - 12
+CUT_LENGTH = LONGEST_NAME - 12
 # Advice in messages to set `unknown` to "skip".
-SKIP = "skip it (unknown: skip, or --skip-unknown)"
+SKIP_ADVICE = "skip it (unknown: skip, or --skip-unknown)"
 # CSS colour names that drawings for lasers and plotters use; other names are used as written.
-NAMED = {
+CSS_COLORS = {
     "black": "#000000",
     "white": "#ffffff",
     "red": "#ff0000",
@@ -105,10 +105,10 @@ class Labels:
         """A printable, unique name of at most `LONGEST_NAME` characters."""
         plain = make_printable(name[: LONGEST_NAME + 1])
         short = len(name) <= LONGEST_NAME and len(plain) <= LONGEST_NAME
-        first = plain if short else f"{plain[:KEPT]}..."
+        first = plain if short else f"{plain[:CUT_LENGTH]}..."
         self._alike[first] += 1
         count = self._alike[first]
-        return first if count == 1 else f"{plain[:KEPT]}... ({count})"
+        return first if count == 1 else f"{plain[:CUT_LENGTH]}... ({count})"
 
     @property
     def notes(self) -> list[str]:
@@ -131,7 +131,7 @@ def color_of(text: str) -> str:
     if parts := _RGB.fullmatch(plain):
         factor = 2.55 if parts[2] else 1.0
         return hex_of(*(min(round(float(parts[k]) * factor), 255) for k in (1, 3, 4)))
-    return NAMED.get(plain, plain)
+    return CSS_COLORS.get(plain, plain)
 
 
 def hex_of(red: int, green: int, blue: int) -> str:
@@ -141,7 +141,7 @@ def hex_of(red: int, green: int, blue: int) -> str:
 
 # Largest coordinate [m]. Above this value, doubles do not resolve the smallest distance between
 # two points; a drawing with such coordinates has a wrong unit.
-FARTHEST = 1e6
+MAX_COORDINATE = 1e6
 # Largest number of a tool, which has at most eight digits in G-code.
 MAX_TOOLS = 99_999_999
 UNKNOWN = ("refuse", "skip")
@@ -324,11 +324,11 @@ def repair_vertices(program: Program, options: ReadOptions) -> Program:
             moves[i] = dataclasses.replace(move, path=mended.path, events=events)
     if not changed:
         return program
-    notes = (*program.notes, _note(changed))
+    notes = (*program.notes, _describe_repairs(changed))
     return dataclasses.replace(program, moves=tuple(moves), notes=notes)
 
 
-def _note(done: list[RepairedPath]) -> str:
+def _describe_repairs(done: list[RepairedPath]) -> str:
     """A note on the number, turn and displacement of the repaired vertices."""
     count = sum(x.count for x in done)
     kink, deviation = (max(getattr(x, y) for x in done) for y in ("kink", "deviation"))

@@ -12,9 +12,9 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.arc_chain import Affine, ArcChain
-from armcontour.files.drawings.read_options import SKIP, ReadOptions, color_of
+from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, color_of
 from armcontour.files.drawings.svg_elements import (
-    FONT,
+    DEFAULT_FONT_SIZE,
     IDENTITY,
     INCH,
     PIXEL,
@@ -22,19 +22,19 @@ from armcontour.files.drawings.svg_elements import (
     ViewBox,
     affine,
     font_size,
-    is_flat,
-    length_of,
+    is_singular,
     make_absolute,
-    number_of,
+    parse_tree,
+    read_length,
+    read_length_or_zero,
     transform_of,
-    tree_of,
     view_box,
     viewbox_transform,
 )
-from armcontour.files.drawings.svg_shapes import SHAPES, shape_of
+from armcontour.files.drawings.svg_shapes import SHAPES, element_outlines
 from armcontour.files.drawings.walk import (
     NO_SIZE,
-    WALKED,
+    TRAVERSAL_SHARE,
     Clip,
     EntityOutlines,
     Inherited,
@@ -45,13 +45,13 @@ from armcontour.program import Program
 
 # Matches versions of Inkscape with 90 px per inch.
 OLD_INKSCAPE = re.compile(r"0\.(?:[0-8]\d?|9|9[01])(?!\d)[.\d]*")
-# Matches the comment of Illustrator, which has 72 px per inch, in the first BEGINNING bytes.
+# Matches the comment of Illustrator, which has 72 px per inch, in the first COMMENT_RANGE bytes.
 ILLUSTRATOR = re.compile(rb"Generator:\s*Adobe\s+Illustrator", re.IGNORECASE)
-BEGINNING = 10_000
+COMMENT_RANGE = 10_000
 # Matches a length in an absolute unit.
 ABSOLUTE = re.compile(r"\d\s*(?:mm|cm|in|pt|pc|q)$", re.IGNORECASE)
 # Elements that draw nothing.
-SILENT = (
+UNDRAWN = (
     "",
     "clipPath",
     "defs",
@@ -82,7 +82,7 @@ NOT_READ = "Skipped because they have no outline"
 HARMLESS = ("none", "inline", "block", "visible", "inherit")
 _STROKE = re.compile(r"(?<![\w-])stroke\s*:")
 # Values of properties that have no effect.
-NOTHING = ("", "none", "inherit", "initial", "unset")
+NO_EFFECT = ("", "none", "inherit", "initial", "unset")
 _URL = re.compile(r"url\(\s*['\"]?#([^'\")]+)['\"]?\s*\)")
 HIDDEN = "Skipped because they are hidden"
 # Maximum number of segments (a curve is one segment), which no drawing of contours exceeds.
@@ -110,7 +110,7 @@ def read_svg(
     Lines stay lines, and arcs that are circular after all transforms stay arcs. Other curves become
     tangent arcs within `options.fit_tolerance`.
     """
-    root = tree_of(data, source)
+    root = parse_tree(data, source)
     page, view, notes = _page(root, options, data)
     walk = SvgWalk(root, options, progress)
     return walk.program(walk.shapes(page, view), notes)
@@ -126,7 +126,7 @@ def _program_pixel(root: Element, data: bytes) -> tuple[float, str]:
         number = OLD_INKSCAPE.match(version)
         return (INCH / 90, f"Inkscape {number[0]}") if number else (PIXEL, "")
     # Zero bytes are removed because the file can be in UTF-16.
-    illustrator = ILLUSTRATOR.search(data[:BEGINNING].replace(b"\0", b""))
+    illustrator = ILLUSTRATOR.search(data[:COMMENT_RANGE].replace(b"\0", b""))
     return (INCH / 72, "Adobe Illustrator") if illustrator else (PIXEL, "")
 
 
@@ -161,26 +161,26 @@ def _page(
         wide = width if width is not None else (height or 0.0) * box.width / box.height
         high = height if height is not None else wide * box.height / box.width
         inner = viewbox_transform(root, box, ViewBox(0.0, 0.0, wide, high))
-        return _up(high, unit) @ inner, box, notes
+        return _to_world(high, unit) @ inner, box, notes
     if height is None:
         notes.append(
             f"{root.source} has no page height, so y is 0 at the upper edge of the page and "
             "negative below."
         )
-        return _up(0.0, unit), None, notes
+        return _to_world(0.0, unit), None, notes
     view = ViewBox(0.0, 0.0, width, height) if width is not None else None
-    return _up(height, unit), view, notes
+    return _to_world(height, unit), view, notes
 
 
 def _page_extent(root: Element, key: str) -> float | None:
     """Width or height of the page [user units]; None if it is missing or a percentage."""
-    value = None if root.get(key).endswith("%") else length_of(root, key, default=None)
+    value = None if root.get(key).endswith("%") else read_length(root, key, default=None)
     if value is not None and value <= 0:
         root.refuse(f"{key} must be above zero, but is {root.get(key)}")
     return value
 
 
-def _up(height: float, unit: float) -> Affine:
+def _to_world(height: float, unit: float) -> Affine:
     """The map from the page [user units, y down] to metres with y up from the lower edge."""
     return affine(unit, 0.0, 0.0, -unit, 0.0, height * unit)
 
@@ -193,25 +193,27 @@ class _SvgInherited(Inherited):
     inkscape: bool = False  # Whether the layer is a layer of Inkscape, not a group
     hidden: bool = False  # Whether the element is hidden
     used_by: Element | None = None  # The use element that refers directly to this element
-    font: float = FONT  # Font size [user units]
+    font: float = DEFAULT_FONT_SIZE  # Font size [user units]
 
 
 class SvgWalk(Walk):
     """Traversal of the elements of an SVG drawing, with notes on omitted elements."""
 
-    apart = True
+    separates_parts = True
 
     def __init__(self, root: Element, options: ReadOptions, progress: Progress | None) -> None:
         super().__init__(root.source, options, progress)
         self.root = root
-        self._all = _all_elements(root)
+        self._elements = _all_elements(root)
         # If several elements have the same id, the first one is used.
-        self._ids = {x.attributes["id"]: x for x in reversed(self._all) if "id" in x.attributes}
+        self._ids = {
+            x.attributes["id"]: x for x in reversed(self._elements) if "id" in x.attributes
+        }
         self._repeated = self._segments = 0
 
     def explain_empty(self) -> str:
         """Predicate for the message about a file without contours, if the file is a font."""
-        if all(x.tag != "glyph" for x in self._all):
+        if all(x.tag != "glyph" for x in self._elements):
             return ""
         return "is a font, not a drawing: specify a drawing whose text has been converted to paths"
 
@@ -219,14 +221,16 @@ class SvgWalk(Walk):
         """Yield the outlines of all selected elements in drawing order."""
         counts = dict.fromkeys(SHAPES, 0)
         color = frozenset({color_of(self.root.style("stroke") or "none")})
-        inherited = _SvgInherited(to=to, view=view, color=color, font=font_size(self.root, FONT))
+        inherited = _SvgInherited(
+            to=to, view=view, color=color, font=font_size(self.root, DEFAULT_FONT_SIZE)
+        )
         todo = [(x, inherited) for x in reversed(self.root.children)]
         visited = 0
         while todo:
             element, around = todo.pop()
             visited += 1
-            self.tell(WALKED * min(visited / len(self._all), 1.0))
-            self._repeated += bool(around.inside)
+            self.tell(TRAVERSAL_SHARE * min(visited / len(self._elements), 1.0))
+            self._repeated += bool(around.targets)
             if self._repeated > MAX_REPEATED:
                 element.refuse(
                     f"the drawing has more than {MAX_REPEATED} elements drawn by use up to here: "
@@ -234,21 +238,21 @@ class SvgWalk(Walk):
                 )
             if element.tag in SHAPES:
                 counts[element.tag] += 1
-            inner = self._enter(element, around)
+            inner = self._inherit(element, around)
             if inner is None:
                 continue
             if element.tag not in SHAPES:
-                todo.extend(reversed(self._inside(element, inner)))
+                todo.extend(reversed(self._content(element, inner)))
             elif inner.hidden:
-                self.leave_out(HIDDEN, element.name)
+                self.omit(HIDDEN, element.name)
             elif self.wants_color(inner.color):
                 name = element.get("id") or inner.name or f"{element.tag} {counts[element.tag]}"
-                yield self._drawn(element, inner, name)
+                yield self._outlines(element, inner, name)
 
-    def _drawn(self, element: Element, inherited: _SvgInherited, name: str) -> EntityOutlines:
+    def _outlines(self, element: Element, inherited: _SvgInherited, name: str) -> EntityOutlines:
         """The outlines of a shape on the page [m]."""
 
-        def spend(segments: int) -> None:
+        def count_segments(segments: int) -> None:
             self._segments += segments
             if self._segments > MAX_SEGMENTS:
                 element.refuse(
@@ -257,7 +261,9 @@ class SvgWalk(Walk):
                 )
 
         outlines = []
-        for outline in shape_of(make_absolute(element, inherited.view, inherited.font), spend):
+        for outline in element_outlines(
+            make_absolute(element, inherited.view, inherited.font), count_segments
+        ):
             placed, defect = place_outline(outline, inherited.to)
             if defect:
                 element.refuse(f"the element {defect}")
@@ -270,7 +276,7 @@ class SvgWalk(Walk):
             clips=inherited.clips,
         )
 
-    def _enter(self, element: Element, around: _SvgInherited) -> _SvgInherited | None:
+    def _inherit(self, element: Element, around: _SvgInherited) -> _SvgInherited | None:
         """The properties of an element and its children; None if the element draws nothing."""
         tag = element.tag
         if tag == "symbol" and around.used_by is None:
@@ -280,15 +286,15 @@ class SvgWalk(Walk):
             self._check_undrawn(element, around.layer)
             return None
         if element.style("display") == "none":
-            self.leave_out(HIDDEN, element.name)
+            self.omit(HIDDEN, element.name)
             return None
         self._check_style(element)
         transform = transform_of(element)
         to = around.to if transform is IDENTITY else around.to @ transform
         if not to.finite:
             element.refuse("the product of its transforms is too large for doubles")
-        if is_flat(to):
-            self.leave_out(NO_SIZE, element.name)
+        if is_singular(to):
+            self.omit(NO_SIZE, element.name)
             return None
         visibility = element.style("visibility")
         hidden = around.hidden if visibility in ("", "inherit") else visibility != "visible"
@@ -303,7 +309,7 @@ class SvgWalk(Walk):
             font=font_size(element, inherited.font),
         )
         clip = element.style("clip-path")
-        if clip not in NOTHING:
+        if clip not in NO_EFFECT:
             inherited = self._clipped(element, inherited, clip)
         if tag in ("svg", "symbol"):
             return self._viewport(element, inherited, around.used_by)
@@ -313,25 +319,27 @@ class SvgWalk(Walk):
         """Record an element without an outline; refuse a style sheet that can change contours."""
         if element.tag in NO_OUTLINE and element.style("display") != "none":
             if self.wants_layer(layer):
-                self.leave_out(NOT_READ, element.name)
+                self.omit(NOT_READ, element.name)
         if element.tag != "style":
             return
         sheet = "".join(element.text)
         if self.colors is not None and _STROKE.search(sheet):
-            self._unknown(element, "style sheets that set stroke are not supported")
+            self._refuse_or_ignore(element, "style sheets that set stroke are not supported")
         for key, value in _SHEET.findall(sheet):
             if value not in HARMLESS or (key, value) == ("display", "none"):
-                self._unknown(element, f"style sheets that set {key} are not supported")
+                self._refuse_or_ignore(element, f"style sheets that set {key} are not supported")
                 break
 
     def _check_style(self, element: Element) -> None:
         """Refuse or record style properties that are not supported."""
-        if element.style("mask") not in NOTHING:
-            self._unknown(element, "masks are not supported")
-        if any(element.style(key) not in NOTHING for key in MARKERS):
-            self.leave_out(MARKED, element.name)
+        if element.style("mask") not in NO_EFFECT:
+            self._refuse_or_ignore(element, "masks are not supported")
+        if any(element.style(key) not in NO_EFFECT for key in MARKERS):
+            self.omit(MARKED, element.name)
         if element.style_property("transform") or element.style("transform-origin"):
-            self._unknown(element, "transforms in a style or with an origin are not supported")
+            self._refuse_or_ignore(
+                element, "transforms in a style or with an origin are not supported"
+            )
 
     def _clipped(self, element: Element, inherited: _SvgInherited, reference: str) -> _SvgInherited:
         """The properties of an element with the clip to which its clip-path refers."""
@@ -339,33 +347,35 @@ class SvgWalk(Walk):
         target = self._ids.get(name[1]) if name else None
         corners = None if target is None else self._clip_corners(target, inherited)
         if corners is None:
-            self._unknown(element, "clip paths other than one polygon are not supported")
+            self._refuse_or_ignore(element, "clip paths other than one polygon are not supported")
             return inherited
         return dataclasses.replace(inherited, clips=(*inherited.clips, Clip(corners)))
 
     def _clip_corners(self, target: Element, inherited: _SvgInherited) -> FloatArray | None:
         """Corners of the polygon of a clipPath on the page [m], (n, 2); None for other shapes."""
-        drawn = [x for x in target.children if x.tag not in SILENT]
+        drawn = [x for x in target.children if x.tag not in UNDRAWN]
         units = target.get("clipPathUnits") or "userSpaceOnUse"
         if target.tag != "clipPath" or units != "userSpaceOnUse" or len(drawn) != 1:
             return None
         (shape,) = drawn
         if shape.tag not in SHAPES or target.get("clip-path") or shape.get("clip-path"):
             return None
-        outlines = shape_of(make_absolute(shape, inherited.view, inherited.font), lambda n: None)
+        outlines = element_outlines(
+            make_absolute(shape, inherited.view, inherited.font), lambda n: None
+        )
         chains = outlines[0].shapes if len(outlines) == 1 else []
         if len(chains) != 1 or not isinstance(chains[0], ArcChain) or chains[0].angles.any():
             return None
         corners = np.concatenate([chains[0].starts, chains[0].ends[-1:]])
         return (inherited.to @ transform_of(target) @ transform_of(shape))(corners)
 
-    def _unknown(self, element: Element, reason: str) -> None:
+    def _refuse_or_ignore(self, element: Element, reason: str) -> None:
         """Refuse an unsupported property, or record that it is ignored if the options say so."""
         if not self.skip:
-            element.refuse(f"{reason}: change the element in the drawing, or {SKIP}")
-        self.leave_out(f"{reason[0].upper()}{reason[1:]} and are ignored", element.name)
+            element.refuse(f"{reason}: change the element in the drawing, or {SKIP_ADVICE}")
+        self.omit(f"{reason[0].upper()}{reason[1:]} and are ignored", element.name)
 
-    def _inside(
+    def _content(
         self, element: Element, inherited: _SvgInherited
     ) -> list[tuple[Element, _SvgInherited]]:
         """The elements that a container draws, each with its inherited properties."""
@@ -387,18 +397,18 @@ class SvgWalk(Walk):
             element.refuse(
                 f"the element refers to {reference[:60]!r}, which is not an element of this file"
             )
-        if target in inherited.inside:
+        if target in inherited.targets:
             element.refuse(
                 f"the element refers to {reference[:60]!r}, which refers back to this element"
             )
-        if len(inherited.inside) >= DEEPEST_USE:
+        if len(inherited.targets) >= DEEPEST_USE:
             element.refuse(f"references are nested more than {DEEPEST_USE} levels deep")
         plain = make_absolute(element, inherited.view, inherited.font)
-        shift = affine(1, 0, 0, 1, number_of(plain, "x"), number_of(plain, "y"))
+        shift = affine(1, 0, 0, 1, read_length_or_zero(plain, "x"), read_length_or_zero(plain, "y"))
         inner = dataclasses.replace(
             inherited,
             to=inherited.to @ shift,
-            inside=(*inherited.inside, target),
+            targets=(*inherited.targets, target),
             used_by=element,
             name=element.get("id") or inherited.name,
         )
@@ -413,7 +423,7 @@ class SvgWalk(Walk):
         user = None if user is None else make_absolute(user, outer, inherited.font)
         width = _extent(element, user, "width", outer.width if outer else None)
         height = _extent(element, user, "height", outer.height if outer else None)
-        x, y = number_of(element, "x"), number_of(element, "y")
+        x, y = read_length_or_zero(element, "x"), read_length_or_zero(element, "y")
         box = view_box(element)
         if width is None or height is None:
             if box is not None:
@@ -421,12 +431,12 @@ class SvgWalk(Walk):
             shift = affine(1, 0, 0, 1, x, y)
             return dataclasses.replace(inherited, to=inherited.to @ shift, view=None)
         if width <= 0 or height <= 0:
-            self.leave_out(NO_SIZE, element.name)
+            self.omit(NO_SIZE, element.name)
             return None
         if box is None:
             box = ViewBox(0.0, 0.0, width, height)
         inner = inherited.to @ viewbox_transform(element, box, ViewBox(x, y, width, height))
-        if not inner.finite or is_flat(inner):
+        if not inner.finite or is_singular(inner):
             element.refuse("the ratio of its viewBox to its width and height is out of range")
         return dataclasses.replace(inherited, to=inner, view=box)
 
@@ -437,7 +447,7 @@ def _extent(element: Element, user: Element | None, key: str, whole: float | Non
     # viewport.
     for source in (user, element):
         if source is not None and source.get(key) not in ("", "auto"):
-            return length_of(source, key)
+            return read_length(source, key)
     return whole
 
 

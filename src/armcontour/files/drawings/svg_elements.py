@@ -71,7 +71,7 @@ class Element:
         raise InvalidInput(f"{self.source}: {self.name}: {defect}.")
 
 
-def tree_of(data: bytes, source: str) -> Element:
+def parse_tree(data: bytes, source: str) -> Element:
     """Parse an SVG file into the tree of its elements; returns the outermost element."""
     # XML entities must be defined in the file as plain text, and add at most `MAX_EXPANDED`
     # characters, because a short file can expand to any size. External files are never loaded.
@@ -83,7 +83,7 @@ def tree_of(data: bytes, source: str) -> Element:
     try:
         parser = expat.ParserCreate(namespace_separator="\n")
         parser.buffer_text = True
-        builder.listen(parser)
+        builder.register_handlers(parser)
         parser.Parse(data, True)
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)
@@ -119,7 +119,7 @@ class _Builder:
         self._count = 0
         self._line = 0
 
-    def listen(self, parser: object) -> None:
+    def register_handlers(self, parser: object) -> None:
         """Register this builder's methods as handlers of the parser."""
 
         def start(name: str, attributes: dict[str, str]) -> None:
@@ -198,12 +198,12 @@ PIXELS = {
 RELATIVE = ("%", "em", "ex", "rem")
 # Attributes whose percentages refer to the width, or to the height, of the viewport. Percentages of
 # other attributes refer to its diagonal divided by the square root of 2.
-ACROSS = frozenset({"x", "x1", "x2", "cx", "rx", "width"})
-UPWARDS = frozenset({"y", "y1", "y2", "cy", "ry", "height"})
-LENGTHS = ACROSS | UPWARDS | {"r"}
+WIDTH_KEYS = frozenset({"x", "x1", "x2", "cx", "rx", "width"})
+HEIGHT_KEYS = frozenset({"y", "y1", "y2", "cy", "ry", "height"})
+LENGTHS = WIDTH_KEYS | HEIGHT_KEYS | {"r"}
 SQRT2 = math.sqrt(2)
 # Default font size of browsers [CSS pixels].
-FONT = 16.0
+DEFAULT_FONT_SIZE = 16.0
 NUMBER = r"[-+]?(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?+"
 NUMBERS = re.compile(rf"(?:[\s,]*+{NUMBER})*+[\s,]*+")
 EACH_NUMBER = re.compile(NUMBER)
@@ -215,7 +215,7 @@ _ALIGN = re.compile(r"(?:defer\s+)?(?:(none)|x(Min|Mid|Max)Y(Min|Mid|Max))(?:\s+
 # Maximum number of values in one list, which no drawing of contours exceeds.
 MAX_NUMBERS = 4_000_000
 # Valid numbers of arguments of each transform.
-COUNTS = {
+ARGUMENT_COUNTS = {
     "matrix": (6,),
     "translate": (1, 2),
     "scale": (1, 2),
@@ -224,7 +224,7 @@ COUNTS = {
     "skewY": (1,),
 }
 # Fraction of the unused space of the viewport that is before the viewBox, by alignment.
-SHARES = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
+ALIGNMENT_SHARES = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
 
 
 IDENTITY = Affine(frozen_array(np.eye(2)), frozen_array(np.zeros(2)))
@@ -235,7 +235,7 @@ def affine(a: float, b: float, c: float, d: float, e: float, f: float) -> Affine
     return Affine(np.array([[a, c], [b, d]]), np.array([e, f]))
 
 
-def is_flat(transform: Affine) -> bool:
+def is_singular(transform: Affine) -> bool:
     """True if a transform is singular, so that it maps every area to zero."""
     size = float(np.abs(transform.linear).max())
     if size == 0:
@@ -244,7 +244,7 @@ def is_flat(transform: Affine) -> bool:
     return bool(abs(unit[0, 0] * unit[1, 1] - unit[0, 1] * unit[1, 0]) <= 1e-12)
 
 
-def numbers_of(element: Element, key: str, text: str) -> list[float]:
+def parse_numbers(element: Element, key: str, text: str) -> list[float]:
     """Parse numbers separated by white space or commas; `key` is for messages."""
     if not NUMBERS.fullmatch(text):
         bad = NUMBERS.match(text)
@@ -271,7 +271,7 @@ def check_numbers(element: Element, key: str, values: list[float]) -> list[float
     return values
 
 
-def length_of(element: Element, key: str, *, default: float | None = 0.0) -> float | None:
+def read_length(element: Element, key: str, *, default: float | None = 0.0) -> float | None:
     """The length in an attribute [user units]; `default` if the attribute is missing or auto."""
     text = element.get(key)
     if text in ("", "auto"):
@@ -294,9 +294,9 @@ def length_of(element: Element, key: str, *, default: float | None = 0.0) -> flo
     return value
 
 
-def number_of(element: Element, key: str) -> float:
+def read_length_or_zero(element: Element, key: str) -> float:
     """The length in an attribute [user units]; 0 if the attribute is missing or auto."""
-    return length_of(element, key) or 0.0
+    return read_length(element, key) or 0.0
 
 
 def make_absolute(element: Element, view: ViewBox | None, font: float) -> Element:
@@ -308,11 +308,11 @@ def make_absolute(element: Element, view: ViewBox | None, font: float) -> Elemen
         if match is None or unit not in RELATIVE:
             continue
         if unit != "%":
-            whole: float | None = {"em": font, "ex": font / 2, "rem": FONT}[unit]
+            whole: float | None = {"em": font, "ex": font / 2, "rem": DEFAULT_FONT_SIZE}[unit]
         elif view is None:
             whole = None
         else:
-            side = "width" if key in ACROSS else "height" if key in UPWARDS else ""
+            side = "width" if key in WIDTH_KEYS else "height" if key in HEIGHT_KEYS else ""
             whole = getattr(view, side) if side else math.hypot(view.width, view.height) / SQRT2
             whole /= 100
         if whole is not None:
@@ -328,7 +328,7 @@ def font_size(element: Element, inherited: float) -> float:
     unit = match[2].lower() if match else ""
     if match is None or (unit not in PIXELS and unit not in RELATIVE):
         return inherited
-    whole = {"%": inherited / 100, "em": inherited, "ex": inherited / 2, "rem": FONT}
+    whole = {"%": inherited / 100, "em": inherited, "ex": inherited / 2, "rem": DEFAULT_FONT_SIZE}
     size = float(match[1]) * (whole[unit] if unit in whole else PIXELS[unit])
     return size if math.isfinite(size) else inherited
 
@@ -341,16 +341,16 @@ def transform_of(element: Element) -> Affine:
     whole, position, count = IDENTITY, 0, 0
     while position < len(text):
         match = _TRANSFORM.match(text, position)
-        if match is None or match[1] not in COUNTS or count >= MAX_TRANSFORMS:
+        if match is None or match[1] not in ARGUMENT_COUNTS or count >= MAX_TRANSFORMS:
             if not text[position:].strip(" \t\r\n,"):
                 break
             element.refuse(
                 f"transform must be a list of at most {MAX_TRANSFORMS} transforms "
-                f"{', '.join(COUNTS)}, but has {text[position : position + 30].strip()!r}"
+                f"{', '.join(ARGUMENT_COUNTS)}, but has {text[position : position + 30].strip()!r}"
             )
-        values = numbers_of(element, f"transform {match[1]}", match[2])
-        if len(values) not in COUNTS[match[1]]:
-            counts = " or ".join(map(str, COUNTS[match[1]]))
+        values = parse_numbers(element, f"transform {match[1]}", match[2])
+        if len(values) not in ARGUMENT_COUNTS[match[1]]:
+            counts = " or ".join(map(str, ARGUMENT_COUNTS[match[1]]))
             element.refuse(f"{match[1]} must have {counts} numbers, but has {len(values)}")
         whole = whole @ _single_transform(match[1], values)
         position, count = match.end(), count + 1
@@ -404,7 +404,7 @@ def view_box(element: Element) -> ViewBox | None:
     text = element.get("viewBox")
     if not text or text == "none":
         return None
-    values = numbers_of(element, "viewBox", text)
+    values = parse_numbers(element, "viewBox", text)
     if len(values) != 4 or values[2] <= 0 or values[3] <= 0:
         element.refuse(
             f"viewBox must be x, y, width and height, with width and height above zero, but is "
@@ -423,7 +423,7 @@ def viewbox_transform(element: Element, inner: ViewBox, outer: ViewBox) -> Affin
             f"slice, but is {text[:40]!r}"
         )
     x, y = outer.width / inner.width, outer.height / inner.height
-    shares = SHARES[match[2] or "Min"], SHARES[match[3] or "Min"]
+    shares = ALIGNMENT_SHARES[match[2] or "Min"], ALIGNMENT_SHARES[match[3] or "Min"]
     if match[1] is None:
         x = y = max(x, y) if match[4] == "slice" else min(x, y)
     x_offset = outer.x + shares[0] * (outer.width - x * inner.width) - x * inner.x

@@ -17,7 +17,7 @@ from armcontour.files.drawings.arc_chain import Affine
 from armcontour.files.drawings.entity_chains import DrawnEntity, chain_pieces
 from armcontour.files.drawings.outlines import Outline, paths_of
 from armcontour.files.drawings.read_options import (
-    FARTHEST,
+    MAX_COORDINATE,
     Labels,
     ReadOptions,
     fraction_reporter,
@@ -56,7 +56,7 @@ def _clip_once(path: Path, clip: Clip) -> list[Path]:
     """The parts of a path that one clip leaves visible."""
     table, polygon = path.segments, clip.corners
     i, begin, end = _cut_at_edges(table, polygon)
-    inside = _kept(table.evaluate(i, (begin + end) / 2), clip)
+    inside = _visible(table.evaluate(i, (begin + end) / 2), clip)
     if not inside.any():
         return []
     if inside.all():
@@ -114,7 +114,7 @@ def _crossings(table: Segments, a: FloatArray, normal: FloatArray) -> list[Float
     return [np.where(k > 0, x, straight) for x in turns]
 
 
-def _kept(points: FloatArray, clip: Clip) -> BoolArray:
+def _visible(points: FloatArray, clip: Clip) -> BoolArray:
     """Mask of the points that a clip leaves visible, or that are on its edges, (n,)."""
     winding = np.zeros(len(points), dtype=np.intp)
     near = np.zeros(len(points), dtype=bool)
@@ -131,9 +131,9 @@ def _kept(points: FloatArray, clip: Clip) -> BoolArray:
 
 
 # Share of the progress at which the traversal of a drawing is complete; fitting takes the rest.
-WALKED = 0.4
+TRAVERSAL_SHARE = 0.4
 # Largest number of entities that a note lists.
-NAMED = 9
+MAX_NAMED = 9
 NO_SIZE = "Skipped because they have no size"
 
 
@@ -144,7 +144,7 @@ class Inherited:
     to: Affine  # Map from the coordinates of the entities to the page or the world [m]
     layer: str = ""  # Layer of entities that have none
     name: str = ""  # Name of the innermost reference or INSERT
-    inside: tuple[object, ...] = ()  # Targets of the nested references or INSERTs, outermost first
+    targets: tuple[object, ...] = ()  # Targets of the nested references or INSERTs, outermost first
     color: frozenset[str] = frozenset()  # Names of the colour
     clips: tuple[Clip, ...] = ()  # Clips that apply to the entities [m]
 
@@ -164,7 +164,7 @@ class Walk:
     """Base class of the traversals of drawings: selects entities, and makes contours and notes."""
 
     # Whether the parts of one entity have the same name and are never chained.
-    apart = False
+    separates_parts = False
     # Part of the file that is read, for messages.
     part = ""
 
@@ -174,14 +174,14 @@ class Walk:
         self.tell = fraction_reporter(progress, source)
         self.labels = Labels()
         # Names of omitted entities by the reason, with their counts.
-        self.left_out: dict[str, Counter[str]] = {}
+        self.omitted: dict[str, Counter[str]] = {}
         # Numbers of entities on layers, and of colours, that are not selected.
-        self.elsewhere: Counter[str] = Counter()
-        self.others: Counter[str] = Counter()
+        self.on_other_layers: Counter[str] = Counter()
+        self.of_other_colors: Counter[str] = Counter()
 
-    def leave_out(self, reason: str, name: str) -> None:
+    def omit(self, reason: str, name: str) -> None:
         """Count an omitted entity under a reason, which starts the note."""
-        self.left_out.setdefault(reason, Counter())[name] += 1
+        self.omitted.setdefault(reason, Counter())[name] += 1
 
     def wants_layer(self, layer: str) -> bool:
         """True if the options select a layer."""
@@ -191,13 +191,13 @@ class Walk:
         """True if the options select a colour; otherwise the entity is counted as omitted."""
         if self.colors is None or names & self.colors:
             return True
-        self.others[min(names)] += 1
+        self.of_other_colors[min(names)] += 1
         return False
 
     @property
     def notes(self) -> list[str]:
         """Sentences on omitted entities and changed names."""
-        sentences = [f"{why}: {list_counted(x)}." for why, x in self.left_out.items()]
+        sentences = [f"{why}: {list_counted(x)}." for why, x in self.omitted.items()]
         return sentences + self.labels.notes
 
     def explain_empty(self) -> str:
@@ -206,12 +206,12 @@ class Walk:
 
     def program(self, entities: Iterable[EntityOutlines], notes: Sequence[str]) -> Program:
         """Chain all entities to a program; its notes are `notes` and those of the traversal."""
-        pieces = self._pieces(list(entities))
+        pieces = self._clipped_entities(list(entities))
         contours, chaining_notes = chain_pieces(pieces, self.options.join_tolerance)
         notes = [*notes, *self.notes, *chaining_notes]
         if not contours:
-            if self.others:
-                notes.append(f"Entities of other colours: {list_counted(self.others)}.")
+            if self.of_other_colors:
+                notes.append(f"Entities of other colours: {list_counted(self.of_other_colors)}.")
             reason = f" ({' '.join(notes).rstrip('.')})" if notes else ""
             reason = self.explain_empty() or f"has no contour to follow{self.part}{reason}"
             raise InvalidInput(f"{self.source} {reason}.")
@@ -219,12 +219,12 @@ class Walk:
             moves=tuple(contours),
             source=self.source,
             notes=tuple(notes),
-            remarks=describe_not_run(self.elsewhere),
-            other_layers=tuple(self.elsewhere),
+            remarks=describe_not_run(self.on_other_layers),
+            other_layers=tuple(self.on_other_layers),
         )
         return repair_vertices(program, self.options)
 
-    def _pieces(self, entities: Sequence[EntityOutlines]) -> list[DrawnEntity]:
+    def _clipped_entities(self, entities: Sequence[EntityOutlines]) -> list[DrawnEntity]:
         """The clipped paths of all outlines, as entities for chaining."""
         options = self.options
         try:
@@ -233,7 +233,7 @@ class Walk:
                     [y for x in entities for y in x.outlines],
                     options.fit_tolerance,
                     options.join_tolerance,
-                    lambda share: self.tell(WALKED + (1 - WALKED) * share),
+                    lambda share: self.tell(TRAVERSAL_SHARE + (1 - TRAVERSAL_SHARE) * share),
                 )
         except InvalidInput as error:
             assert error.index is not None
@@ -244,30 +244,34 @@ class Walk:
         for entity in entities:
             whole = [path for path in islice(drawn, len(entity.outlines)) if path is not None]
             if not whole:
-                self.leave_out(NO_SIZE, entity.where)
+                self.omit(NO_SIZE, entity.where)
             parts = [part for path in whole for part in clip_path(path, *entity.clips)]
             first = len(pieces) + 1
             for k, path in enumerate(parts):
                 is_split = len(parts) > 1
-                name = f"{entity.name}[{k + 1}]" if is_split and not self.apart else entity.name
-                apart = first + k if is_split and self.apart else 0
-                pieces.append(DrawnEntity(path=path, name=name, layer=entity.layer, apart=apart))
+                name = (
+                    f"{entity.name}[{k + 1}]"
+                    if is_split and not self.separates_parts
+                    else entity.name
+                )
+                group = first + k if is_split and self.separates_parts else 0
+                pieces.append(DrawnEntity(path=path, name=name, layer=entity.layer, group=group))
         return pieces
 
 
 def list_counted(names: Counter[str]) -> str:
     """Text that lists the first names, with their counts if above 1: `2 TEXT, HATCH`."""
-    return list_some([x if n == 1 else f"{n} {x}" for x, n in names.items()], NAMED)
+    return list_some([x if n == 1 else f"{n} {x}" for x, n in names.items()], MAX_NAMED)
 
 
 def place_outline(outline: Outline, to: Affine) -> tuple[Outline, str]:
     """The image of an outline under an affine map [m], and a text if it is too far away, or ""."""
     with np.errstate(over="ignore", invalid="ignore"):
         placed = outline.place(to)
-        reach = float(np.abs(placed.reach).max())
-    if reach <= FARTHEST:
+        reach = float(np.abs(placed.bounding_points).max())
+    if reach <= MAX_COORDINATE:
         return placed, ""
     return placed, (
-        f"has coordinates up to {reach:.3g} m, but at most {FARTHEST:g} m are allowed: specify the "
-        "unit of the drawing, for example units: mm"
+        f"has coordinates up to {reach:.3g} m, but at most {MAX_COORDINATE:g} m are allowed: "
+        "specify the unit of the drawing, for example units: mm"
     )

@@ -15,7 +15,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import QUATERNION_TOLERANCE, angle_between, from_rpy
 from armcontour.core.text import plain_number, show
 from armcontour.files.csv_table import CsvTable, Title, read_table
-from armcontour.files.drawings.read_options import FARTHEST, ReadOptions, repair_vertices
+from armcontour.files.drawings.read_options import MAX_COORDINATE, ReadOptions, repair_vertices
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.smooth_axes import smooth_axes
@@ -133,8 +133,8 @@ def _quantities(table: CsvTable[str], options: ReadOptions) -> dict[str, FloatAr
         for bad, must in (
             (np.isnan(numbers) & (key in POINT), "must not be empty"),
             (
-                np.abs(numbers) > FARTHEST,
-                f"must be within {FARTHEST / column.factor:g} {unit}",
+                np.abs(numbers) > MAX_COORDINATE,
+                f"must be within {MAX_COORDINATE / column.factor:g} {unit}",
             ),
             ((numbers <= 0) & (key == "speed"), "must be above zero"),
             ((numbers < 0) & (key == "tolerance"), "must not be negative"),

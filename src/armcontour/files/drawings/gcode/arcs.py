@@ -22,22 +22,22 @@ from armcontour.geometry.segments import REPEATED_POINT
 Point = tuple[float, float]
 
 # LinuxCNC's tolerances for the difference between the distances from the centre to start and end
-# [m], for programs in millimetres and in inches. A difference up to ROUNDED is always accepted: it
-# occurs if coordinates are rounded to 0.01 mm or 0.001 inch (default CENTER_ARC_RADIUS_TOLERANCE).
-# A difference up to MOST, 0.5 mm or 0.05 inch (manual, "Center Format Arcs"), is accepted if it is
-# at most RELATIVE, 0.1 %, of the radius.
-ROUNDED = {"mm": 2 * math.sqrt(2) * 1e-5, "inch": 2 * math.sqrt(2) * 2.54e-5}
-MOST = {"mm": 0.5e-3, "inch": 0.05 * 0.0254}
-RELATIVE = 1e-3
+# [m], for programs in millimetres and in inches. A difference up to ALWAYS_ALLOWED is always
+# accepted, because coordinates are rounded to 0.01 mm or 0.001 inch (default
+# CENTER_ARC_RADIUS_TOLERANCE). A difference up to MAX_DIFFERENCE, 0.5 mm or 0.05 inch (manual,
+# "Center Format Arcs"), is accepted if it is at most MAX_RELATIVE, 0.1 %, of the radius.
+ALWAYS_ALLOWED = {"mm": 2 * math.sqrt(2) * 1e-5, "inch": 2 * math.sqrt(2) * 2.54e-5}
+MAX_DIFFERENCE = {"mm": 0.5e-3, "inch": 0.05 * 0.0254}
+MAX_RELATIVE = 1e-3
 # A programmed radius may be shorter than half the chord by this length [m]. A distance from the
 # centre below it counts as zero (LinuxCNC's RADIUS_TOLERANCE).
-SHORT = 0.00005 * 0.0254
+RADIUS_TOLERANCE = 0.00005 * 0.0254
 # An arc with a larger swept angle [rad] is drawn as two arcs. At this angle, the projection onto
 # the bisector moves the centre by 0.7 times the difference of its distances to start and end.
 NEARLY_FULL = 1.5 * math.pi
 # Largest distance between the end of a drawn arc and the programmed end [m]: half of the distance
 # up to which two points count as the same.
-MISS = REPEATED_POINT / 2
+END_TOLERANCE = REPEATED_POINT / 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +77,14 @@ def arc_around(start: Point, end: Point, center: Point, turn: int, dialect: str)
     px, py = start[0] - center[0], start[1] - center[1]
     qx, qy = end[0] - center[0], end[1] - center[1]
     radius, end_radius = math.hypot(px, py), math.hypot(qx, qy)
-    if min(radius, end_radius) < SHORT:
+    if min(radius, end_radius) < RADIUS_TOLERANCE:
         raise Fault("an arc has no radius, because its centre is its start or end point")
     difference = abs(radius - end_radius)
-    relative = RELATIVE * max(radius, end_radius)
-    if difference > MOST[dialect] or (difference > ROUNDED[dialect] and difference > relative):
-        allowed = min(MOST[dialect], max(ROUNDED[dialect], relative))
+    relative = MAX_RELATIVE * max(radius, end_radius)
+    if difference > MAX_DIFFERENCE[dialect] or (
+        difference > ALWAYS_ALLOWED[dialect] and difference > relative
+    ):
+        allowed = min(MAX_DIFFERENCE[dialect], max(ALWAYS_ALLOWED[dialect], relative))
         raise Fault(
             "the centre of an arc must have equal distances to start and end, but is {} from the "
             "start and {} from the end. The difference is {}, but at most {} are allowed: correct "
@@ -106,7 +108,7 @@ def arc_with_radius(start: Point, end: Point, radius: float, turn: int) -> Circl
             "a full circle cannot be defined by its radius R, because its centre is undefined: "
             "write the centre as I, J and K"
         )
-    if chord / 2 > abs(radius) + SHORT:
+    if chord / 2 > abs(radius) + RADIUS_TOLERANCE:
         raise Fault(
             "an arc to a point at a distance of {} needs a radius of at least {}, but R is {}",
             chord, chord / 2, abs(radius),
@@ -120,7 +122,7 @@ def arc_with_radius(start: Point, end: Point, radius: float, turn: int) -> Circl
     return Circle(center, start, end, turn, sweep, actual, actual)
 
 
-def pieces_of(circle: Circle, turns: int) -> list[ArcPart]:
+def arc_parts(circle: Circle, turns: int) -> list[ArcPart]:
     """Divide a programmed arc into `turns` - 1 full circles and the one or two arcs of the rest."""
     arc = circle
     if arc.start == arc.end:
@@ -192,14 +194,14 @@ def _two_arcs(circle: Circle) -> list[ArcPart]:
 
 
 def _check_end(start: Point, piece: ArcPart) -> None:
-    """Raise an error if the data of an arc do not lead to its end point within `MISS`."""
+    """Raise an error if the data of an arc do not lead to its end point within `END_TOLERANCE`."""
     turn = piece.curvature * piece.length
     along = math.sin(turn) / piece.curvature
     across = 2 * math.sin(turn / 2) ** 2 / piece.curvature
     x = start[0] + along * piece.tangent[0] + across * piece.normal[0]
     y = start[1] + along * piece.tangent[1] + across * piece.normal[1]
-    # `not <=` refuses NaN too.
-    if not math.dist((x, y), piece.end) <= MISS:
+    # The negated comparison is also true for NaN.
+    if not math.dist((x, y), piece.end) <= END_TOLERANCE:
         raise Fault(
             f"the radius of an arc is too large, {1 / piece.curvature:.6g} m: the end of the arc "
             "cannot be computed to within a nanometre. Write lines instead"
@@ -213,18 +215,18 @@ def helix_length(circle: Circle, turns: int, rise: float) -> float:
 
 
 def helix_points(
-    circle: Circle, turns: int, tolerance: float, spend: Callable[[int], None]
+    circle: Circle, turns: int, tolerance: float, count_segments: Callable[[int], None]
 ) -> list[Point]:
     """End points, in the plane of the arc [m], of chords within a tolerance [m] of a helix."""
-    # The radius changes linearly from start to end. `spend` receives the number of chords before
-    # they are computed, and raises an error if there are too many.
+    # The radius changes linearly from start to end. `count_segments` receives the number of chords
+    # before they are computed, and raises an error if there are too many.
     arc, largest = circle, max(circle.radius, circle.end_radius)
     step = 2 * math.asin(math.sqrt(min(tolerance / (2 * largest), 0.5))) * 2
     # A chord spans at most 90°, even if the tolerance is large.
     step = min(step, math.pi / 2)
     total = arc.sweep + 2 * math.pi * (turns - 1)
     n = max(1, math.ceil(total / step))
-    spend(n)
+    count_segments(n)
     px, py = (
         (arc.start[0] - arc.center[0]) / arc.radius,
         (arc.start[1] - arc.center[1]) / arc.radius,

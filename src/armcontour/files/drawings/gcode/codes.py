@@ -145,7 +145,7 @@ NEVER_SKIPPED_G = frozenset(
         *(62, 63, 70, 950),
     )
 )
-# Calls and returns of subprograms.
+# M codes that call subprograms or return from them.
 CALLS = frozenset((97, 98, 99))
 # M72 restores the modes that M70 saved. With the words P, R or S it is a code of printers.
 RESTORE = 72

@@ -41,7 +41,7 @@ from armcontour.program.moves import Value
 # path.
 SAME_END = REPEATED_POINT / 2
 # A move reverses the direction if its turn differs from half a turn by at most this [rad].
-STRAIGHT_BACK = 1e-9
+REVERSAL = 1e-9
 
 
 @dataclass(slots=True)
@@ -71,7 +71,7 @@ class Compensation:
         # The moves since G41 or G42, which are not in the draft yet.
         self.moves: list[_Move] = []
         # Whether the next move is the exit move, from the contour to an uncompensated point.
-        self.leaves = False
+        self.exits_next = False
 
     @property
     def active(self) -> bool:
@@ -81,7 +81,7 @@ class Compensation:
     @property
     def inactive(self) -> bool:
         """True if the next move is added to the draft as programmed."""
-        return not (self.active or self.leaves)
+        return not (self.active or self.exits_next)
 
     @property
     def begun(self) -> bool:
@@ -92,13 +92,13 @@ class Compensation:
         """G41, G42: start compensation by an offset [m]; the next move is the entry move."""
         self.refuse(codes.g_name(code))
         self.code, self.offset = code, offset
-        if not self.leaves:
+        if not self.exits_next:
             self.position = self.draft.last
 
     def stop(self) -> None:
         """G40: end compensation, and draft the collected moves; the next move is the exit move."""
         if self.moves:
-            self.leaves = True
+            self.exits_next = True
             self._draft_moves()
         self.code, self.offset = codes.NO_COMPENSATION, 0.0
 
@@ -111,43 +111,43 @@ class Compensation:
                 "contour, before"
             )
 
-    def start_of_arc(self) -> Point:
+    def arc_start(self) -> Point:
         """Programmed start point [m] of the next arc, which must not be the exit move."""
-        if self.leaves:
+        if self.exits_next:
             raise Fault(
                 "the first move after G40 must be straight, because the offset of the tool ends "
                 "along this move, but it is an arc"
             )
         return self.position if self.offset else self.draft.last
 
-    def feed(self, x: float, y: float, z: float, feed: Feed) -> None:
+    def add_line(self, x: float, y: float, z: float, feed: Feed) -> None:
         """Add a straight feed move to a point [m]."""
         if not self.offset:
-            self.leaves = False
-            self.draft.feed(x, y, z, feed)
+            self.exits_next = False
+            self.draft.add_line(x, y, z, feed)
         elif math.dist((x, y), self.position[:2]) > REPEATED_POINT:
-            self._follow_line((x, y), z, feed[2], feed)
+            self._collect_line((x, y), z, feed[2], feed)
         else:
-            self._wait(lambda: self.draft.feed(*self.draft.last[:2], z, feed))
+            self._defer(lambda: self.draft.add_line(*self.draft.last[:2], z, feed))
             self.position = (*self.position[:2], z)
 
-    def go(self, x: float, y: float, z: float, line: int) -> None:
+    def add_rapid(self, x: float, y: float, z: float, line: int) -> None:
         """Add a rapid move to a point [m]."""
         if not self.offset:
-            self.leaves = False
-            self.draft.go(x, y, z)
+            self.exits_next = False
+            self.draft.add_rapid(x, y, z)
         elif math.dist((x, y), self.position[:2]) > REPEATED_POINT:
-            self._follow_line((x, y), z, line)
+            self._collect_line((x, y), z, line)
         else:
-            self._wait(lambda: self.draft.go(*self.draft.last[:2], z))
+            self._defer(lambda: self.draft.add_rapid(*self.draft.last[:2], z))
             self.position = (*self.position[:2], z)
 
-    def arc(
+    def add_arc(
         self, piece: ArcPart, axes: tuple[int, int, int], feed: Feed, *, rise: float = 0.0
     ) -> None:
         """Add an arc; while compensation is on, in the plane XY, with a rise in height [m]."""
         if not self.offset:
-            self.draft.arc(piece, axes, feed)
+            self.draft.add_arc(piece, axes, feed)
             return
         (tx, ty), (nx, ny) = piece.tangent, piece.normal
         curvature = math.copysign(piece.curvature, tx * ny - ty * nx)
@@ -161,51 +161,51 @@ class Compensation:
         if not self.moves:
             self._check_entry_length(math.dist(self.draft.last[:2], piece.end))
         row = (*self.position[:2], tx, ty, curvature, piece.length)
-        self._follow(_Move(row, piece.end, self.position[2] + rise, feed[2], feed))
+        self._collect(_Move(row, piece.end, self.position[2] + rise, feed[2], feed))
 
-    def event(self, name: str, value: Value) -> None:
+    def add_event(self, name: str, value: Value) -> None:
         """Record an event."""
-        self._wait(partial(self.draft.event, name, value))
+        self._defer(partial(self.draft.add_event, name, value))
 
-    def rest(self) -> None:
+    def add_stop(self) -> None:
         """Record a stop of the tool."""
-        self._wait(self.draft.rest)
+        self._defer(self.draft.add_stop)
 
-    def dwell(self, duration: float) -> None:
+    def add_dwell(self, duration: float) -> None:
         """Record a dwell [s]."""
-        self._wait(partial(self.draft.dwell, duration))
+        self._defer(partial(self.draft.add_dwell, duration))
 
     def resume_at(self, point: Sequence[float]) -> None:
         """Continue at a point; the file does not define the move to it."""
         self.draft.resume_at(point)
 
-    def room_for(self, segments: int) -> None:
-        """Count segments of helices and full turns, see `ProgramDraft.room_for`."""
-        self.draft.room_for(segments)
+    def count_segments(self, segments: int) -> None:
+        """Count segments of helices and full turns, see `ProgramDraft.count_segments`."""
+        self.draft.count_segments(segments)
 
     def set_layer(self, number: str | None, kind: str | None) -> None:
         """Start a layer or a type of moves, see `ProgramDraft.set_layer`."""
-        self._wait(partial(self.draft.set_layer, number, kind))
+        self._defer(partial(self.draft.set_layer, number, kind))
 
-    def _wait(self, action: Callable[[], None]) -> None:
+    def _defer(self, action: Callable[[], None]) -> None:
         """Defer an action to the end of the last collected move; run it now if there is none."""
         if self.moves:
             self.moves[-1].actions.append(action)
         else:
             action()
 
-    def _follow_line(self, end: InPlane, z: float, line: int, feed: Feed | None = None) -> None:
+    def _collect_line(self, end: InPlane, z: float, line: int, feed: Feed | None = None) -> None:
         """Collect a straight move in the plane; `feed` is None for a rapid."""
         (x, y), length = self.position[:2], math.dist(self.position[:2], end)
         if not self.moves:
             self._check_entry_length(length)
         row = (x, y, (end[0] - x) / length, (end[1] - y) / length, 0.0, length)
-        self._follow(_Move(row, end, z, line, feed))
+        self._collect(_Move(row, end, z, line, feed))
 
-    def _follow(self, move: _Move) -> None:
+    def _collect(self, move: _Move) -> None:
         """Collect a move, and set the programmed point to its end."""
         self.moves.append(move)
-        self.position, self.leaves = (*move.end, move.z), False
+        self.position, self.exits_next = (*move.end, move.z), False
 
     def _check_entry_length(self, length: float) -> None:
         """Check that the entry move is longer than the radius of the tool."""
@@ -232,14 +232,14 @@ class Compensation:
         # an arc bends to the tool's side there, the moves form an inside corner instead.
         side = math.copysign(math.pi, self.offset)
         inside = (table[:-1, CURVATURE] + table[1:, CURVATURE]) * self.offset < 0
-        back = np.abs(turns) >= math.pi - STRAIGHT_BACK
+        back = np.abs(turns) >= math.pi - REVERSAL
         turns = np.where(back, np.where(inside, side, -side), turns)
         turns[np.linalg.norm(parallel[1:, :2] - tips[:-1], axis=1) <= SAME_END] = 0.0
         first, last = self._cut_corners(moves, parallel, turns * self.offset > 0)
         ends = np.where((last < parallel[:, LENGTH])[:, None], points_at(parallel, last), tips)
         for i, move in enumerate(moves):
             if i and turns[i - 1] * self.offset < 0:
-                self._turn_corner(move, parallel[i], tangents[i - 1], float(turns[i - 1]))
+                self._draft_corner(move, parallel[i], tangents[i - 1], float(turns[i - 1]))
             self._draft_move(move, parallel[i : i + 1], first[i], last[i], tuple(ends[i].tolist()))
             for action in move.actions:
                 action()
@@ -294,16 +294,16 @@ class Compensation:
             )  # fmt: skip
         return first, last
 
-    def _turn_corner(
+    def _draft_corner(
         self, move: _Move, parallel: FloatArray, tangent: FloatArray, turn: float
     ) -> None:
         """Draft the arc around the outside corner before a move; a line before a rapid."""
         x, y = parallel[:2].tolist()
         if move.feed is None:
-            self.draft.go(x, y, self.draft.last[2])
+            self.draft.add_rapid(x, y, self.draft.last[2])
             return
         piece = _arc(tangent, -1 / self.offset, abs(turn * self.offset), (x, y))
-        self.draft.arc(piece, (0, 1, 2), move.feed)
+        self.draft.add_arc(piece, (0, 1, 2), move.feed)
 
     def _draft_move(
         self, move: _Move, parallel: FloatArray, first: float, last: float, end: InPlane
@@ -313,11 +313,11 @@ class Compensation:
         An arc whose height changes becomes chords of a helix.
         """
         if move.feed is None:
-            self.draft.go(*end, move.z)
+            self.draft.add_rapid(*end, move.z)
             return
         curvature, length = float(parallel[0, CURVATURE]), last - first
         if not curvature:
-            self.draft.feed(*end, move.z, move.feed)
+            self.draft.add_line(*end, move.z, move.feed)
             return
         if length <= REPEATED_POINT:
             return
@@ -325,14 +325,14 @@ class Compensation:
         piece = _arc(points_at(parallel, begin, 1)[0], curvature, length, end)
         z, radius = self.draft.last[2], abs(1 / curvature)
         if abs(move.z - z) <= REPEATED_POINT:
-            self.draft.arc(piece, (0, 1, 2), move.feed)
+            self.draft.add_arc(piece, (0, 1, 2), move.feed)
             return
         start, turn = points_at(parallel, begin)[0], int(math.copysign(1.0, curvature))
         center = (start + radius * np.array(piece.normal)).tolist()
         circle = Circle(center, start.tolist(), end, turn, length / radius, radius, radius)
-        points = helix_points(circle, 1, self.chord_tolerance, self.draft.room_for)
+        points = helix_points(circle, 1, self.chord_tolerance, self.draft.count_segments)
         for i, point in enumerate(points, 1):
-            self.draft.feed(*point, z + i / len(points) * (move.z - z), move.feed)
+            self.draft.add_line(*point, z + i / len(points) * (move.z - z), move.feed)
 
 
 def _arc(tangent: FloatArray, curvature: float, length: float, end: InPlane) -> ArcPart:

@@ -18,9 +18,9 @@ from armcontour.program import Contour, Dwell, Event, Program, Rapid
 from armcontour.program.moves import Move, Value
 
 # Largest squared distance of two points that are the same [m²].
-NEAR = REPEATED_POINT**2
+SAME_POINT_SQUARED = REPEATED_POINT**2
 # Largest rounding error of z after relative moves that return to zero [m].
-FLAT = 1e-12
+Z_ROUNDING = 1e-12
 # Maximum number of segments of helices and full turns. One line can request any number of turns;
 # more segments do not fit into the memory of the planner.
 MAX_SEGMENTS = 1_000_000
@@ -57,9 +57,9 @@ class ProgramDraft:
         self.chain: FeedChain | None = None
         self.rapid: array[float] | None = None
         self.begun = False
-        self.across = False
+        self.has_vertical_arc = False
         self.segments = 0
-        self.layer, self.layers, self.typed = "", 0, False
+        self.layer, self.layers, self.has_types = "", 0, False
 
     def set_layer(self, number: str | None, kind: str | None) -> None:
         """Start a new contour at a slicer's comment: a layer (number) or a type of moves (kind)."""
@@ -67,23 +67,23 @@ class ProgramDraft:
         # the slicer.
         name = self.layer
         if kind is not None:
-            name, self.typed = "".join(filter(str.isprintable, kind)).strip(), True
+            name, self.has_types = "".join(filter(str.isprintable, kind)).strip(), True
         else:
             self.layers += 1
-            if not self.typed:
+            if not self.has_types:
                 name = f"layer {self.layers if number is None else number}"
         if kind is None or name != self.layer:
-            self.rest()
+            self.add_stop()
         self.layer = name
 
-    def feed(self, x: float, y: float, z: float, feed: Feed) -> None:
+    def add_line(self, x: float, y: float, z: float, feed: Feed) -> None:
         """Add a straight feed move; a move without length is ignored."""
         px, py, pz = self.last
-        if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= NEAR:
+        if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= SAME_POINT_SQUARED:
             return
         self._extend(feed, (x, y, z))
 
-    def arc(self, piece: ArcPart, axes: tuple[int, int, int], feed: Feed) -> None:
+    def add_arc(self, piece: ArcPart, axes: tuple[int, int, int], feed: Feed) -> None:
         """Add an arc in the plane of the first two of `axes` (axis indices)."""
         a, b, _ = axes
         end, tangent, normal = list(self.last), [0.0] * 3, [0.0] * 3
@@ -94,9 +94,9 @@ class ProgramDraft:
         number = len(chain.speeds) - 1
         arc = (number, _point(tangent), _point(normal), piece.curvature, piece.length)
         chain.arcs.append(arc)
-        self.across = self.across or 2 in (a, b)
+        self.has_vertical_arc = self.has_vertical_arc or 2 in (a, b)
 
-    def room_for(self, segments: int) -> None:
+    def count_segments(self, segments: int) -> None:
         """Count segments of helices and full turns; raise an error if there are too many."""
         self.segments += segments
         if self.segments > MAX_SEGMENTS:
@@ -105,10 +105,10 @@ class ProgramDraft:
                 "segments in total: reduce the numbers of turns P, or increase the chord tolerance"
             )
 
-    def go(self, x: float, y: float, z: float) -> None:
+    def add_rapid(self, x: float, y: float, z: float) -> None:
         """Add a rapid move. Before the first contour only its end is stored."""
         px, py, pz = self.last
-        if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= NEAR:
+        if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= SAME_POINT_SQUARED:
             return
         self._close()
         if self.begun:
@@ -119,10 +119,10 @@ class ProgramDraft:
 
     def resume_at(self, point: Sequence[float]) -> None:
         """Stop, and continue at a point [m]; the move to the point is not part of the program."""
-        self.rest()
+        self.add_stop()
         self.last = _point(point)
 
-    def event(self, name: str, value: Value) -> None:
+    def add_event(self, name: str, value: Value) -> None:
         """Add an event to the open contour, or between moves if no contour is open."""
         if self.chain is not None:
             self.chain.events.append((len(self.chain.speeds), name, value))
@@ -130,26 +130,26 @@ class ProgramDraft:
             self._flush()
             self.moves.append(Event(name=name, value=value))
 
-    def rest(self) -> None:
+    def add_stop(self) -> None:
         """End the open contour or rapid move, so that the tool stops."""
         self._close()
         self._flush()
 
-    def dwell(self, duration: float) -> None:
+    def add_dwell(self, duration: float) -> None:
         """Add a dwell [s]; a dwell of 0 s is only a stop."""
-        self.rest()
+        self.add_stop()
         if duration > 0:
             self.moves.append(Dwell(duration=duration))
 
     def program(self, source: str, notes: tuple[str, ...]) -> Program:
         """Convert the draft to a program, in the plane if all its points have z = 0."""
-        self.rest()
+        self.add_stop()
         if not self.begun:
             raise InvalidInput(
                 f"{source} has no contour to follow, because it has no feed move (G1, G2 or G3) "
                 "with a length."
             )
-        dimension = 3 if self.across or self._leaves_the_plane() else 2
+        dimension = 3 if self.has_vertical_arc or self._leaves_the_plane() else 2
         counts: Counter[int] = Counter()
         moves: list[Move] = []
         for move in self.moves:
@@ -193,7 +193,7 @@ class ProgramDraft:
         for move in self.moves:
             if isinstance(move, FeedChain | array):
                 points = np.frombuffer(move.points if isinstance(move, FeedChain) else move)
-                if (np.abs(points[2::3]) > FLAT).any():
+                if (np.abs(points[2::3]) > Z_ROUNDING).any():
                     return True
         return False
 
@@ -217,7 +217,7 @@ def _contour(chain: FeedChain, dimension: int, count: int, source: str) -> Conto
 
 
 def _path(points: array[float], dimension: int, chain: FeedChain | None = None) -> Path:
-    """The path of straight segments through points, with the arcs, speeds, ... of the chain."""
+    """The path of lines through points; with `chain`, with its arcs, speeds and tolerances."""
     vertices = np.frombuffer(points).reshape(-1, 3)[:, :dimension]
     if chain is None:
         return Path(segments=Segments.lines(vertices))

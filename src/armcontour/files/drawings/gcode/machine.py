@@ -12,7 +12,7 @@ from armcontour.files.drawings.gcode.draft import ProgramDraft
 from armcontour.files.drawings.gcode.modes import Extruder, Modes, Offsets, Switches, unit_of
 from armcontour.files.drawings.gcode.motions import Cycles, ProgrammedTool
 from armcontour.files.drawings.gcode.words import (
-    LASER,
+    LASER_CODES,
     MILLIMETRE,
     Block,
     Dialect,
@@ -25,23 +25,23 @@ from armcontour.files.drawings.read_options import ReadOptions
 # Rotary axes, and linear axes other than X, Y and Z.
 OTHER_AXES = "ABCUVW"
 # Letters of words that cause no motion: tool offsets, pockets, values of skipped codes.
-IDLE = "DEHLOT"
+IDLE_LETTERS = "DEHLOT"
 # Largest position of another axis that counts as zero [degrees or units].
-TURNED = 1e-9
+ZERO_POSITION = 1e-9
 # Letters of words that belong to an unknown M code on a line with a motion.
-OF_M = "DEHLOPQST"
+M_PARAMETERS = "DEHLOPQST"
 
 
-class Unknown:
+class UnknownWords:
     """Removes codes and words that are not executed from a line, with notes, or refuses them."""
 
     def __init__(self, notes: Notes, skip: Collection[str], lenient: bool) -> None:
         self.notes, self.skipped, self.lenient = notes, frozenset(skip), lenient
 
-    def screen(self, block: Block) -> None:
+    def remove_unknown(self, block: Block) -> None:
         """Remove from a line the codes and words that are not executed."""
         words = block.words.keys()
-        if "I" in words and math.isnan(block.words["I"]) and not LASER.isdisjoint(block.m):
+        if "I" in words and math.isnan(block.words["I"]) and not LASER_CODES.isdisjoint(block.m):
             block.drop("I")
             self.notes.count("I of M3, M4 or M5 (inline laser power)")
         if (
@@ -56,18 +56,18 @@ class Unknown:
             self._skip_words(block)
         strange_m = [x for x in block.m if x not in codes.UNDERSTOOD_M]
         if strange_m:
-            self._leave_m(block, strange_m)
+            self._skip_m(block, strange_m)
         if codes.SHIFT in block.g and "S" in words and words.isdisjoint("XYZE"):
             # On lathes, G92 S is the maximum spindle speed.
             block.g.remove(codes.SHIFT)
             block.drop("S")
             self.notes.count("G92 S")
         for code in [x for x in block.g if x not in codes.UNDERSTOOD_G]:
-            self._leave_g(block, code)
+            self._skip_g(block, code)
         if not block.words.keys().isdisjoint(OTHER_AXES):
             self._check_axes(block)
 
-    def _leave_m(self, block: Block, strange: list[float]) -> None:
+    def _skip_m(self, block: Block, strange: list[float]) -> None:
         """Skip unknown M codes and their parameters, which can be X, Y and Z (RepRap's M201)."""
         for code in strange:
             if code in codes.CALLS:
@@ -78,9 +78,9 @@ class Unknown:
             self.notes.count(f"M{code:g}")
         alone = block.motion is None and not any(x in codes.OWN_THE_LINE for x in block.g)
         parameters = list(block.words)[block.before_m :]
-        block.drop(x for x in parameters if alone or x in OF_M)
+        block.drop(x for x in parameters if alone or x in M_PARAMETERS)
 
-    def _leave_g(self, block: Block, code: int) -> None:
+    def _skip_g(self, block: Block, code: int) -> None:
         """Skip an unknown G code and its words, or refuse it."""
         name, moves = codes.g_name(code), not block.words.keys().isdisjoint("XYZ")
         if code in codes.REFUSED_G:
@@ -105,7 +105,9 @@ class Unknown:
         if block.motion == code:
             block.motion = None
         self.notes.count(name)
-        block.drop([x for x, y in block.words.items() if x in "IJKR" + OF_M or math.isnan(y)])
+        block.drop(
+            [x for x, y in block.words.items() if x in "IJKR" + M_PARAMETERS or math.isnan(y)]
+        )
 
     def _skip_words(self, block: Block) -> None:
         """Skip the codes and words that the options list, with their parameters."""
@@ -120,9 +122,9 @@ class Unknown:
             self.notes.count(name)
             strange = code not in codes.UNDERSTOOD_G and block.motion is None
             owns_line = strange or code in codes.OWN_THE_LINE
-            block.drop(OTHER_AXES + "XYZIJKR" + OF_M if owns_line else "DHL")
+            block.drop(OTHER_AXES + "XYZIJKR" + M_PARAMETERS if owns_line else "DHL")
         for number in [x for x in block.m if f"M{x:g}" in self.skipped]:
-            self._leave_m(block, [number])
+            self._skip_m(block, [number])
         for letter in [x for x in block.words if x in self.skipped]:
             del block.words[letter]
             self.notes.count(f"the word {letter}")
@@ -131,7 +133,7 @@ class Unknown:
         """Skip positions of zero on axes other than X, Y and Z; refuse other positions."""
         for letter in [x for x in OTHER_AXES if x in block.words]:
             value = block.words.pop(letter)
-            if abs(value) > TURNED:
+            if abs(value) > ZERO_POSITION:
                 raise Fault(
                     f"{letter}{value:g} is a move of the axis {letter}, but only X, Y and Z are "
                     f"supported: remove the word {letter}, or skip it (unknown: {{skip: "
@@ -140,10 +142,10 @@ class Unknown:
             if not math.isnan(value):
                 self.notes.count(f"the word {letter} with the value 0")
 
-    def leave_idle(self, block: Block) -> None:
+    def drop_idle(self, block: Block) -> None:
         """Remove the remaining words of a line if they cause no motion; refuse other words."""
         for letter in list(block.words):
-            if letter in "PQ" and not self._has_modes(block):
+            if letter in "PQ" and not self._may_use_p_or_q(block):
                 users = {"P": "G4, G64, G2 and G3", "Q": "G64"}[letter]
                 raise Fault(
                     f"no code on this line uses the word {letter}, which belongs to {users}: "
@@ -154,13 +156,13 @@ class Unknown:
                     f"no code on this line uses the word {letter}, which belongs to G2 and G3: "
                     "remove the word, or add the code"
                 )
-            if letter not in IDLE + "PQ":
+            if letter not in IDLE_LETTERS + "PQ":
                 raise Fault(f"no code on this line uses the word {letter}: remove the word")
             del block.words[letter]
             self.notes.count(f"the word {letter}")
 
     @staticmethod
-    def _has_modes(block: Block) -> bool:
+    def _may_use_p_or_q(block: Block) -> bool:
         """True if the line has an M code or G8, to which P and Q can belong (G8 P1, M0 P500)."""
         return bool(block.m) or 80 in block.g
 
@@ -176,8 +178,8 @@ class Machine:
     """Executes lines: changes the modal state, and drafts the moves and events."""
 
     def __init__(self, options: ReadOptions, dialect: Dialect) -> None:
-        stated = options.unit is not None
-        self.modes = Modes(unit=options.unit or MILLIMETRE, stated=stated)
+        unit_specified = options.unit is not None
+        self.modes = Modes(unit=options.unit or MILLIMETRE, unit_specified=unit_specified)
         self.draft = ProgramDraft()
         self.offsets = Offsets()
         self.compensation = Compensation(self.draft, options.fit_tolerance)
@@ -186,15 +188,15 @@ class Machine:
         self.tool = ProgrammedTool(
             self.compensation, self.notes, self.modes, self.offsets, options.fit_tolerance
         )
-        self.unknown = Unknown(self.notes, options.words, options.skips)
+        self.unknown = UnknownWords(self.notes, options.words, options.skips)
         self.switches = Switches(self.compensation, dialect)
         self.extruder = Extruder(self.switches)
         self.cycles = Cycles(self.tool, self.modes)
         self.shift = [0.0] * 3
         self.dialect = dialect
 
-    def ready(self) -> bool:
-        """True if `feed_to` can execute a line with only X, Y, Z and F; prepares it."""
+    def accepts_plain_line(self) -> bool:
+        """True if `execute_plain_line` can execute the next line; prepares the execution."""
         modes = self.modes
         plain = (
             modes.motion == codes.LINE
@@ -205,17 +207,19 @@ class Machine:
             and self.compensation.inactive
             and not self.tool.away
             and not self.extruder.active
-            and self.offsets.plain
+            and self.offsets.is_shift_known
         )
         if plain:
             self.shift = [x or 0.0 for x in self.offsets.shift]
         return plain
 
-    def feed_to(self, x: str | None, y: str | None, z: str | None, f: str | None) -> None:
-        """Execute a line with only the words X, Y, Z and F; requires that `ready` was true."""
+    def execute_plain_line(
+        self, x: str | None, y: str | None, z: str | None, f: str | None
+    ) -> None:
+        """Execute a line with only X, Y, Z and F, after `accepts_plain_line` returned true."""
         modes, tool = self.modes, self.tool
         if f is not None:
-            modes.feed_per_minute(float(f))
+            modes.set_feed_per_minute(float(f))
         if x is None and y is None and z is None:
             return
         position, unit, shift = tool.position, modes.unit, self.shift
@@ -226,7 +230,7 @@ class Machine:
         if z is not None:
             position[2] = float(z) * unit + shift[2]
         feed = (modes.feed, modes.tolerance, self.notes.line) if modes.feed else tool.feed_of(0.0)
-        self.draft.feed(position[0], position[1], position[2], feed)
+        self.draft.add_line(position[0], position[1], position[2], feed)
 
     def execute(self, block: Block) -> bool:
         """Execute a line; True if it ends the program."""
@@ -237,25 +241,25 @@ class Machine:
                 self.modes.feed = None
             self._move(block)
             if block.words:
-                self.unknown.leave_idle(block)
+                self.unknown.drop_idle(block)
             return False
-        self.unknown.screen(block)
+        self.unknown.remove_unknown(block)
         self._check_single_p(block)
         self.modes.set_feed(block)
         dwell = self._dwell(block) if codes.DWELL in block.g else None
         self.switches.apply(block)
         self.extruder.set_mode(block)
         if dwell is not None:
-            self.compensation.dwell(dwell)
+            self.compensation.add_dwell(dwell)
         if codes.NO_COMPENSATION in block.g:
             self.compensation.stop()
         self._set_modes(block)
         self._compensate_radius(block)
-        if self._move_once(block):
+        if self._execute_non_modal(block):
             self._set_motion(block)
         else:
             self._move(block)
-        self.unknown.leave_idle(block)
+        self.unknown.drop_idle(block)
         return self._stop(block)
 
     def _is_simple(self, block: Block) -> bool:
@@ -270,14 +274,14 @@ class Machine:
     def _check_single_p(self, block: Block) -> None:
         """Check that at most one code of the line uses the word P."""
         users = [codes.g_name(x) for x in (codes.DWELL, codes.BLEND) if x in block.g]
-        if self._turns_on(block):
+        if self._draws_arc(block):
             users.append("the arc")
         if "P" in block.words and len(users) > 1:
             raise Fault(
                 f"the word P can belong to {' or '.join(users)}: write these in separate lines"
             )
 
-    def _turns_on(self, block: Block) -> bool:
+    def _draws_arc(self, block: Block) -> bool:
         """True if a line draws an arc."""
         explicit = block.motion
         if explicit is not None:
@@ -298,13 +302,13 @@ class Machine:
         if duration < 0:
             raise Fault(f"the time of G4 must not be negative, but is {letter}{duration:g}")
         if letter == "P" and duration and self.dialect.printer:
-            self.notes.once(
+            self.notes.add_once(
                 "G4 P, first in line {}, is interpreted in milliseconds, because the program is "
                 "for a 3D printer (extrusion, temperatures)."
             )
             return duration * 1e-3
         if duration >= LONG_DWELL:
-            self.notes.once(
+            self.notes.add_once(
                 f"Dwells of {LONG_DWELL:g} s and above, first in line {{}}, are interpreted in "
                 "seconds, as in LinuxCNC and grbl. Some controllers use milliseconds."
             )
@@ -315,7 +319,7 @@ class Machine:
         modes = self.modes
         unit = unit_of(block)
         if unit is not None:
-            modes.unit, modes.stated = unit, True
+            modes.unit, modes.unit_specified = unit, True
         for code in block.g:
             if code in PLANES:
                 if code != modes.plane:
@@ -329,11 +333,11 @@ class Machine:
                 modes.tolerance = 0.0
             elif code == codes.BLEND:
                 block.words.pop("Q", None)
-                modes.tolerance = self._blend(block.words.pop("P", None))
+                modes.tolerance = self._blend_tolerance(block.words.pop("P", None))
             elif code in (codes.RETURN_TO_START, codes.RETURN_TO_R):
                 modes.return_to_r = code == codes.RETURN_TO_R
             elif code in codes.SYSTEMS:
-                self.offsets.system = code
+                self.offsets.active_system = code
             elif code in codes.TOOL_LENGTH:
                 self._compensate_length(block, code)
 
@@ -387,15 +391,15 @@ class Machine:
         """G43: note that the programmed point is the tip of the tool; removes H from the line."""
         block.words.pop("H", None)
         if code != codes.TOOL_LENGTH[-1]:
-            self.notes.once(
+            self.notes.add_once(
                 "With tool length compensation, first in line {}, the programmed point is the tip "
                 "of the tool: calibrate the tool of the robot to its tip."
             )
 
-    def _blend(self, tolerance: float | None) -> float:
+    def _blend_tolerance(self, tolerance: float | None) -> float:
         """Permitted corner error [m] of G64 for its word P; NaN without P or with P0."""
         if tolerance == 0:
-            self.notes.once(
+            self.notes.add_once(
                 "G64 P0 in line {} sets no tolerance, as in LinuxCNC. G61 allows no corner error."
             )
         if not tolerance:
@@ -407,22 +411,22 @@ class Machine:
             )
         return tolerance * self.modes.unit
 
-    def _move_once(self, block: Block) -> bool:
+    def _execute_non_modal(self, block: Block) -> bool:
         """Execute a non-modal code that uses the words of its line; False if there is none."""
         g = block.g
         for code in codes.OWN_THE_LINE.intersection(g):
             self.compensation.refuse(codes.g_name(code))
         reference = next(iter(codes.REFERENCE_MOVES.intersection(g)), None)
         if reference is not None:
-            self.tool.go_to_reference(block, reference)
+            self.tool.move_to_reference(block, reference)
         elif codes.MACHINE in g:
             motion = self.modes.motion if block.motion is None else block.motion
-            self.tool.go_in_machine(block, motion)
+            self.tool.move_in_machine(block, motion)
         elif 431 in g or 432 in g:
             # G43.1 and G43.2: the coordinates are tool lengths, which cause no motion.
             block.drop(AXES)
         elif codes.SET_DATA in g:
-            self._retract(block)
+            self._skip_g10(block)
         elif codes.SHIFT in g:
             self._set_position(block)
         else:
@@ -431,7 +435,7 @@ class Machine:
             return False
         return True
 
-    def _retract(self, block: Block) -> None:
+    def _skip_g10(self, block: Block) -> None:
         """G10 of printers, which retracts filament or sets temperatures; it is skipped."""
         words = block.words
         if not words.keys().isdisjoint("LXYZ"):
@@ -464,7 +468,7 @@ class Machine:
 
     def _move(self, block: Block) -> None:
         """Execute the motion of a line, and the extrusion along it."""
-        arc = self._turns_on(block)
+        arc = self._draws_arc(block)
         self._set_motion(block)
         modes = self.modes
         fed = self.extruder.advance(block, self.notes) if modes.motion is not None else 0.0
@@ -472,7 +476,7 @@ class Machine:
         if not arc and block.words.keys().isdisjoint(AXES):
             if fed:
                 speed = modes.feed if modes.feed and not modes.inverse_time else 0.0
-                self.extruder.feed_alone(fed * modes.unit, speed)
+                self.extruder.feed_at_rest(fed * modes.unit, speed)
             return
         if modes.motion is None:
             raise Fault(
@@ -483,33 +487,33 @@ class Machine:
             self.cycles.run(block)
             return
         self.extruder.switch(feeds)
-        self._travel(block, feeds)
+        self._move_tool(block, feeds)
         block.drop(AXES)
 
-    def _travel(self, block: Block, feeds: bool) -> None:
+    def _move_tool(self, block: Block, feeds: bool) -> None:
         """Move the tool to the point of a line; `feeds` is true if the move feeds material."""
         motion, target = self.modes.motion, self.tool.target(block)
         if motion == codes.RAPID:
-            self.tool.go(target)
+            self.tool.move_rapid(target)
         elif motion != codes.LINE:
-            self.tool.arc(block, target)
-        elif not feeds and self.tool.lost and self.dialect.printer:
-            self.tool.pass_by(target)
+            self.tool.move_arc(block, target)
+        elif not feeds and self.tool.undefined_axes and self.dialect.printer:
+            self.tool.skip_move(target)
         elif not feeds and not self.draft.begun and self.dialect.extrudes:
-            self.notes.once(
+            self.notes.add_once(
                 "Feed moves before the first extrusion, first in line {}, are interpreted as "
                 "rapids, so that the program begins with the first extrusion."
             )
-            self.tool.go(target)
+            self.tool.move_rapid(target)
         else:
-            self.tool.feed(target)
+            self.tool.move_line(target)
 
     def _stop(self, block: Block) -> bool:
         """Record the pauses M0, M1 and M60; True if M2 or M30 ends the program."""
         for code, value in ((0, True), (60, True), (1, "optional")):
             if code in block.m:
-                self.compensation.rest()
-                self.compensation.event("pause", value)
+                self.compensation.add_stop()
+                self.compensation.add_event("pause", value)
         if 2 not in block.m and 30 not in block.m:
             return False
         self.switches.switch_off()

@@ -24,22 +24,24 @@ class Offsets:
     """The active coordinate system and the shift of G92 [m]."""
 
     def __init__(self) -> None:
-        self.system = codes.SYSTEMS[0]
+        self.active_system = codes.SYSTEMS[0]
         # Code of the coordinate system of the drawing, which is the first system in which the
         # program has a coordinate or a feed move; None before.
-        self.used: int | None = None
+        self.drawing_system: int | None = None
         # Shift from coordinates of the program to coordinates of the drawing [m], per axis. None
         # if G92.1 or G92.2 cancelled the G92 that had defined the position of the tool.
         self.shift: list[float | None] = [0.0] * 3
         # Whether the position of the tool in the drawing is known, per axis.
-        self.placed = [False] * 3
+        self.known = [False] * 3
         # Whether G92 defined the position of the tool, per axis.
-        self.named = [False] * 3
+        self.defined_by_g92 = [False] * 3
 
     @property
-    def plain(self) -> bool:
+    def is_shift_known(self) -> bool:
         """True if points of the drawing are coordinates of the program plus a known shift."""
-        return self.system == self.used and all(self.placed) and None not in self.shift
+        return (
+            self.active_system == self.drawing_system and all(self.known) and None not in self.shift
+        )
 
     def to_drawing(self, coordinates: dict[int, float], position: list[float]) -> list[float]:
         """The point of the drawing [m] for absolute coordinates of the program, by axis index.
@@ -56,37 +58,37 @@ class Offsets:
                     "program with a move to absolute coordinates"
                 )
             point[i] = value + shift
-        self._use(coordinates)
+        self._mark_known(coordinates)
         return point
 
-    def place(self) -> None:
+    def fix_system(self) -> None:
         """Make the active coordinate system that of the drawing, before the first feed move."""
-        if not all(self.placed):
-            self.used = self.used or self.system
-            self.placed = [True] * 3
+        if not all(self.known):
+            self.drawing_system = self.drawing_system or self.active_system
+            self.known = [True] * 3
 
     def set_position(self, values: dict[int, float], position: list[float]) -> None:
         """G92: assign coordinates [m] to the current position of the tool, by axis index."""
         # If the position of the tool is known, the shift changes; otherwise the coordinates
         # define the position.
         for i, value in values.items():
-            if self.placed[i]:
+            if self.known[i]:
                 self.shift[i] = position[i] - value
             else:
-                position[i], self.named[i] = value, True
-        self._use(values)
+                position[i], self.defined_by_g92[i] = value, True
+        self._mark_known(values)
 
     def clear(self) -> None:
         """G92.1, G92.2: cancel the shift."""
-        self.shift = [None if x else 0.0 for x in self.named]
+        self.shift = [None if x else 0.0 for x in self.defined_by_g92]
 
-    def _use(self, axes: dict[int, float]) -> None:
+    def _mark_known(self, axes: dict[int, float]) -> None:
         """Mark the position on some axes as known, in the active coordinate system."""
         if not axes:
             return
-        self.used = self.used or self.system
-        if self.used != self.system:
-            second, first = codes.g_name(self.system), codes.g_name(self.used)
+        self.drawing_system = self.drawing_system or self.active_system
+        if self.drawing_system != self.active_system:
+            second, first = codes.g_name(self.active_system), codes.g_name(self.drawing_system)
             raise Fault(
                 f"the program has a coordinate {AXES[min(axes)]} in {second} after coordinates in "
                 f"{first}, but must have one coordinate system only, because the offsets between "
@@ -95,7 +97,7 @@ class Offsets:
                 f"{second})"
             )
         for i in axes:
-            self.placed[i] = True
+            self.known[i] = True
 
 
 # Largest feed rate [m/s].
@@ -109,7 +111,7 @@ class Modes:
     """Modal state: units, plane, distance mode, motion and feed."""
 
     unit: float  # Length of the program's unit [m]
-    stated: bool  # Whether the file or the options specify the unit
+    unit_specified: bool  # Whether the file or the options specify the unit
     plane: int = codes.XY  # Code of the plane of arcs and cycles
     absolute: bool = True  # Whether coordinates are absolute (G90)
     arc_absolute: bool = False  # Whether centres of arcs are absolute (G90.1)
@@ -142,7 +144,7 @@ class Modes:
             self.feed = _in_metres(value, self._unit_for(block))
         self.feed_given = self.feed_given or value is not None
 
-    def feed_per_minute(self, value: float) -> None:
+    def set_feed_per_minute(self, value: float) -> None:
         """Set F [units per minute] of a line with only coordinates, under G94."""
         self.feed = _in_metres(value, self.unit)
 
@@ -172,7 +174,7 @@ class Modes:
         unit = unit_of(block)
         if unit is None or abs(unit - self.unit) <= SAME * self.unit:
             return self.unit
-        if not self.stated:
+        if not self.unit_specified:
             return unit
         raise Fault(
             "the line changes the unit of length and has an F, which some controllers interpret "
@@ -249,11 +251,11 @@ class Switches:
     def _change_tool(self) -> None:
         """Stop, and record an event for the selected tool."""
         self.draft.refuse("a tool change")
-        self.draft.rest()
+        self.draft.add_stop()
         value: Value = True if self.selected is None else float(self.selected)
         self.tool = self.selected or 0
         if self.states.get("tool") != value or value is True:
-            self.draft.event("tool", value)
+            self.draft.add_event("tool", value)
             self.states["tool"] = value
 
     def switch_off(self) -> None:
@@ -268,7 +270,7 @@ class Switches:
     def set(self, name: str, value: Value) -> None:
         """Set a state; records an event if it changes."""
         if name not in self.states or self.states[name] != value:
-            self.draft.event(name, value)
+            self.draft.add_event(name, value)
             self.states[name] = value
 
 
@@ -280,7 +282,7 @@ class Extruder:
         self.absolute = True
         self.position = 0.0
         # Whether M83 is active, and whether a G90 after M83 was ignored for E.
-        self.stated = self.g90_ignored = False
+        self.m83_active = self.g90_ignored = False
 
     @property
     def active(self) -> bool:
@@ -290,12 +292,12 @@ class Extruder:
     def set_mode(self, block: Block) -> None:
         """G90, G91, M82, M83: select absolute or relative E; G90 does not end M83."""
         if codes.ABSOLUTE in block.g:
-            self.absolute, self.g90_ignored = not self.stated, self.stated
+            self.absolute, self.g90_ignored = not self.m83_active, self.m83_active
         if codes.RELATIVE in block.g:
             self.absolute = False
         if 82 in block.m or 83 in block.m:
-            self.stated, self.g90_ignored = 83 in block.m, False
-            self.absolute = not self.stated
+            self.m83_active, self.g90_ignored = 83 in block.m, False
+            self.absolute = not self.m83_active
 
     def advance(self, block: Block, notes: Notes) -> float:
         """Remove E from a line; return the length of fed material, in the unit of the program."""
@@ -303,7 +305,7 @@ class Extruder:
         if value is None:
             return 0.0
         if self.g90_ignored:
-            notes.once(
+            notes.add_once(
                 "E in line {} is relative, because G90 does not end M83 in Klipper and "
                 "RepRapFirmware. Marlin interprets this E as absolute. Write M83 after G90."
             )
@@ -311,15 +313,15 @@ class Extruder:
         self.position += fed
         return fed
 
-    def feed_alone(self, length: float, speed: float) -> None:
+    def feed_at_rest(self, length: float, speed: float) -> None:
         """Feed material (length in m, at a speed in m/s) while the tool is at rest."""
         draft = self.switches.draft
         self.switch(False)
-        draft.rest()
+        draft.add_stop()
         # The value is rounded to 0.1 µm, which is finer than the decimals of E in programs.
-        draft.event("extruder feed", round(length * 1e3, 4))
+        draft.add_event("extruder feed", round(length * 1e3, 4))
         if speed > 0:
-            draft.dwell(abs(length) / speed)
+            draft.add_dwell(abs(length) / speed)
 
     def switch(self, feeds: bool) -> None:
         """Switch the extruder on or off for the next move."""

@@ -8,24 +8,24 @@ from armcontour.files.drawings.gcode import codes
 from armcontour.files.drawings.gcode.arcs import (
     Circle,
     arc_around,
+    arc_parts,
     arc_with_radius,
     helix_length,
     helix_points,
-    pieces_of,
 )
 from armcontour.files.drawings.gcode.arcs import Point as InPlane
 from armcontour.files.drawings.gcode.codes import AXES, OFFSETS, PLANES
 from armcontour.files.drawings.gcode.cutter_compensation import Compensation
 from armcontour.files.drawings.gcode.draft import Feed
 from armcontour.files.drawings.gcode.modes import Modes, Offsets
-from armcontour.files.drawings.gcode.words import WHOLE, Block, Fault, Notes, whole_number
+from armcontour.files.drawings.gcode.words import WHOLE_TOLERANCE, Block, Fault, Notes, whole_number
 
 # Largest coordinate [m]. Above this value a double does not resolve a nanometre.
 FARTHEST = 1e6
 # Largest difference of two heights that are equal [m].
-CLOSE = 1e-9
+SAME_HEIGHT = 1e-9
 
-UNKNOWN = (
+REFERENCE_NOTE = (
     "Moves to a reference position are replaced by a stop, because the file does not define the "
     "position: {}. From the stop the tool moves straight to the next point that the file defines. "
     "Make sure that there is no obstacle between these points."
@@ -47,7 +47,7 @@ class ProgrammedTool:
         self.chord_tolerance = chord_tolerance
         self.position = [0.0, 0.0, 0.0]
         # Axes on which the tool moved to a position that the file does not define.
-        self.lost: set[int] = set()
+        self.undefined_axes: set[int] = set()
         # Whether the tool is away from the end of the last drafted move.
         self.away = False
 
@@ -62,7 +62,7 @@ class ProgrammedTool:
                     f"{value:g} m"
                 )
         if self.modes.absolute:
-            self.lost -= coordinates.keys()
+            self.undefined_axes -= coordinates.keys()
             point = self.offsets.to_drawing(coordinates, self.position)
         else:
             point = [self.position[i] + coordinates.get(i, 0.0) for i in (0, 1, 2)]
@@ -79,19 +79,19 @@ class ProgrammedTool:
                     f"{coordinate:g} m"
                 )
 
-    def go(self, target: list[float]) -> None:
+    def move_rapid(self, target: list[float]) -> None:
         """Make a rapid move to a point [m]."""
         if not self.away:
             x, y, z = target
-            self.draft.go(x, y, z, self.notes.line)
-        elif not self.lost:
+            self.draft.add_rapid(x, y, z, self.notes.line)
+        elif not self.undefined_axes:
             self.draft.resume_at(target)
             self.away = False
         self.position[:] = target
 
     def set_position(self, values: dict[int, float]) -> None:
         """G92: assign coordinates [m] to the current position, by axis index."""
-        for i in self.lost.intersection(values):
+        for i in self.undefined_axes.intersection(values):
             raise Fault(
                 "G92 is not possible at a reference position (G28, G30, G53), because the file "
                 f"does not define the position: write a G0 with an absolute {AXES[i]} before"
@@ -100,23 +100,23 @@ class ProgrammedTool:
         if not self.draft.begun:
             self.draft.resume_at(self.position)
 
-    def lose(self, name: str, axes: set[int]) -> None:
+    def lose_position(self, name: str, axes: set[int]) -> None:
         """Stop, and mark the position of some axes as undefined; `name` is the code for the note.
 
         The draft continues at the next defined point. Before the first contour, the axes are set
         to zero of the program instead.
         """
-        self.notes.count(name, UNKNOWN)
-        self.draft.rest()
+        self.notes.count(name, REFERENCE_NOTE)
+        self.draft.add_stop()
         if self.draft.begun:
-            self.lost |= axes
+            self.undefined_axes |= axes
             self.away = True
             return
         for i in axes:
             self.position[i] = self.offsets.shift[i] or 0.0
         self.draft.resume_at(self.position)
 
-    def go_to_reference(self, block: Block, code: int) -> None:
+    def move_to_reference(self, block: Block, code: int) -> None:
         """G28, G30: move through the point of the line to the reference position."""
         # The axes of the line move to the reference position; without coordinates, all axes move.
         words = block.words
@@ -126,12 +126,12 @@ class ProgrammedTool:
             if math.isnan(words.get(letter, 0.0)):
                 del words[letter]
         if not words.keys().isdisjoint(AXES):
-            self.go(self.target(block))
+            self.move_rapid(self.target(block))
             for letter in AXES:
                 words.pop(letter, None)
-        self.lose(codes.g_name(code), named)
+        self.lose_position(codes.g_name(code), named)
 
-    def go_in_machine(self, block: Block, motion: int | None) -> None:
+    def move_in_machine(self, block: Block, motion: int | None) -> None:
         """G53: make a rapid move to machine coordinates; the position is undefined afterwards."""
         if motion != codes.RAPID:
             raise Fault(
@@ -139,26 +139,26 @@ class ProgrammedTool:
                 "the controller and not in the file: write the move in coordinates of the program"
             )
         axes = {i for i, x in enumerate(AXES) if block.words.pop(x, None) is not None}
-        self.lose("G53", axes)
+        self.lose_position("G53", axes)
 
-    def pass_by(self, target: list[float]) -> None:
+    def skip_move(self, target: list[float]) -> None:
         """Make a feed move from an undefined position; the move is not part of the program."""
         self.position[:] = target
-        self.notes.count("G1 from such a position", UNKNOWN)
+        self.notes.count("G1 from such a position", REFERENCE_NOTE)
 
-    def feed(self, target: list[float]) -> None:
+    def move_line(self, target: list[float]) -> None:
         """Make a straight feed move to a point [m]."""
         self._check_position_known()
-        self.offsets.place()
+        self.offsets.fix_system()
         x, y, z = target
-        self.draft.feed(x, y, z, self.feed_of(math.dist(self.position, target)))
+        self.draft.add_line(x, y, z, self.feed_of(math.dist(self.position, target)))
         self.position[:] = target
 
     def feed_of(self, length: float) -> Feed:
         """Speed, tolerance and line of a feed move of a length [m]; notes a missing feed rate."""
         speed = self.modes.speed_of(length)
         if speed != speed:
-            self.notes.once(
+            self.notes.add_once(
                 "Feed moves without a feed rate, first in line {}, have no programmed speed; only "
                 "the limits of the job apply."
             )
@@ -166,46 +166,46 @@ class ProgrammedTool:
 
     def _check_position_known(self) -> None:
         if self.away:
-            names = ", ".join(AXES[i] for i in sorted(self.lost)) or "X, Y and Z"
+            names = ", ".join(AXES[i] for i in sorted(self.undefined_axes)) or "X, Y and Z"
             raise Fault(
                 "a feed move cannot start at a reference position (G28, G30, G53), because the "
                 f"file does not define the position: write a G0 with absolute {names} before"
             )
 
-    def arc(self, block: Block, target: list[float]) -> None:
+    def move_arc(self, block: Block, target: list[float]) -> None:
         """Make an arc or helix in the active plane; remove its words from the line."""
         self._check_position_known()
-        self.offsets.place()
+        self.offsets.fix_system()
         modes = self.modes
         a, b, c = axes = PLANES[modes.plane]
-        turns = turns_of(block)
-        last = self.draft.start_of_arc()
+        turns = pop_turns(block)
+        last = self.draft.arc_start()
         circle = self._circle(block, (last[a], last[b]), (target[a], target[b]))
         rise = target[c] - last[c]
-        if abs(rise) > CLOSE and not self.draft.offset:
+        if abs(rise) > SAME_HEIGHT and not self.draft.offset:
             feed = self.feed_of(helix_length(circle, turns, rise))
-            points = helix_points(circle, turns, self.chord_tolerance, self.draft.room_for)
+            points = helix_points(circle, turns, self.chord_tolerance, self.draft.count_segments)
             point = list(last)
             for i, (u, v) in enumerate(points, 1):
                 point[a], point[b], point[c] = u, v, last[c] + i / len(points) * rise
-                self.draft.feed(point[0], point[1], point[2], feed)
+                self.draft.add_line(point[0], point[1], point[2], feed)
         else:
-            self.draft.room_for(turns - 1)
-            pieces = pieces_of(circle, turns)
+            self.draft.count_segments(turns - 1)
+            pieces = arc_parts(circle, turns)
             length = sum(x.length for x in pieces)
             feed = self.feed_of(math.hypot(length, rise))
             for piece in pieces:
-                self.draft.arc(piece, axes, feed, rise=rise * piece.length / length)
+                self.draft.add_arc(piece, axes, feed, rise=rise * piece.length / length)
         self.position[:] = target
 
     def _circle(self, block: Block, start: InPlane, end: InPlane) -> Circle:
         modes = self.modes
         turn = 1 if modes.motion == codes.COUNTER_CLOCKWISE else -1
         dialect = "inch" if modes.inch else "mm"
-        if by_radius(block, modes.plane):
+        if is_arc_by_radius(block, modes.plane):
             radius = self._length("R", block.words.pop("R"))
             return arc_with_radius(start, end, radius, turn)
-        letters = center_letters(block, modes.plane, modes.arc_absolute)
+        letters = find_center_letters(block, modes.plane, modes.arc_absolute)
         a, b, _ = PLANES[modes.plane]
         u, v = (self._length(x, block.words.get(x, 0.0)) for x in letters)
         block.drop(OFFSETS)
@@ -225,18 +225,18 @@ class ProgrammedTool:
         return length
 
 
-def turns_of(block: Block) -> int:
+def pop_turns(block: Block) -> int:
     """Number of turns P of an arc, counting a partial turn as 1; removes P from the line."""
     word = block.words.pop("P", 1.0)
     turns = round(word)
-    if abs(word - turns) > WHOLE or turns < 1:
+    if abs(word - turns) > WHOLE_TOLERANCE or turns < 1:
         raise Fault(
             f"the number of turns P of an arc must be a whole number above zero, but is {word:g}"
         )
     return turns
 
 
-def by_radius(block: Block, plane: int) -> bool:
+def is_arc_by_radius(block: Block, plane: int) -> bool:
     """True if the arc of a line is defined by its radius."""
     words = block.words
     if "R" not in words:
@@ -254,7 +254,7 @@ def by_radius(block: Block, plane: int) -> bool:
     return True
 
 
-def center_letters(block: Block, plane: int, absolute: bool) -> tuple[str, str]:
+def find_center_letters(block: Block, plane: int, absolute: bool) -> tuple[str, str]:
     """The letters of the two coordinates of the centre, in the order of the plane's axes."""
     words = block.words
     a, b, c = PLANES[plane]
@@ -314,7 +314,7 @@ class Cycles:
         retract, bottom = self._heights(c, level)
         step = self.sticky["Q"] * self.modes.unit if code == codes.PECK else math.inf
         coordinates = {x: block.words.pop(x) for x in (AXES[a], AXES[b]) if x in block.words}
-        if c in self.tool.lost:
+        if c in self.tool.undefined_axes:
             raise Fault(
                 "a cycle cannot start here, because the file does not define the height of the "
                 f"tool: write a G0 with an absolute {AXES[c]} before"
@@ -326,25 +326,25 @@ class Cycles:
                 "reduce the repeats L, or increase Q"
             )
         if self.tool.position[c] < retract:
-            self._rise(c, retract)
+            self._move_to_height(c, retract)
         clear = retract if self.modes.return_to_r else max(level, retract)
         for _ in range(repeats):
             hole = Block()
             hole.words = dict(coordinates)
             target = self.tool.target(hole)
             target[c] = self.tool.position[c]
-            self.tool.go(target)
-            self._rise(c, retract)
+            self.tool.move_rapid(target)
+            self._move_to_height(c, retract)
             depth = retract - step
             while depth > bottom:
-                self._feed(c, depth)
-                self._rise(c, retract)
-                self._rise(c, depth + CLEARANCE)
+                self._feed_to_height(c, depth)
+                self._move_to_height(c, retract)
+                self._move_to_height(c, depth + CLEARANCE)
                 depth -= step
-            self._feed(c, bottom)
+            self._feed_to_height(c, bottom)
             if code == codes.DRILL_AND_DWELL:
-                self.tool.draft.dwell(self.sticky.get("P", 0.0))
-            self._rise(c, clear)
+                self.tool.draft.add_dwell(self.sticky.get("P", 0.0))
+            self._move_to_height(c, clear)
 
     def _take_sticky_words(self, block: Block, code: int, height: str) -> None:
         """Store and remove the words of a line that stay valid on the next lines."""
@@ -389,13 +389,13 @@ class Cycles:
             )
         return retract, bottom
 
-    def _rise(self, c: int, height: float) -> None:
+    def _move_to_height(self, c: int, height: float) -> None:
         """Make a rapid move to a height along the axis of the cycle."""
         target = list(self.tool.position)
         target[c] = height
-        self.tool.go(target)
+        self.tool.move_rapid(target)
 
-    def _feed(self, c: int, height: float) -> None:
+    def _feed_to_height(self, c: int, height: float) -> None:
         target = list(self.tool.position)
         target[c] = height
-        self.tool.feed(target)
+        self.tool.move_line(target)

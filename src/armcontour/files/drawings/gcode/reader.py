@@ -8,7 +8,7 @@ import re
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.gcode.machine import Machine
-from armcontour.files.drawings.gcode.words import LONGEST_LINE, Fault, dialect_of, parse
+from armcontour.files.drawings.gcode.words import MAX_LINE_LENGTH, Fault, detect_dialect, parse
 from armcontour.files.drawings.read_options import (
     ReadOptions,
     Tell,
@@ -54,7 +54,7 @@ def read_gcode(
     spindle, coolant, tool, outputs and extruder are events. docs/guides/gcode.md lists all words.
     """
     lines = _lines(data, source)
-    machine = Machine(options, dialect_of(lines))
+    machine = Machine(options, detect_dialect(lines))
     tell = fraction_reporter(progress, source)
     _Runner(lines, source, machine).run(tell)
     program = machine.draft.program(source, tuple(machine.notes.sentences()))
@@ -90,7 +90,7 @@ class _Runner:
     def run(self, tell: Tell) -> None:
         """Execute all lines up to the end of the program."""
         machine, notes, lines = self.machine, self.machine.notes, self.lines
-        plain = machine.ready()
+        plain = machine.accepts_plain_line()
         try:
             for i, line in enumerate(lines):
                 notes.line = i + 1
@@ -98,14 +98,14 @@ class _Runner:
                     tell(i / len(lines))
                 match = PLAIN.fullmatch(line) if plain else None
                 if match is not None:
-                    machine.feed_to(*match.groups())
+                    machine.execute_plain_line(*match.groups())
                     continue
                 self._run_line(line)
                 if self.ended:
                     if any(x.strip(WHITE + "%") for x in lines[i + 1 :]):
-                        notes.once("Lines after the end of the program, line {}, are ignored.")
+                        notes.add_once("Lines after the end of the program, line {}, are ignored.")
                     break
-                plain = machine.ready()
+                plain = machine.accepts_plain_line()
             machine.finish()
         except Fault as fault:
             number = fault.line or max(notes.line, 1)
@@ -123,10 +123,10 @@ class _Runner:
     def _run_line(self, line: str) -> None:
         """Execute a line, and determine whether the program ends."""
         machine = self.machine
-        if len(line) > LONGEST_LINE:
+        if len(line) > MAX_LINE_LENGTH:
             raise Fault(
-                f"the line has more than the permitted {LONGEST_LINE} characters: check that the "
-                "file is G-code"
+                f"the line has more than the permitted {MAX_LINE_LENGTH} characters: check that "
+                "the file is G-code"
             )
         text = line.strip(WHITE)
         if text.startswith("%"):

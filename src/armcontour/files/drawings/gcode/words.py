@@ -19,7 +19,7 @@ from armcontour.files.drawings.gcode.codes import (
 )
 
 MILLIMETRE, INCH = 1e-3, 0.0254
-IDLE = "Skipped because it causes no motion: {}."
+NO_MOTION_NOTE = "Skipped because it causes no motion: {}."
 # Largest number of kinds that a note lists.
 MAX_KINDS = 12
 
@@ -49,15 +49,15 @@ class Notes:
     def __init__(self) -> None:
         self.line = 0
         # Count and first line of each skipped kind, by note template and kind.
-        self.counts: dict[str, dict[str, list[int]]] = {IDLE: {}}
-        # First line that each note template of `once` applies to.
+        self.counts: dict[str, dict[str, list[int]]] = {NO_MOTION_NOTE: {}}
+        # First line that each note template of `add_once` applies to.
         self.firsts: dict[str, int] = {}
 
-    def count(self, kind: str, sentence: str = IDLE) -> None:
+    def count(self, kind: str, sentence: str = NO_MOTION_NOTE) -> None:
         """Count a skipped item; `{}` in the sentence is replaced by the list of all kinds."""
         self.counts.setdefault(sentence, {}).setdefault(kind, [0, self.line])[0] += 1
 
-    def once(self, sentence: str) -> None:
+    def add_once(self, sentence: str) -> None:
         """Note how lines are interpreted; `{}` is replaced by the number of the first such line."""
         self.firsts.setdefault(sentence, self.line)
 
@@ -78,17 +78,17 @@ class Notes:
 
 
 # Maximum length of a number [characters]. Seventeen digits distinguish all doubles.
-MAX_CHARACTERS = 34
+MAX_NUMBER_LENGTH = 34
 # Largest absolute value of a word; coordinates have a separate limit in metres.
-LARGEST_VALUE = 1e9
+MAX_VALUE = 1e9
 # Maximum length of a line [characters]; real programs need about ten, with comments some hundred.
-LONGEST_LINE = 65_536
+MAX_LINE_LENGTH = 65_536
 # Number of characters of rejected text that a message shows.
-SHOWN = 30
+SHOWN_CHARACTERS = 30
 # Smallest M code that may have decimals, such as M862.3 of 3D printers.
 FIRST_WITH_DECIMALS = 100
 # A value is a whole number if it differs from one by at most this (LinuxCNC manual, "Numbers").
-WHOLE = 1e-4
+WHOLE_TOLERANCE = 1e-4
 
 TOKEN = re.compile(r"([A-Z])([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))|\([^()]*\)|;.*", re.DOTALL)
 EXPONENT = re.compile(r"[0-9.][eE]")
@@ -103,22 +103,22 @@ FANUC_FLOW = re.compile(r"IF|WHILE|GOTO|END|DO|ELSE|THEN")
 COMPUTED = re.compile(r"[A-Z]?[-+]*(?:#|[A-Z]*\[)")
 # Matches a letter without a value and quoted text, as in programs of 3D printers: G28 X Y,
 # M84 X Y E, M862.3 P "MK3S".
-BARE = re.compile(r"[A-Z](?=[A-Z(;\"]|$)")
-TEXT = re.compile(r'"[^"]*"')
+BARE_LETTER = re.compile(r"[A-Z](?=[A-Z(;\"]|$)")
+QUOTED_TEXT = re.compile(r'"[^"]*"')
 # M codes that may have a letter I without a value (Marlin: inline laser power).
-LASER = frozenset({3, 4, 5})
+LASER_CODES = frozenset({3, 4, 5})
 # Matches a numbered line with the checksum that senders of 3D printers append: "N3 T0*57".
 CHECKSUM = re.compile(r"^(N[0-9]+[^;(*]*)\*[0-9]+(?=;|$)")
 # Removes white space and converts to capitals: both are ignored (LinuxCNC manual, "Format of a
 # line").
-COMPACT = str.maketrans(
+TO_COMPACT = str.maketrans(
     {c: None for c in " \t\r\n"} | {chr(i): chr(i - 32) for i in range(ord("a"), ord("z") + 1)}
 )
 TOOL_CHANGE = re.compile(r"[mM][ \t]*0*6(?![0-9.])")
 # Matches a move with a word E, which feeds material.
 EXTRUSION = re.compile(r"[gG]0?[123](?![0-9.])[^mM;(]*(?<![a-zA-Z])[eE]-?[0-9.]")
 # Matches codes of 3D printers only: modes of E, and temperatures of nozzle and bed.
-PRINTER = re.compile(r"[mM](?:8[23]|1[04][49]|140|190)(?![0-9.])")
+PRINTER_CODE = re.compile(r"[mM](?:8[23]|1[04][49]|140|190)(?![0-9.])")
 
 
 class Block:
@@ -145,7 +145,7 @@ class Block:
 
 def parse(line: str) -> Block:
     """Parse a line into its words. The block is empty for a comment or a program number."""
-    text = line.translate(COMPACT)
+    text = line.translate(TO_COMPACT)
     block = Block()
     if "O" in text and O_WORD.match(text) is not None:
         _check_program_number(line)
@@ -154,7 +154,7 @@ def parse(line: str) -> Block:
     while position < len(text):
         match = TOKEN.match(text, position)
         if match is None:
-            position = _read_other(block, text, position)
+            position = _read_bare_or_text(block, text, position)
             continue
         if match[1] is not None:
             _add(block, match[1], match[2], position)
@@ -172,31 +172,35 @@ def parse(line: str) -> Block:
 def _check_program_number(line: str) -> None:
     """Check that a line with an O word contains only the number of a program."""
     text = COMMENTS.sub("", line)
-    if PROGRAM_NUMBER.fullmatch(text.translate(COMPACT)) is None:
-        shown = " ".join(text.split())[:SHOWN]
+    if PROGRAM_NUMBER.fullmatch(text.translate(TO_COMPACT)) is None:
+        shown = " ".join(text.split())[:SHOWN_CHARACTERS]
         raise Fault(f"flow control ({ascii(shown)[1:-1]}) is not supported: {PLAIN_MOVES}")
 
 
-def _read_other(block: Block, text: str, position: int) -> int:
+def _read_bare_or_text(block: Block, text: str, position: int) -> int:
     """Read a letter without a value, or quoted text; return the position after it."""
     # Marlin: an I without a value after M3, M4 or M5 selects inline laser power, as in `M3 S20 I`.
-    if text[position] == "I" and not LASER.isdisjoint(block.m) and BARE.match(text, position):
+    if (
+        text[position] == "I"
+        and not LASER_CODES.isdisjoint(block.m)
+        and BARE_LETTER.match(text, position)
+    ):
         _add_word(block, "I", math.nan)
         return position + 1
     strange = any(x not in UNDERSTOOD_M for x in block.m)
-    if strange and (match := TEXT.match(text, position)) is not None:
+    if strange and (match := QUOTED_TEXT.match(text, position)) is not None:
         return match.end()
     bare = strange or not BARE_WORDS.isdisjoint(block.g)
-    if bare and BARE.match(text, position):
+    if bare and BARE_LETTER.match(text, position):
         _add_word(block, text[position], math.nan)
         return position + 1
     raise Fault(_explain_syntax_error(text, position))
 
 
 def _add(block: Block, letter: str, number: str, position: int) -> None:
-    if len(number) > MAX_CHARACTERS:
+    if len(number) > MAX_NUMBER_LENGTH:
         raise Fault(
-            f"the number after {letter} must have at most {MAX_CHARACTERS} characters, but has "
+            f"the number after {letter} must have at most {MAX_NUMBER_LENGTH} characters, but has "
             f"{len(number)}: round the number"
         )
     if letter == "N":
@@ -204,8 +208,8 @@ def _add(block: Block, letter: str, number: str, position: int) -> None:
             raise Fault("a line number N must be unsigned and must be the first word of the line")
         return
     text, value = letter + number, float(number)
-    if abs(value) > LARGEST_VALUE:
-        raise Fault(f"the value of {text} is beyond the largest valid value, {LARGEST_VALUE:g}")
+    if abs(value) > MAX_VALUE:
+        raise Fault(f"the value of {text} is beyond the largest valid value, {MAX_VALUE:g}")
     if letter == "G":
         _add_g(block, value, text)
     elif letter == "M":
@@ -224,7 +228,7 @@ def _add_word(block: Block, letter: str, value: float) -> None:
 
 def _add_g(block: Block, value: float, text: str) -> None:
     codes, code = block.g, round(value * 10)
-    if code < 0 or abs(value * 10 - code) > WHOLE:
+    if code < 0 or abs(value * 10 - code) > WHOLE_TOLERANCE:
         raise Fault(f"{text} is not a valid G code")
     group = G_GROUP.get(code)
     for other in codes:
@@ -242,7 +246,7 @@ def _add_g(block: Block, value: float, text: str) -> None:
 
 
 def _add_m(codes: list[float], value: float, text: str) -> None:
-    code = round(value) if abs(value - round(value)) <= WHOLE else value
+    code = round(value) if abs(value - round(value)) <= WHOLE_TOLERANCE else value
     if code < 0 or (code != round(code) and code < FIRST_WITH_DECIMALS):
         raise Fault(f"{text} is not a valid M code")
     group = M_GROUP.get(code)
@@ -261,7 +265,7 @@ def _raise_conflict(first: str, second: str, group: str | None) -> None:
 
 def whole_number(value: float, word: str) -> int:
     """Convert the value of a word that must be a whole number; `word` is for the message."""
-    if not math.isfinite(value) or abs(value - round(value)) > WHOLE:
+    if not math.isfinite(value) or abs(value - round(value)) > WHOLE_TOLERANCE:
         raise Fault(f"{word} must be a whole number, but is {value:g}")
     return round(value)
 
@@ -271,14 +275,13 @@ def _explain_syntax_error(text: str, position: int) -> str:
     character = text[position]
     if FANUC_FLOW.match(text, position) is not None:
         return (
-            f"flow control ({ascii(text[position : position + SHOWN])}) is not supported: "
-            f"{PLAIN_MOVES}"
+            f"flow control ({ascii(text[position : position + SHOWN_CHARACTERS])}) is not "
+            f"supported: {PLAIN_MOVES}"
         )
     if (match := COMPUTED.match(text, position)) is not None:
         kind = "a parameter #" if match[0].endswith("#") else "an expression [ ]"
-        return (
-            f"{kind} ({ascii(text[position : position + SHOWN])}) is not supported: {PLAIN_MOVES}"
-        )
+        shown = ascii(text[position : position + SHOWN_CHARACTERS])
+        return f"{kind} ({shown}) is not supported: {PLAIN_MOVES}"
     if character == "(":
         inner = text.find("(", position + 1)
         close = text.find(")", position + 1)
@@ -315,18 +318,18 @@ class Dialect:
     printer: bool  # Whether the program is for a 3D printer: G4 P is in milliseconds
 
 
-def dialect_of(lines: list[str]) -> Dialect:
+def detect_dialect(lines: list[str]) -> Dialect:
     """Determine the dialect of a program from its lines."""
-    extrudes = _has(EXTRUSION, (x for x in lines if "E" in x or "e" in x))
+    extrudes = _any_matches(EXTRUSION, (x for x in lines if "E" in x or "e" in x))
     return Dialect(
-        changes_tools=_has(TOOL_CHANGE, (x for x in lines if "6" in x)),
+        changes_tools=_any_matches(TOOL_CHANGE, (x for x in lines if "6" in x)),
         extrudes=extrudes,
-        printer=extrudes or _has(PRINTER, (x for x in lines if "M" in x or "m" in x)),
+        printer=extrudes or _any_matches(PRINTER_CODE, (x for x in lines if "M" in x or "m" in x)),
     )
 
 
-def _has(pattern: re.Pattern[str], lines: Iterable[str]) -> bool:
+def _any_matches(pattern: re.Pattern[str], lines: Iterable[str]) -> bool:
     """True if a pattern occurs in one of the lines outside of comments."""
     return any(
-        pattern.search(COMMENTS.sub("", x)) is not None for x in lines if len(x) <= LONGEST_LINE
+        pattern.search(COMMENTS.sub("", x)) is not None for x in lines if len(x) <= MAX_LINE_LENGTH
     )
