@@ -388,7 +388,10 @@ def _layer_tag(entity: Any) -> str:
 
 
 def _color_names(entity: Any, number: int) -> frozenset[str]:
-    """The names of the colour of an entity or layer: AutoCAD's number and #rrggbb."""
+    """The names of the colour of an entity or layer: AutoCAD's number and #rrggbb.
+
+    A true colour has only the name #rrggbb.
+    """
     from ezdxf.colors import aci2rgb
 
     if entity.rgb is not None:

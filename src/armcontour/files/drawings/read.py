@@ -55,23 +55,24 @@ def read_path(
 ) -> Program:
     """Read the program in a drawing (DXF, SVG), in G-code, or in a table of waypoints.
 
-    Lines and arcs are kept, other curves become tangent arcs. The path of a program with one
-    contour is `program.path`.
+    Lines and arcs are not changed; other curves become tangent arcs. If the program has one
+    contour, `program.path` is its path.
 
     >>> program = ac.read_path("part.csv", frame=ac.Frame((0.0, 0.1, 0.0)))
     >>> len(program.contours)
     1
 
     Args:
-        file: The file; the extension decides how it is read.
-        options: How to read it, such as ReadOptions(units="mm", layers=["CUT"]).
-        frame: Frame of the drawing; if it lifts or tilts the drawing, the program is in space.
-        progress: Called from time to time with the name of the file and the fraction of it that is
-            read, if the reader supports it.
+        file: Path of the file; the extension selects the reader.
+        options: Options for reading, such as ReadOptions(units="mm", layers=["CUT"]).
+        frame: Frame of the drawing. If it moves the drawing out of the plane z = 0, the program is
+            in space.
+        progress: Function that is called with the name of the file and the fraction that has been
+            read. Tables of waypoints report no progress.
 
     Raises:
-        InvalidInput: The file cannot be read, or has no use for an option; the message names the
-            line, the element or the row.
+        InvalidInput: The file cannot be read, or does not support an option. The message contains
+            the line, the element or the row.
     """
     location, suffix = find_reader(file)
     module, name = READERS[suffix]

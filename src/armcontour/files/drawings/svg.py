@@ -75,7 +75,7 @@ NO_OUTLINE = ("text", "image", "foreignObject")
 # Properties that add markers to the vertices of outlines; the markers are skipped with a note.
 MARKERS = ("marker", "marker-start", "marker-mid", "marker-end")
 # Matches declarations of style sheets that can change the contours. Style sheets are not evaluated,
-# so these declarations are refused unless their value is in HARMLESS.
+# so these declarations are refused unless their value is in HARMLESS; `display: none` is refused.
 _SHEET = re.compile(r"(?<![\w-])(display|visibility|transform|clip-path|mask)\s*:\s*(\w+)")
 MARKED = "Skipped the markers of"
 NOT_READ = "Skipped because they have no outline"
@@ -205,7 +205,7 @@ class SvgWalk(Walk):
         super().__init__(root.source, options, progress)
         self.root = root
         self._elements = _all_elements(root)
-        # If several elements have the same id, the first one is used.
+        # If several elements have the same id, references use the first one.
         self._ids = {
             x.attributes["id"]: x for x in reversed(self._elements) if "id" in x.attributes
         }
@@ -282,7 +282,7 @@ class SvgWalk(Walk):
         if tag == "symbol" and around.used_by is None:
             return None
         if tag not in (*SHAPES, *CONTAINERS):
-            # SVG does not draw unknown elements.
+            # By the SVG standard, unknown elements are not drawn.
             self._check_undrawn(element, around.layer)
             return None
         if element.style("display") == "none":

@@ -106,7 +106,7 @@ def _crossings(table: Segments, a: FloatArray, normal: FloatArray) -> list[Float
     rise, normal_rise = table.tangents @ normal, table.normals @ normal
     with np.errstate(divide="ignore", invalid="ignore"):
         straight = -height / rise
-        # An arc crosses the line at the arc length u with
+        # An arc with the curvature k crosses the line at the arc length u if
         # k height + normal_rise + rise sin(ku) - normal_rise cos(ku) = 0.
         # In the plane, rise² + normal_rise² = 1 for an arc.
         middle, half = np.arctan2(rise, -normal_rise), np.arccos(-(k * height + normal_rise))
