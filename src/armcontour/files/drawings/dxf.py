@@ -410,7 +410,7 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
         import ezdxf  # noqa: F401
     except ImportError:
         raise InvalidInput(
-            "Reading DXF files requires ezdxf: pip install 'armcontour[drawings]'."
+            "Reading DXF files needs ezdxf: pip install 'armcontour[drawings]'."
         ) from None
     dwg = f"{source} is a DWG file, which is not supported: save it as DXF."
     raise_if(data.startswith(DRAWING_DATABASE), dwg)
