@@ -177,7 +177,7 @@ class DxfWalk(Walk):
         self._layer_colors: dict[str, frozenset[str]] = {}
 
     def explain_empty(self) -> str:
-        """Predicate for the message about a drawing whose entities are all on other layers."""
+        """Text after the file name in the error for no contours; "" if no other layer has any."""
         if not self.on_other_layers:
             return ""
         requested = ", ".join(repr(x) for x in sorted(self.requested_layers or ()))
@@ -475,7 +475,7 @@ def _read(data: bytes) -> Any:
 
 
 def _explain_error(error: Exception) -> str:
-    """Clause on an error of ezdxf for a message; internal errors get a general text."""
+    """Text for a message about an error of ezdxf; internal errors have a general text."""
     from ezdxf.lldxf.const import DXFError
 
     if isinstance(error, DXFError):

@@ -27,7 +27,7 @@ NO_BULGE = 1e-12
 
 
 class Unreadable(Exception):
-    """A defect of an entity; the text is a predicate that follows the name of the entity."""
+    """A defect of an entity; its text completes a sentence that starts with the entity's name."""
 
 
 def line(entity: Any) -> Shape | None:

@@ -212,7 +212,7 @@ class SvgWalk(Walk):
         self._repeated = self._segments = 0
 
     def explain_empty(self) -> str:
-        """Predicate for the message about a file without contours, if the file is a font."""
+        """Text after the file name in the error for no contours; "" if the file is not a font."""
         if all(x.tag != "glyph" for x in self._elements):
             return ""
         return "is a font, not a drawing: specify a drawing whose text has been converted to paths"

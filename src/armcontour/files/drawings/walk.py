@@ -201,7 +201,7 @@ class Walk:
         return sentences + self.labels.notes
 
     def explain_empty(self) -> str:
-        """Predicate for the message about a drawing without contours; "" for the general one."""
+        """Text after the file name in the error for no contours; "" selects the general text."""
         return ""
 
     def program(self, entities: Iterable[EntityOutlines], notes: Sequence[str]) -> Program:
