@@ -368,7 +368,7 @@ def test_strokes_choose_and_lengths_are_relative():
     assert [x.name for x in read(body, colors=red).contours] == ["a", "c"]
     assert len(read(sheet).contours) == 4
     blue = body.replace("red", "blue").replace("255, 0,0", "0,0,255")
-    table = [((blue, green), "3 #0000ff"), ((sheet, red), "it sets stroke")]
+    table = [((blue, green), "3 #0000ff"), ((sheet, red), "style sheets that set stroke")]
     refusals(lambda x: read(x[0], colors=x[1]), table)
     # Lengths in % and em; the page is 100 x 80 user units.
     path = only('<line x1="10%" y1="10%" x2="50%" y2="5em" style="font-size:4px"/>')
@@ -406,7 +406,7 @@ def test_large_drawings_are_read_or_refused(monkeypatch):
     monkeypatch.setattr(svg, "MAX_REPEATED", 1000)
     groups = [f'<g id="u{i}">' + f'<use href="#u{i - 1}"/>' * 100 + "</g>" for i in range(1, 6)]
     body = f'<defs><g id="u0"/>{"".join(groups)}</defs><use href="#u5"/>'
-    refusals(read, [(body, "use repeats more than 1000 elements")])
+    refusals(read, [(body, "more than 1000 elements drawn by use")])
     monkeypatch.setattr(svg, "MAX_SEGMENTS", 100)
     assert read('<path d="M0 0' + "h1" * 99 + '"/>').length == pytest.approx(99e-3)
     refusals(read, [('<path d="M0 0' + "h1" * 101 + '"/>', "more than 100 segments")])
