@@ -323,4 +323,4 @@ def test_words_of_g_code_are_left_out_by_name(folder):
 
     (note, *_) = read({"skip": ["t", "M06", "G55"]}).notes
     assert "M6 (1 time" in note and "the word T (1 time" in note
-    refusals(read, [({"skip": ["X"]}, "names 'X', which cannot be skipped")])
+    refusals(read, [({"skip": ["X"]}, "must list codes ... but has 'X'")])
