@@ -36,7 +36,7 @@ FORMAT_OPTIONS = {
     "colors": (("dxf", "svg"), "colors is supported for DXF and SVG drawings only"),
     "words": (
         ("gcode",),
-        'unknown: {skip: [...]} is supported for G-code only (other files take "skip")',
+        'unknown: {skip: [...]} is supported for G-code only (use "skip" for other files)',
     ),
 }
 # Largest coordinate for which a specified unit is plausible [m]; surveys have large coordinates.

@@ -155,7 +155,7 @@ def _page(
             # Absolute lengths of the page do not depend on the size of a px.
             width, height = (x and x * PIXEL / unit for x in (width, height))
     if box is not None:
-        # If only one of width and height is given, the aspect ratio of the viewBox gives the other.
+        # If only width or height is specified, the other follows from the viewBox's aspect ratio.
         if options.unit is not None or (width is None and height is None):
             width, height = box.width, box.height
         wide = width if width is not None else (height or 0.0) * box.width / box.height

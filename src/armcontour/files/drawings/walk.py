@@ -43,7 +43,7 @@ class Clip:
 
 
 def clip_path(path: Path, *clips: Clip) -> list[Path]:
-    """The parts of a path in the plane that all clips leave visible, in the order of the path."""
+    """The parts of a path in the plane that no clip removes, in the order of the path."""
     # Lines and arcs are cut at the edges of the clips. If a closed path starts in a visible part,
     # this part continues through the start of the path.
     parts = [path]
@@ -53,7 +53,7 @@ def clip_path(path: Path, *clips: Clip) -> list[Path]:
 
 
 def _clip_once(path: Path, clip: Clip) -> list[Path]:
-    """The parts of a path that one clip leaves visible."""
+    """The parts of a path that one clip does not remove."""
     table, polygon = path.segments, clip.corners
     i, begin, end = _cut_at_edges(table, polygon)
     inside = _visible(table.evaluate(i, (begin + end) / 2), clip)
@@ -115,7 +115,7 @@ def _crossings(table: Segments, a: FloatArray, normal: FloatArray) -> list[Float
 
 
 def _visible(points: FloatArray, clip: Clip) -> BoolArray:
-    """Mask of the points that a clip leaves visible, or that are on its edges, (n,)."""
+    """Mask of the points that a clip does not remove; points on its edges are included, (n,)."""
     winding = np.zeros(len(points), dtype=np.intp)
     near = np.zeros(len(points), dtype=bool)
     for a, b in zip(clip.corners, np.roll(clip.corners, -1, axis=0), strict=True):
@@ -130,7 +130,7 @@ def _visible(points: FloatArray, clip: Clip) -> BoolArray:
     return np.asarray(((winding != 0) != clip.outside) | near)
 
 
-# Share of the progress at which the traversal of a drawing is complete; fitting takes the rest.
+# Share of the progress that is reported for the traversal of a drawing; the rest is for fitting.
 TRAVERSAL_SHARE = 0.4
 # Largest number of entities that a note lists.
 MAX_NAMED = 9

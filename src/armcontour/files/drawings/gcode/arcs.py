@@ -194,7 +194,7 @@ def _two_arcs(circle: Circle) -> list[ArcPart]:
 
 
 def _check_end(start: Point, piece: ArcPart) -> None:
-    """Raise an error if the data of an arc do not lead to its end point within `END_TOLERANCE`."""
+    """Check that the end computed from the data of an arc is within `END_TOLERANCE` of its end."""
     turn = piece.curvature * piece.length
     along = math.sin(turn) / piece.curvature
     across = 2 * math.sin(turn / 2) ** 2 / piece.curvature

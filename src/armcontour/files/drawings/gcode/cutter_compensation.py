@@ -228,8 +228,9 @@ class Compensation:
         if table[0, CURVATURE]:
             parallel[0] = self._entry_arc(moves[0], complex(*tips[0]), complex(*tangents[0]))
         turns = turns_between(tangents[:-1], table[1:, [TX, TY]])
-        # If the direction reverses, the tool goes around the outside of the tip, as in LinuxCNC. If
-        # an arc bends to the tool's side there, the moves form an inside corner instead.
+        # At a reversal of direction, an arc around the outside of the vertex is added, as in
+        # LinuxCNC. If the sum of both curvatures points away from the tool's side, the moves form
+        # an inside corner instead.
         side = math.copysign(math.pi, self.offset)
         inside = (table[:-1, CURVATURE] + table[1:, CURVATURE]) * self.offset < 0
         back = np.abs(turns) >= math.pi - REVERSAL

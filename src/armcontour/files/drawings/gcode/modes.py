@@ -46,7 +46,7 @@ class Offsets:
     def to_drawing(self, coordinates: dict[int, float], position: list[float]) -> list[float]:
         """The point of the drawing [m] for absolute coordinates of the program, by axis index.
 
-        The other axes keep the values of `position`.
+        The coordinates of the other axes are those of `position`.
         """
         point = list(position)
         for i, value in coordinates.items():
