@@ -16,11 +16,12 @@ import numpy as np
 from armcontour.core.errors import NotRealizable
 
 START, END = "start speed", "end speed"
-# Digits of the reported speed, which is planned with these digits.
+# Significant digits of the reported speed; the speed is planned after rounding.
 DIGITS = 6
-# Largest number of estimates; each failed one is reduced by at least the share LOWER.
+# Largest number of estimates. After a failed estimate, the speed is reduced by at least the share
+# LOWER.
 MAX_ESTIMATES = 8
-# Relative rounding error of a feasible speed; it counts as feasible, see `PLAY`.
+# Relative rounding error of a speed; the planner tolerates it, see `PLAY` in `topp/kernels.py`.
 ROUNDING = 1e-9
 LOWER = 1e-3
 # Number of bisections of the speed if the estimates fail.
@@ -29,7 +30,7 @@ HALVINGS = 12
 
 @dataclass(frozen=True, slots=True)
 class EndSpeeds:
-    """Speeds at the ends of a path."""
+    """Requested speeds at both ends of a path, and the planner that tests other speeds."""
 
     # Plans with a start and an end speed [m/s]; raises NotRealizable
     plan: Callable[[float, float], object]
@@ -37,10 +38,10 @@ class EndSpeeds:
     end: float  # The requested end speed [m/s]
 
     def refuse(self, error: NotRealizable) -> NotRealizable:
-        """Return the error for these speeds, with a feasible speed."""
-        # The feasible speed is that of the blamed end with the requested speed at the other end, or
-        # of the other end with the requested speed at the blamed end. If neither exists, it is that
-        # of the blamed end with rest at the other end.
+        """Return an error that states a feasible speed, or `error` if no speed is feasible."""
+        # The feasible speed is searched in three steps: first at the end that the error names, with
+        # the requested speed at the other end; then at the other end, with the requested speed at
+        # the named end; then at the named end, with rest at the other end.
         blamed = START if error.limit == START else END
         other = END if blamed == START else START
         for name in (blamed, other):
@@ -50,11 +51,11 @@ class EndSpeeds:
         if allowed is None:
             return error
         requested = self.end if blamed == START else self.start
-        condition = f" and rest at the other end, where {requested:.6g} m/s is too high as well"
+        condition = f" with rest at the other end, where {requested:.6g} m/s is also too high"
         return self._refusal(blamed, allowed, error, condition)
 
     def _allowed(self, name: str, *, at_rest: bool) -> float | None:
-        """Feasible speed close to the largest at one end; None if no lower speed is feasible."""
+        """Feasible speed at one end [m/s], close to the largest; None if no speed is feasible."""
         # `at_rest` means that the speed at the other end is zero instead of the requested one.
         requested = self.start if name == START else self.end
         speed = requested
@@ -114,7 +115,7 @@ def raise_too_fast(name: str, x: float, allowed: float, s: float) -> NoReturn:
 
 
 def _round_down(speed: float) -> float:
-    """Round a speed down to DIGITS digits, with a tolerance of the rounding error."""
+    """Round a speed, increased by its rounding error, down to DIGITS significant digits."""
     if speed <= 0:
         return 0.0
     speed *= 1 + ROUNDING

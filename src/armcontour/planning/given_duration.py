@@ -26,9 +26,10 @@ from armcontour.planning.program_timing import JoinedMoves, Timing
 from armcontour.planning.program_tracing import Tracing
 from armcontour.planning.topp.limit_forms import Ceiling, Form
 
-# Relative rounding error of a duration.
+# Durations that differ by less than this share are equal.
 SAME_DURATION = 1e-9
-# Largest share of the time of a contour that is spent at rest at its end, if it is planned again.
+# Largest share of a contour's duration that may be spent at rest at its end, if the contour is
+# planned again.
 LONGEST_WAIT = 1e-3
 MAX_PLANS = 20
 
@@ -57,12 +58,12 @@ def slow_down(
 
 
 def _factor(duration: float, contours: float, others: float) -> float:
-    """Factor for the contours, from the durations of contours and other moves [s]."""
+    """Factor that slows contours down, from the durations of contours and other moves [s]."""
     shortest = contours + others
     if duration < shortest * (1 - SAME_DURATION):
         raise NotRealizable(
-            f"The motion cannot take {duration:.9g} s: the fastest motion takes "
-            f"{shortest:.9g} s; give a longer duration, or raise the active limits.",
+            f"The motion cannot take {duration:.9g} s, because the fastest motion takes "
+            f"{shortest:.9g} s: give a longer duration, or raise the active limits.",
             limit="duration",
             needed=shortest,
             allowed=duration,
@@ -117,8 +118,9 @@ def _plan_slower(fastest: Trajectory, target: float, timing: Timing) -> Trajecto
             return trajectory
         share *= (trajectory.duration / (target * (1 - LONGEST_WAIT / 2))) ** 2
     raise NotRealizable(
-        f"No motion that takes {target:.9g} s was found: the limits of torque and viscous friction "
-        f"allow none close to it; the last one took {trajectory.duration:.9g} s.",
+        f"No motion that takes {target:.9g} s was found, because the limits of torque and viscous "
+        f"friction allow no duration close to it. The last motion takes {trajectory.duration:.9g} "
+        "s: give another duration.",
         limit="duration",
         needed=trajectory.duration,
         allowed=target,
@@ -126,7 +128,7 @@ def _plan_slower(fastest: Trajectory, target: float, timing: Timing) -> Trajecto
 
 
 class _Slower(Constraint):
-    """Upper bound of x: a share of the x of another plan along the same joint path."""
+    """Upper bound of ds²: a share of the ds² of another plan along the same joint path."""
 
     name = "given duration"
 

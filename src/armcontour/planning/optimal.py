@@ -50,17 +50,18 @@ from armcontour.planning.vanishing import reparametrize, rests_at_breaks
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import TOOL_LIMITS
 
-# The grid is refined while the margin for maxima inside intervals exceeds this share of a limit, at
-# most MAX_REFINEMENTS times. The share grows each time, up to LARGEST_MARGIN_EVER, because a finer
-# grid is expensive with thousands of corners. With fewer intervals than COARSE, margins up to
-# FIRST_MARGIN are accepted, to save time.
+# The grid is refined while the margin for maxima inside intervals exceeds the share LARGEST_MARGIN
+# of a limit, at most MAX_REFINEMENTS times. The share grows by the factor MORE_EACH_TIME with each
+# refinement, up to LARGEST_MARGIN_EVER, because a finer grid is expensive with thousands of
+# corners. With fewer intervals than COARSE, the first share is FIRST_MARGIN, to save time.
 LARGEST_MARGIN = 3e-3
 FIRST_MARGIN, COARSE = 1e-2, 500
 MORE_EACH_TIME = 2.0
 LARGEST_MARGIN_EVER = 0.2
 MAX_REFINEMENTS = 12
-# The grid is also refined while the estimated loss exceeds this share of the duration. The estimate
-# is within a factor of about three; more intervals than DEFAULT_INTERVALS lose less.
+# The grid is also refined while the estimated loss of time exceeds this share of the duration. The
+# share holds for DEFAULT_INTERVALS, and is smaller if more intervals are requested. The estimate is
+# accurate within a factor of about three.
 LARGEST_LOSS = 1e-4
 MAX_PARTS_AT_ONCE = 8
 # Largest number of refined intervals, about 1 GB, unless twice the first grid is more. Close to it,
@@ -82,7 +83,7 @@ def plan_optimal(
     reparametrized, new_breaks = reparametrize(joint_path)
     at_rest = joint_path.breaks[:0]
     if constraints or limits.path_jerk is not None:
-        # Constraints and path jerk are functions of s.
+        # Constraints and path jerk are functions of s, so the parameter s must not be replaced.
         at_rest = (
             at_rest
             if reparametrized is joint_path
@@ -128,7 +129,7 @@ def plan_optimal(
 def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Constraint]:
     """Make the constraints of the planner from the limits of an arm and a path."""
     active: list[Constraint] = []
-    # Rows with viscous friction must come first.
+    # The planner requires the rows with viscous friction first.
     if limits.joint_torque is not None:
         active.append(JointTorque(arm, limits.joint_torque))
     dof = joint_path.dof
@@ -162,8 +163,9 @@ def assigned_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
         tool = [x for x in TOOL_LIMITS if x != "path_jerk" and getattr(limits, x) is not None]
         if tool:
             raise InvalidInput(
-                "Limits of the tool need a tool path: plan a Path or a traced one, or lift them "
-                f"with limits.replace({', '.join(f'{x}=math.inf' for x in tool)})."
+                "Limits of the tool need a tool path, but this joint path has none: plan a Path "
+                "or a traced joint path, or lift the limits with "
+                f"limits.replace({', '.join(f'{x}=math.inf' for x in tool)})."
             )
         return np.full(len(breaks) - 1, np.inf)
     speed = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
@@ -182,7 +184,7 @@ def time_optimal(
     largest_loss: float = math.inf,  # Share of the duration that the grid may lose
 ) -> PathLaw:
     """Plan on a grid and refine it where margins or the estimated loss of time are too large."""
-    # Where dq_ds vanishes, the joints rest at any ds.
+    # At an end at which dq_ds vanishes, the joints rest at any ds.
     stands = rests_at_breaks(grid.joint_path)
     start = np.inf if start_speed == 0 and stands[0] else start_speed**2
     end = np.inf if end_speed == 0 and stands[-1] else end_speed**2
@@ -224,7 +226,7 @@ def time_optimal(
         return _law(*best)
     raise NotRealizable(
         f"At {s:.6g} m along the path the limits cannot be satisfied between grid points on any "
-        "grid: the joint path is too uneven there; smooth it or trace it more exactly.",
+        "grid, because the joint path is too uneven there: smooth it or trace it more accurately.",
         s=s,
     )
 
@@ -245,7 +247,7 @@ def _whole(parts: FloatArray, max_parts: int) -> FloatArray:
 
 
 def _with_stops(limits: GridLimits, grid: Grid) -> GridLimits:
-    """Add x = 0 at the stops of the joint path."""
+    """Add the bound x = 0 at the stops of the joint path."""
     stops = grid.joint_path.stops
     if not len(stops):
         return limits
@@ -255,7 +257,7 @@ def _with_stops(limits: GridLimits, grid: Grid) -> GridLimits:
 
 
 def _law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
-    """Make the time law, with path acceleration linear in s on every interval."""
+    """Make the time law of a grid plan, with path acceleration linear in s on every interval."""
     try:
         return PathLaw.from_squares(grid.joint_path, grid.s, grid_plan.x, grid_plan.k)
     except InvalidInput as error:
@@ -274,22 +276,22 @@ def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn
         _refuse_stuck(grid, i)
     if not OnGrid(grid).derivatives[0][0, i].any():
         raise InvalidInput(
-            f"No joint moves from s = {grid.s[i]:.6g} to {grid.s[i + 1]:.6g}, where nothing "
-            "limits dds: remove this piece of the joint path."
+            f"No joint moves from s = {grid.s[i]:.6g} to {grid.s[i + 1]:.6g} m, so no limit "
+            "restricts dds there: remove this piece of the joint path."
         )
     hint = arm.limits_hint
     raise InvalidInput(
-        "Nothing limits the acceleration along the path: give joint_acceleration, "
+        "No limit restricts the acceleration along the path: give joint_acceleration, "
         f"joint_torque or tool_acceleration{f'; {hint}' if hint else ''}."
     )
 
 
 def _refuse_standing(s: float) -> NoReturn:
-    """Refuse constraints in s along a path on which the joints rest at some s."""
+    """Raise the error for constraints in s on a path that has a point without joint motion."""
     raise NotRealizable(
-        f"At {s:.6g} m along the path no joint moves with s, so that nothing bounds ds there, and "
-        "constraints that are functions of s cannot be satisfied: remove them, or give the joint "
-        "path a parameter along which the joints keep moving.",
+        f"At {s:.6g} m along the path no joint moves with s, so ds is not limited there, and "
+        "constraints that are functions of s cannot be satisfied. Remove the constraints, or "
+        "give the joint path a parameter along which the joints keep moving.",
         s=s,
     )
 
@@ -297,7 +299,7 @@ def _refuse_standing(s: float) -> NoReturn:
 def _refuse_stuck(grid: Grid, i: int) -> NoReturn:
     s = float(grid.s[i])
     raise NotRealizable(
-        f"At {s:.6g} m along the path the limits allow no motion at all: check the limits, or move "
-        "the path away from the singularity.",
+        f"At {s:.6g} m along the path the limits allow no motion: raise the limits, or move the "
+        "path away from singularities of the arm.",
         s=s,
     )

@@ -26,7 +26,7 @@ from armcontour.planning.options import FEWEST_LAPS, MAX_LAPS, Paper
 from armcontour.planning.paper_line import PaperLine, RulePart, parts_by_rule
 from armcontour.robot import Arm, Limits
 
-# Parts of the lap next to a rest, where the speed changes by a large factor.
+# Number of parts of a lap next to a rest, because the speed changes by a large factor there.
 LAPS_AT_REST = 10
 # Limits that are checked on every part, because the method does not guarantee them.
 CHECKED = (
@@ -95,12 +95,13 @@ def _make_lines(
 def _refuse_limits(limits: Limits) -> None:
     if limits.joint_acceleration is None:
         raise InvalidInput(
-            "The method paper needs joint acceleration limits: give joint_acceleration [rad/s²]."
+            "The method paper needs limits of joint acceleration, but none are given: give "
+            "joint_acceleration [rad/s²]."
         )
     if limits.tool_acceleration is not None:
         raise InvalidInput(
-            "The method paper does not limit the tool's acceleration: remove tool_acceleration, "
-            "or plan by the method optimal."
+            "The method paper does not support a limit of tool acceleration: remove "
+            "tool_acceleration, or plan by the method optimal."
         )
     if not limits.same_both_ways():
         raise InvalidInput(
@@ -110,12 +111,12 @@ def _refuse_limits(limits: Limits) -> None:
 
 
 def _usual_knots(length: float, speed: float, cycle: float, number: int) -> int:
-    """Number of laps of a line that take one cycle each at the assigned velocity."""
+    """Number of laps of a line, so that a lap takes at most one cycle at the assigned velocity."""
     count = length / (speed * cycle)
     if not count <= MAX_LAPS:
         raise InvalidInput(
-            f"Line {number + 1} would have {count:.3g} knots at {speed:g} m/s and a "
-            f"cycle of {cycle:g} s: give knots."
+            f"Line {number + 1} would have {count:.3g} laps at {speed:g} m/s and a cycle of "
+            f"{cycle:g} s, but at most {MAX_LAPS} are supported: give knots."
         )
     return max(FEWEST_LAPS, int(np.ceil(count)))
 
@@ -159,9 +160,9 @@ def _junctions(
         if at_rest and len(arcs):
             s = float(path.breaks[arcs[0]])
             raise NotRealizable(
-                f"At {s:.4g} m along the path the tool is at rest next to an arc: the method paper "
-                "runs arcs at one speed and has no rule for that; start and end on lines, or "
-                "plan by the method optimal.",
+                f"At {s:.4g} m along the path the tool is at rest next to an arc, but the method "
+                "paper moves along arcs only at constant speed: start and end the path on lines, "
+                "or plan by the method optimal.",
                 s=s,
                 point=path(s).tolist(),
             )
@@ -175,8 +176,8 @@ def _junctions(
 
 
 def _knots(start: float, end: float, count: int, at_rest: tuple[bool, bool]) -> FloatArray:
-    """Knots of a line from `start` to `end` [m] with `count` laps of equal length."""
-    # A lap next to a rest is divided into parts that take equal times from rest.
+    """Arc lengths [m] of the knots of a line from `start` to `end` with `count` equal laps."""
+    # A lap next to a rest is divided into parts of equal duration at constant acceleration.
     shares = np.arange(count + 1) / count
     parts = (np.arange(1, LAPS_AT_REST) / LAPS_AT_REST) ** 2 / count
     if at_rest[0]:
@@ -189,7 +190,7 @@ def _knots(start: float, end: float, count: int, at_rest: tuple[bool, bool]) -> 
 
 
 def _match_speeds(lines: list[PaperLine], junctions: list[Junction]) -> None:
-    """Reduce the speeds of junctions to reachable ones, forwards and then backwards."""
+    """Reduce the speeds of junctions to speeds that the lines can reach."""
     for number, line in enumerate(lines):
         run = line.forward(junctions[number].speed)
         if run.joint < 0 and run.last_within(line.assigned) == len(line.s) - 1:
@@ -213,9 +214,9 @@ def _arc_part(name: str, joint_path: JointPath, segment: int, speed: float) -> R
 
 
 def _stretch(part: RulePart, start: float, arm: Arm, limits: Limits) -> LawPhase:
-    """Check a part that starts at the time `start` [s], and find its peaks."""
-    # MAC does not check the middle part, the corners, joint velocities, torques or the angular
-    # motion of the tool.
+    """Check the limits of a part that starts at the time `start` [s]; returns it with its peaks."""
+    # The rules of the method do not include these limits: joint acceleration on the middle part and
+    # on corners, joint velocities, torques, and the angular motion of the tool.
     check_kept(
         part.laws,
         arm,
@@ -224,8 +225,8 @@ def _stretch(part: RulePart, start: float, arm: Arm, limits: Limits) -> LawPhase
         location=f"On {part.name} ({part.kind}), between {part.s[0]:.4g} and {part.s[1]:.4g} m "
         "along the path",
         t=start,
-        remedy="the method paper does not plan for this limit there; a lower assigned velocity or "
-        "centripetal acceleration, or the method optimal, helps",
+        remedy="The method paper does not plan for this limit there: reduce the assigned "
+        "velocity or the centripetal acceleration, or plan by the method optimal",
     )
     return LawPhase(
         name=part.name,
@@ -251,7 +252,7 @@ def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajec
         ("joint_torque", "angular_speed", "angular_acceleration"),
         location="At uniform speed along the path",
         t=0.0,
-        remedy="a lower assigned velocity or the method optimal helps",
+        remedy="Reduce the assigned velocity, or plan by the method optimal",
     )
     stretch = LawPhase(
         name="whole path",

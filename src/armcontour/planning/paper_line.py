@@ -1,5 +1,6 @@
-"""One straight line by the paper's criteria: MAC from its start, MDC to its end, AVC between.
+"""One straight line by the paper's rules: MAC from its start, AVC in the middle, MDC to its end.
 
+MAC is the maximum joint acceleration, AVC the assigned velocity, MDC the maximum deceleration.
 Two passes run along the line, one from each end, until a joint limit would be violated. Each pass
 is used up to the knot at which it reaches the assigned velocity, (23). Between those knots the tool
 moves with uniform acceleration, (24)-(25). If the passes meet below the assigned velocity, one lap
@@ -20,7 +21,7 @@ from armcontour.motion import JointPath, LawAlongPath, LineLaw
 from armcontour.planning.law_checks import law_states, path_law, tool_path_of
 from armcontour.robot import Arm
 
-# Smallest speed of a joint, as a share of the fastest joint, from which the tool speed is computed.
+# The tool speed is not computed from a joint that is slower than this share of the fastest joint.
 HARDLY_MOVING = 0.01
 
 
@@ -28,7 +29,7 @@ HARDLY_MOVING = 0.01
 def run_laps(
     q: FloatArray, dq_ds: FloatArray, speed: float, limit: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, int, float]:
-    """Run from the first knot towards the last, as fast as (18)-(20) allow."""
+    """Move from the first knot towards the last as fast as (18)-(20) of the paper allow."""
     # The paper does not state the velocity at the start of a lap. Plain `dq + ddq h` is not damped:
     # a velocity error of a joint that does not determine the lap time alternates from lap to lap,
     # and the acceleration it causes grows as 1 / h. Therefore the joint that determines the lap
@@ -61,7 +62,8 @@ def run_laps(
                 if step < 0.0:
                     w = -w
                 root = math.sqrt(w * w + 2.0 * limit[j] * abs(step))
-                # (18), or 2 d / (w + root) if its printed form would cancel.
+                # (18), or the equivalent form 2 d / (w + root), which has no cancellation for w >
+                # 0.
                 time = 2.0 * abs(step) / (w + root) if w > 0.0 else (root - w) / limit[j]
             if time > longest:
                 longest = time
@@ -101,17 +103,17 @@ class Pass:
     needed: float  # Acceleration that this joint would need [rad/s²]
 
     def last_within(self, speed: float) -> int:
-        """Last knot before the tool speed first exceeds `speed` [m/s]."""
+        """Index of the last knot before the tool speed first exceeds `speed` [m/s]."""
         faster = np.flatnonzero(self.speed[: self.done + 1] > speed * (1 + 1e-12))
         return max(int(faster[0]) - 1, 0) if len(faster) else self.done
 
 
 @dataclass(frozen=True, slots=True)
 class LinePhase:
-    """A time law and the rule that made it."""
+    """Time law on a part of a line, and the rule of the paper that made it."""
 
     law: LawAlongPath
-    kind: str  # "MAC", "AVC" or "MDC"; "meeting" for the lap between MAC and MDC
+    kind: str  # Rule: "MAC", "AVC" or "MDC"; "meeting" for the lap between MAC and MDC
     s: tuple[float, float]  # Arc lengths of start and end on the path [m]
     # For a meeting lap, time [s] and arc length [m] from its start to the point where both passes
     # have the same speed
@@ -120,10 +122,10 @@ class LinePhase:
 
 @dataclass(frozen=True, slots=True)
 class RulePart:
-    """Part of a line or a corner that one rule made."""
+    """Part of a line, or a corner, that one rule of the paper made."""
 
     name: str  # Name of the line or corner, such as "line 1"
-    kind: str
+    kind: str  # Rule: "MAC", "AVC", "MDC" or "corner"
     duration: float  # Duration [s]
     s: tuple[float, float]  # Arc lengths of start and end on the path [m]
     laws: list[LawAlongPath]  # The complete laws that contain the part
@@ -174,7 +176,7 @@ class PaperLine:
         path = tool_path_of(joint_path, "paper")
         self.point, self.direction = path(s[0]), path(s[0], 1)
         self.q = joint_path(s)
-        # One-sided at both ends: the path may turn there.
+        # The derivatives at both ends are one-sided, because the path may turn there.
         before, after = joint_path(s[-1:], 1, side="left"), joint_path(s[:-1], 1)
         self.dq_ds = np.concatenate([after, before])
 
@@ -190,16 +192,18 @@ class PaperLine:
         """Plan the line from the tool speed `start` to the tool speed `end` [m/s]."""
         forward, reverse = self.forward(start), self.reverse(end)
         n = len(self.s) - 1
-        backward = reverse.speed[::-1]  # the reverse pass in the order of the path
+        backward = reverse.speed[::-1]  # Speed of the reverse pass in the order of the path
         last = forward.last_within(self.assigned)
         first = n - reverse.last_within(self.assigned)
         if first <= last:
-            # The passes overlap: leave the forward pass at the last knot where it is slower.
+            # The passes overlap: the forward pass is used up to the last knot at which it is
+            # slower.
             both = np.arange(first, last + 1)
             slower = both[forward.speed[both] <= backward[both]]
             last = int(slower[-1]) if len(slower) else first - 1
             if first == 0 and forward.speed[0] >= backward[0]:
-                last = -1  # the start speed is that from which the line can brake: MDC throughout
+                # The start speed is the largest from which the line can brake: MDC throughout.
+                last = -1
             first = last + 1
             meeting = 0 <= last and first <= n
             if meeting:
@@ -219,7 +223,7 @@ class PaperLine:
         return pieces
 
     def _mdc(self, run: Pass, first: int) -> LinePhase:
-        """Reverse pass from the knot `first` on, in the order of time."""
+        """Phase of the reverse pass from the knot `first` to the end, in the order of time."""
         count = len(self.s) - 1 - first
         ends = run.dq[:count] + run.ddq[:count] * run.h[:count, None]
         h, dq, ddq = run.h[:count][::-1], -ends[::-1], run.ddq[:count][::-1]
@@ -244,7 +248,7 @@ class PaperLine:
     def _meeting(
         self, low: int, high: int, forward: FloatArray, backward: FloatArray
     ) -> tuple[int, int]:
-        """Knots around the meeting point of the passes, between which the limit is satisfied."""
+        """Indices of the knots at which the passes are joined, so that the limit is satisfied."""
         # One lap is usual. If the passes meet close to an end of the lap, uniform acceleration of
         # the tool would need slightly more joint acceleration than the limit, so two laps are used.
         for start, end in ((low, high), (low - 1, high), (low, high + 1)):
@@ -272,7 +276,7 @@ class PaperLine:
         return LinePhase(law, "meeting", ends, (float(time), length))
 
     def _refuse_broken(self, forward: Pass, last: int, reverse: Pass, count: int) -> None:
-        """Refuse a line on which a pass ended at a joint limit before the assigned velocity."""
+        """Raise NotRealizable if a pass ended at a joint limit before the assigned velocity."""
         broken = [
             (run, place)
             for run, end, place in (
@@ -288,9 +292,9 @@ class PaperLine:
         allowed = float(self.limit[run.joint])
         raise NotRealizable(
             f"On {self.name} at {s:.4g} m along the path, joint {run.joint + 1} would need "
-            f"{run.needed:.4g} rad/s² within one lap, but its limit is {allowed:g}: it "
-            "cannot reverse in time, because the method does not look ahead; a lower assigned "
-            "velocity or the method optimal helps.",
+            f"{run.needed:.4g} rad/s² within one lap, but its limit is {allowed:g} rad/s². The "
+            "joint cannot reverse in time, because the method does not look ahead: reduce the "
+            "assigned velocity, or plan by the method optimal.",
             point=point,
             s=s,
             joint=run.joint,

@@ -32,9 +32,10 @@ from armcontour.planning.tracing import check_joint_range
 from armcontour.program import Dwell, Program
 from armcontour.robot import Arm, Limits, compare_limits, resolve_limits
 
-# Options of a single path; a program has several paths with rests between them.
+# Options that apply to a single path only, because a program rests between its paths.
 OF_ONE_PATH = ("grid", "start_speed", "end_speed")
-# With many contours each contour has fewer grid intervals, because it is shorter.
+# Default for programs of many contours: largest total number of grid intervals, and smallest number
+# per contour. Their contours are shorter than a single path.
 MAX_BY_DEFAULT = 40_000
 FEWEST_INTERVALS = 500
 
@@ -83,7 +84,7 @@ def plan(
     if not isinstance(arm, Arm):
         arm = _JointSpace(arm.dof, arm.limits)
     if not isinstance(path, Tracing) and (warning := compare_limits(bounds, arm)):
-        # Jobs plan tracings, and issue their own warnings.
+        # Jobs plan tracings, and warn themselves.
         warnings.warn(capitalise(warning), stacklevel=3)
     check_jerk_support(options.method, bounds)
     traced: Tracing | JointPath
@@ -141,14 +142,15 @@ def _warn_of_stops(traced: Tracing | JointPath, trajectory: Trajectory) -> None:
         warnings.warn(
             f"Limits of jerk add {count_noun(len(stops), 'full stop')}, the first at s = "
             f"{stops[0]:.4g} m, because the curvature of the path or the angular acceleration of "
-            'the tool jumps there: round_corners(..., continuity="curvature") and smooth_curvature '
-            "make paths whose curvature does not jump; explain(...).jerk_stops lists the stops.",
+            'the tool jumps there. round_corners(..., continuity="curvature") and '
+            "smooth_curvature make paths whose curvature does not jump. explain(...).jerk_stops "
+            "lists the stops.",
             stacklevel=4,
         )
 
 
 class _JointSpace(Arm):
-    """Joints without kinematics and masses, to time a joint path without a tool path."""
+    """Arm without kinematics and masses, to time a joint path that has no tool path."""
 
     name = "without a name"
     dimension = 0
@@ -158,14 +160,14 @@ class _JointSpace(Arm):
         self.limits = limits
 
     def _refuse(self, q: npt.ArrayLike, dq: npt.ArrayLike = 0.0) -> FloatArray:
-        raise InvalidInput("A joint path without a tool path has no tool: give plan the arm.")
+        raise InvalidInput("The motion of the tool is unknown without an arm: give plan the arm.")
 
     tool_position = tool_jacobian = tool_jacobian_rate = links = _refuse
 
     @cached_property
     def dynamics(self) -> NoReturn:
         """Not available, because the masses are unknown."""
-        raise InvalidInput("Limits of torque need an arm with masses: give plan the arm.")
+        raise InvalidInput("Limits of torque need the masses of an arm: give plan the arm.")
 
 
 def _arm_of(
@@ -188,14 +190,15 @@ def _fit_options(program: Program, options: PlanOptions) -> PlanOptions:
     for name in OF_ONE_PATH if program.single_path is None else ():
         if not np.array_equal(getattr(options, name), getattr(FASTEST, name)):
             raise InvalidInput(
-                f"{name} is an option for one path: a program rests between its moves."
+                f"{name} applies to a single path only, because a program rests between its "
+                f"moves: remove {name}."
             )
     fewer = intervals_of(program)
     return options if options.intervals or fewer is None else replace(options, intervals=fewer)
 
 
 def intervals_of(program: Program) -> int | None:
-    """Grid intervals for each contour of a program; None for the default of a single path."""
+    """Number of grid intervals for each contour of a program; None for the default of a path."""
     count = len(program.contours)
     if count <= MAX_BY_DEFAULT // DEFAULT_INTERVALS:
         return None
@@ -217,7 +220,7 @@ def check_duration(program: Program, limits: Limits) -> None:
 
 def assigned_time(program: Program, limits: Limits) -> float:
     """Duration of a program at its assigned velocities, if given, plus its dwells [s]."""
-    # Rounded corners shorten the motion; limits lengthen it.
+    # This is an estimate: rounded corners shorten the motion, and other limits lengthen it.
     dwells = sum(x.duration for x in program.moves if isinstance(x, Dwell))
     largest = np.inf if limits.speed is None else limits.speed
     paths = [x.path for x in program.contours]
@@ -237,7 +240,7 @@ def _refuse_endless_motion(trajectory: Trajectory) -> None:
 def _refuse_foreign(
     path: JointPath | Tracing, arm: Arm, limits: Limits, options: PlanOptions
 ) -> JointPath | Tracing:
-    """Check that a joint path or tracing fits the arm."""
+    """Check that a joint path or tracing fits the arm and the options, and return it."""
     # A joint path with a tool path is returned as a tracing.
     if isinstance(options, Shaped):
         raise InvalidInput(
@@ -246,7 +249,10 @@ def _refuse_foreign(
         )
     if not (options.configuration is None and options.seed is None):
         specified = "seed" if options.configuration is None else "configuration"
-        raise InvalidInput(f"A joint path is traced already: give {specified} to trace instead.")
+        raise InvalidInput(
+            f"This path is already traced, so {specified} cannot change it: give {specified} to "
+            "trace instead."
+        )
     steps = (TracedMove(move=None, joint_path=path),) if isinstance(path, JointPath) else path.steps
     for step in steps:
         if step.joint_path is None:

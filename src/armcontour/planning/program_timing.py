@@ -30,7 +30,8 @@ from armcontour.planning.program_tracing import TracedMove, Tracing, ends_of
 from armcontour.program import Contour, Dwell, Event
 from armcontour.robot import Arm, Limits
 
-# Grid intervals of a rapid: limits change little along a straight line of the joints or the tool.
+# Number of grid intervals of a rapid. Few suffice, because limits change little along a straight
+# line of the joints or the tool.
 RAPID_INTERVALS = 200
 # Events closer in time than this are simultaneous [s].
 SAME_TIME = 1e-9
@@ -38,7 +39,7 @@ SAME_TIME = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Timing of the moves of a program."""
+    """Arm, limits and method by which the moves of a program are timed."""
 
     arm: Arm
     limits: Limits
@@ -107,7 +108,7 @@ def time_rapid(
     joint_path: JointPath, arm: Arm, limits: Limits, speed: float | None = None
 ) -> Trajectory:
     """Plan the fastest rapid within the limits of the joints, without those of the tool."""
-    # Speeds of the segments of a tool path apply.
+    # If the joint path has a tool path, the speeds of its segments apply, too.
     # `joint_path`: the joint path of the rapid; `limits`: limits of the arm, one value per joint;
     # `speed`: largest tool speed along a joint path without a tool path [m/s].
     constraints: tuple[RapidSpeed, ...] = ()
@@ -184,12 +185,13 @@ class JoinedMoves:
         self.t = t[1]
 
     def trajectory(self) -> Trajectory:
-        """Join the moves added so far."""
+        """Join the moves added so far to one trajectory."""
         first = next((x for x in self.events if x.t < 0), None)
         if first is not None:
             raise InvalidInput(
-                f"The event {first.name} is to come {-first.t:.6g} s before the motion begins: "
-                "start with a longer lead-in or a dwell, or give the event less advance.",
+                f"The event {first.name} would be switched {-first.t:.6g} s before the motion "
+                "begins: start with a longer lead-in or a dwell, or reduce the advance of the "
+                "event.",
                 t=first.t,
                 allowed=0.0,
             )
@@ -207,7 +209,7 @@ class JoinedMoves:
         )
 
     def _refuse_disorder(self) -> None:
-        """Refuse lead times that change the switching order of an output."""
+        """Raise InvalidInput if lead times change the switching order of an output."""
         last: dict[str, TimedEvent] = {}
         for event in self.events:
             before = last.get(event.name)
@@ -217,11 +219,10 @@ class JoinedMoves:
                 and event.value != before.value
             ):
                 raise InvalidInput(
-                    f"The event {event.name} to {event.value} at {event.s:.6g} m would come at "
-                    f"{event.t:.6g} s, "
-                    f"with its advance, before the one to {before.value} at {before.s:.6g} m, "
-                    f"which comes at {before.t:.6g} s: give it less advance, or more distance or "
-                    "time between them.",
+                    f"The event {event.name} to {event.value} at {event.s:.6g} m would be "
+                    f"switched at {event.t:.6g} s because of its advance, before the event to "
+                    f"{before.value} at {before.s:.6g} m, which is switched at {before.t:.6g} s: "
+                    "reduce its advance, or increase the distance or time between the events.",
                     s=event.s,
                     t=event.t,
                     allowed=before.t,
@@ -244,14 +245,14 @@ class JoinedMoves:
 
 
 def _early_place(event: Event, length: float, called: str) -> float:
-    """Arc length at which an event of a contour is switched [m], by its lead along the contour."""
+    """Arc length at which an event is switched [m], after subtraction of its lead distance."""
     early = event.s - event.lead_distance
     if not -REPEATED_POINT <= early <= length + REPEATED_POINT:
         leads = event.lead_distance > 0
         raise InvalidInput(
             f"{called}: the event {event.name} at {event.s:g} m {'leads' if leads else 'lags'} by "
-            f"{abs(event.lead_distance):g} m, which is off the contour of {length:g} m: "
-            f"give it a lead-{'in' if leads else 'out'} that long.",
+            f"{abs(event.lead_distance):g} m, which is outside the contour of {length:g} m: give "
+            f"the contour a lead-{'in' if leads else 'out'} of that length.",
             s=event.s,
             needed=abs(event.lead_distance),
             allowed=event.s if leads else length - event.s,
@@ -260,7 +261,7 @@ def _early_place(event: Event, length: float, called: str) -> float:
 
 
 def check_jerk_support(method: Method, limits: Limits) -> None:
-    """Check that the method supports the limits of jerk, if any."""
+    """Raise NotRealizable if the method does not support the given limits of jerk."""
     limited = limits.jerk_limits
     if not limited or method == Method.OPTIMAL:
         return
@@ -271,13 +272,14 @@ def check_jerk_support(method: Method, limits: Limits) -> None:
     )
     if method == Method.SHAPED:
         raise NotRealizable(
-            f"Along a shaped path accelerations jump, at places where {names} would stop the tool: "
-            'round corners with continuity="curvature" and plan by the method optimal (in a job, '
-            f"corners: {{shape: arc}}, which has it where jerk is limited), or {lift}.",
+            f"Accelerations jump along a shaped path, where {names} would stop the tool: round "
+            'corners with continuity="curvature" and plan by the method optimal (in a job, '
+            f"corners: {{shape: arc}}, whose curvature is continuous if jerk is limited), or "
+            f"{lift}.",
             limit=limited[0],
         )
     raise NotRealizable(
-        f"The method {method} does not support limits of jerk, but {names} is given: plan by the "
+        f"The method {method} does not support limits of jerk ({names}): plan by the "
         f"method optimal (in a job, timing: {{method: optimal}}), or {lift}.",
         limit=limited[0],
     )

@@ -25,25 +25,25 @@ from armcontour.planning.tracing import sketch_all, trace, trace_all
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm, resolve_limits
 
-# Joint positions closer than this are equal [rad]: the error of exact inverse kinematics.
+# Joint positions closer than this are equal [rad]; closed-form inverse kinematics has this error.
 SAME_POSITION = 1e-9
-# Configurations are compared by coarse plans.
+# Options of the coarse plans by which configurations are compared
 ROUGHLY = Optimal(intervals=400)
 # Planar joint paths of more pieces are compared by lower bounds, because a plan takes seconds.
 MAX_PLANNED = 8_000
-# Paths of more segments than LONG are compared on parts of about PART_SEGMENTS, one in PART_EVERY
-# segments, and at most MAX_PARTS. Parts resolve durations to some thousandths only, so
-# configurations that are slower by at most SLOWER are traced along the whole path.
+# A path of more segments than LONG is compared on parts of about PART_SEGMENTS segments, one part
+# per PART_EVERY segments, at most MAX_PARTS. Durations of parts are accurate to a few thousandths
+# only, so configurations that are slower by at most SLOWER are traced along the whole path.
 LONG = 20_000
 PART_SEGMENTS, PART_EVERY, MAX_PARTS = 200, 2500, 40
 SLOWER = 0.01
-# Configurations that differ on the parts by less than this share differ by a turn of the wrist
-# only, and are equally fast on the whole path.
+# Configurations whose durations on the parts differ by less than this share differ by a turn of the
+# wrist only, and are equally fast on the whole path.
 ALIKE = 1e-4
-# A configuration is not planned if this share of its lower bound exceeds a plan. The bound
-# satisfies limits at points only.
+# A configuration is not planned if this share of its lower bound of the duration exceeds the
+# duration of a plan. The share is below 1 because the bound evaluates limits at points only.
 SURE = 0.998
-# Relative difference of equal durations, the accuracy of the planner.
+# Durations that differ by at most this share, the accuracy of the planner, are equal.
 AS_FAST = 1e-6
 # Number of following contours that decide between equally fast configurations.
 AHEAD = 4
@@ -159,9 +159,9 @@ class _Tracer:
     faster_rejected: bool = False
 
     def follow(self, i: int, move: Move) -> None:
-        """Add the steps of a move; a rapid without a path is the gap before the next move."""
+        """Append the steps of a move; a rapid without a path becomes part of the next move."""
         if isinstance(move, Contour):
-            # A single path has no number.
+            # A single path has no number in messages.
             alone = self.program.single_path is not None and not move.name
             called = "" if alone else contour_called(move, self.done)
             with TracedMove(move=i, called=called).named():
@@ -196,7 +196,7 @@ class _Tracer:
         self.last = joint_path
 
     def _trace(self, path: Path, i: int) -> JointPath:
-        """Trace the path of a move from the current configuration, else from the fastest one."""
+        """Trace the path of a move in the current configuration, or else in the fastest one."""
         if self.last is None:
             return self._fastest(path, i, configuration=self.configuration, seed=self.seed)
         try:
@@ -224,7 +224,7 @@ class _Tracer:
         configuration: str | None = None,
         seed: npt.ArrayLike | None = None,
     ) -> JointPath:
-        """Trace a move in its fastest configuration; the next moves decide between equals."""
+        """Trace a move in its fastest accepted configuration; if several are equal, look ahead."""
         accept = self.accept if self.looks_ahead else None
         first: JointPath | None = None
         for group in trace_by_duration(path, self.limited, configuration=configuration, seed=seed):
@@ -269,7 +269,7 @@ def _line(begin: FloatArray, end: FloatArray) -> JointPath:
 def ends_of(joint_path: JointPath) -> tuple[FloatArray, FloatArray]:
     """Joint positions at the start and at the end of a joint path [rad], (dof,) each."""
     start, end = joint_path.coefficients[0, 0], joint_path.coefficients[-1, 5]
-    # Polynomial of the last interval at its end, by Horner's rule.
+    # Evaluate the polynomial of the last interval at its end by Horner's rule.
     for k in range(4, -1, -1):
         end = end + joint_path.coefficients[-1, k]
     return start + 0.0, end
@@ -297,8 +297,8 @@ def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) 
         return path
     free = all(x.axis_only for x, _ in orientations)
     first, last = orientations[0][0](orientations[0][1]), orientations[-1][0](orientations[-1][1])
-    # If only tool axes are given, the tool does not turn about its axis. For opposite orientations
-    # either direction of rotation will do.
+    # If only tool axes are given, the tool does not turn about its axis. Between opposite
+    # orientations, both directions of rotation are valid.
     turn = shortest(first[:, 2], last[:, 2]) if free else log((last @ first.T)[None])[0]
     rates = np.tile(turn / path.length, (len(path), 1))
     starts = exp(path.breaks[:-1, None] * rates) @ first
@@ -315,7 +315,7 @@ def trace_fastest(
 ) -> JointPath:
     """Trace a path in the configuration with the fastest optimal plan.
 
-    Among equals the configuration with the shortest joint path is used.
+    If several are equally fast, the configuration with the shortest joint path is used.
 
     Args:
         path: A tool path.
@@ -341,11 +341,10 @@ def trace_by_duration(
     seed: npt.ArrayLike | None = None,
 ) -> Iterator[list[JointPath]]:
     """Trace a path in all configurations; yield equally fast joint paths, the fastest first."""
-    # For a long path only the fastest.
-    # Yields lists of equally fast joint paths, the shortest first. For a long path only the
-    # fastest.
+    # Yields lists of equally fast joint paths, the shortest joint path first. For a long path it
+    # yields only the fastest joint path.
     bounds = resolve_limits("fastest_configurations", arm, limits)
-    # Limits of jerk take much time and favour no configuration.
+    # Limits of jerk increase the computing time and do not change the order of configurations.
     rough = bounds.without_jerk
     if isinstance(path, Path) and len(path) > LONG and isinstance(arm, SerialArm):
         joint_path = (
@@ -369,10 +368,10 @@ def _by_duration(
     if isinstance(arm, PlanarTwoLink) and len(joint_paths[0].breaks) > MAX_PLANNED:
         yield from ([joint_paths[i]] for i in order)
         return
-    # Durations of the planned joint paths that are not yet yielded.
+    # Durations of the joint paths that are planned but not yet yielded, by index
     durations: dict[int, float] = {}
     while order or durations:
-        # Joint paths whose bounds exceed the fastest plan are planned later.
+        # Joint paths whose lower bounds exceed the fastest duration are planned later.
         while order and SURE * at_least[order[0]] <= min(durations.values(), default=np.inf):
             i = order.pop(0)
             durations[i] = np.inf
@@ -394,20 +393,20 @@ def find_starts(path: Path, arm: SerialArm, limits: Limits | None = None) -> lis
         try:
             return [x[0] for x in sketch_all(path, arm, limits=limits)[1]]
         except Unreachable:
-            # Tracing raises the error.
+            # `trace_all` raises the error.
             pass
     return [x(0.0) for x in trace_all(path, arm, limits=limits)]
 
 
 def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
     """Trace a long path in the fastest configuration; None if none is found."""
-    # Plans of parts of the path select the configurations. Along the whole path these are compared
-    # by a lower bound, scaled by the ratio of plan and bound on the parts.
+    # Plans of parts of the path select the configurations. The selected configurations are compared
+    # by lower bounds of the whole path, multiplied by the ratio of plan and bound on the parts.
     rough = limits.without_jerk
     try:
         s, solutions = sketch_all(path, arm, limits=limits)
     except Unreachable:
-        # Tracing raises the error.
+        # `trace_all` raises the error.
         return None
     bounds, durations = _compare(path, arm, limits, s, solutions)
     fast = durations <= (1 + SLOWER) * durations.min()

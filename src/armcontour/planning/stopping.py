@@ -1,8 +1,8 @@
 """Stops on the path: a trajectory that ends early, at rest, within its limits.
 
-The joints move through `q(tau(t))` with the plan q, its time tau, and `dtau/dt` from 1 to 0. The
-tool stays on its path and speeds only fall. So every plan can be stopped: contours and rapids, with
-laws of any method.
+The joints move through `q(tau(t))`, where q is the plan, tau is the time of the plan, and dtau/dt
+decreases from 1 to 0. Therefore the tool stays on its path and all speeds decrease, and every plan
+can be stopped: contours and rapids, with laws of any method.
 """
 
 from __future__ import annotations
@@ -29,24 +29,26 @@ from armcontour.planning.topp.limit_forms import Ceiling, Form
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States
 
-# Longest piece of a joint path over time [s]; its quintics are then within 1e-10 rad of the plan.
+# Longest piece of the joint path over time [s]; its quintics are within 1e-10 rad of the plan.
 PIECE = 2e-3
-# Precision of the plan's time at the end of a stop [s].
+# Precision of the duration of a stop with limits of jerk [s]
 PRECISION = 1e-3
-# Largest joint speed of a plan at rest [rad/s].
+# A plan is at rest if no joint is faster than this [rad/s].
 REST = 1e-6
-# Share of the limits that a stop takes of the plan's reserve: its grid has other margins.
+# Share of the limits that a stop uses of the plan's reserve at first, because the grid of the stop
+# has other margins than that of the plan.
 MARGIN = 0.01
-# Grid intervals of a stop.
+# Number of grid intervals of a stop without limits of jerk
 INTERVALS = 200
-# A stop with limits of jerk: times of states that are checked, and shortest duration [s].
+# Stop with limits of jerk: number of times at which states are checked, and first duration that is
+# tried [s]
 STATES = 500
 SHORTEST = 0.02
 
 
 @checked
 def stop(trajectory: Trajectory, t: Time) -> Trajectory:
-    """The trajectory until a time, and from there a stop on its path within its limits.
+    """Stop a trajectory on its path within its limits, from a given time on.
 
     With limits of jerk, `dtau/dt` falls along one smooth curve; without, the stop is the fastest
     one.
@@ -70,7 +72,7 @@ def stop(trajectory: Trajectory, t: Time) -> Trajectory:
     joint_path = _path_over_time(trajectory, t, rest)
     find = _smooth_stop if limits.jerk_limits else _fastest_stop
     begin = _until(trajectory, t)
-    # A part of the reserve first, then all of it.
+    # A part of the reserve is used first, then all of it.
     for reserve in sorted({max(trajectory.reserve - MARGIN, 0.0), 0.0}, reverse=True):
         law = find(joint_path, arm, with_reserve(limits, reserve))
         if law is not None and law.breaks[-1] < rest - t:
@@ -79,7 +81,7 @@ def stop(trajectory: Trajectory, t: Time) -> Trajectory:
 
 
 def _next_rest(trajectory: Trajectory, t: float) -> float:
-    """The first time after `t` at which the plan is at rest [s]."""
+    """First time after `t` at which the plan is at rest [s]."""
     times = trajectory.breaks
     times = np.append(times[times > t], trajectory.duration)
     speeds = np.abs(trajectory(times, 1, side="left")).max(axis=1)
@@ -104,7 +106,7 @@ class ShortenedLaw(Law):
 
     Args:
         law: The law.
-        breaks: Its breaks until the end, from 0 [s], (n + 1,).
+            breaks: Breaks of `law` before the end, from 0, and the end [s], (n + 1,).
     """
 
     law: Law
@@ -112,11 +114,11 @@ class ShortenedLaw(Law):
 
     @classmethod
     def cut(cls, law: Law, end: float) -> ShortenedLaw:
-        """The law until a time [s]."""
+        """Shorten a law to end at a time [s]."""
         return cls(law=law, breaks=np.append(law.breaks[law.breaks < end], end))
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """Q or a derivative of the law."""
+        """Joint positions of the law or their derivative of the given order."""
         return self.law.on_interval(i, t, order)
 
 
@@ -133,7 +135,8 @@ def _path_over_time(trajectory: Trajectory, begin: float, end: float) -> JointPa
     times = times[np.append(True, np.diff(times) > PIECE * 1e-6)]
     after = np.stack(trajectory.motion(times[:-1], side="right"))
     before = np.stack(trajectory.motion(times[1:], side="left"))
-    # Velocities of the paper's method jump slightly at knots, where a joint path would rest.
+    # Velocities of the paper's method jump slightly at knots. A joint path would have to rest
+    # there, so the velocities of both sides are averaged.
     after[1, 1:] = before[1, :-1] = (after[1, 1:] + before[1, :-1]) / 2
     return JointPath.hermite(
         times - begin, (after[0], after[1], after[2]), (before[0], before[1], before[2])
@@ -141,17 +144,17 @@ def _path_over_time(trajectory: Trajectory, begin: float, end: float) -> JointPa
 
 
 class _PlanSpeed(Constraint):
-    """At most the speed of the plan: dtau/dt <= 1."""
+    """Limit of the speed to that of the plan, dtau/dt <= 1."""
 
     name = "speed of the plan"
 
     def discretize(self, path: OnGrid) -> tuple[Form, ...]:
-        """The largest square at both ends of every interval."""
+        """Upper bound 1 of (dtau/dt)² at both ends of every interval."""
         return (Ceiling(np.ones((len(path.grid.s) - 1, 2))),)
 
 
 def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> Law | None:
-    """The stop along the shortest part of a path over time for which there is one."""
+    """Fastest stop on the shortest feasible beginning of a path; None if none is feasible."""
     constraints: list[Constraint] = [_PlanSpeed()]
     if limits.tool_acceleration is not None:
         constraints.append(ToolAcceleration(limits.tool_acceleration, arm))
@@ -173,10 +176,10 @@ def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> Law | None
 
 
 def _smooth_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> Law | None:
-    """The stop in the shortest time in which a smooth curve of dtau/dt keeps all limits."""
+    """Shortest smooth stop that satisfies all limits; None if the path is too short."""
     low, high = 0.0, SHORTEST
     while True:
-        # A stop in a duration goes on for half of it.
+        # A stop advances the time of the plan by half of the duration of the stop.
         if high / 2 > joint_path.length:
             return None
         if _is_within(_slow_down(joint_path, high), arm, limits):
@@ -197,7 +200,7 @@ def _slow_down(joint_path: JointPath, duration: float) -> JointPath:
     `dtau/dt = 1 - S(t / duration)` with `S(x) = 10 x³ - 15 x⁴ + 6 x⁵`, so tau has no jerk at both
     ends.
     """
-    # Breaks of the plan are breaks of the stop, too: accelerations may jump there.
+    # Breaks of the plan are also breaks of the stop, because accelerations may jump there.
     x = np.linspace(0.0, 1.0, STATES)
     tau = duration * (x - x**4 * (2.5 - x * (3.0 - x)))
     inner = joint_path.breaks[joint_path.breaks < tau[-1]]

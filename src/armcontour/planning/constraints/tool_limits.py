@@ -1,4 +1,4 @@
-"""Limits of the tool: assigned velocity, centripetal acceleration, acceleration, and rotation.
+"""Constraints of the tool: assigned velocity, centripetal acceleration, acceleration, rotation.
 
 A traced joint path follows the tool path within its tolerance, but its derivatives are less exact.
 Therefore the motion of the tool at ds = 1 is measured by forward kinematics: bounds of its speed
@@ -21,15 +21,16 @@ from armcontour.planning.topp.on_grid import OnGrid
 from armcontour.robot import Arm
 from armcontour.robot.limit_use import require_orientation
 
-# Positions of the samples of a piece of the joint path.
+# Positions of the samples on a piece of the joint path, as shares of its length, (9, 1)
 SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]
-# Positions of the samples of an interval whose curvature varies.
+# Positions of the samples on an interval, as shares of its length, (5, 1)
 SHARES = np.linspace(0.0, 1.0, 5)[:, None]
-# Relative variation of the curvature below which a piece is even.
+# The curvature of a piece is constant if it varies by at most this share.
 EVEN = 1e-3
-# Smallest curvature, as a share of the largest, at which a tangent of the bound of x touches.
+# The bound of x on an interval is a tangent of `limit / curvature`. It touches at a curvature of at
+# least this share of the larger curvature of both ends.
 TOUCH = 0.8
-# Largest curvature of a line [1/m].
+# A piece with at most this curvature is a straight line [1/m].
 FLAT = 1e-3
 
 
@@ -40,8 +41,8 @@ class ToolMetric:
     joint_path: JointPath
     arm: Arm
     speed: FloatArray  # Tool speed [-]
-    curvature: FloatArray  # Acceleration normal to the motion [1/m]
-    # True where the curvature varies along a piece, so that its intervals are sampled
+    curvature: FloatArray  # Tool acceleration normal to the motion [1/m]
+    # True for pieces along which the curvature varies; their intervals are sampled
     uneven: BoolArray
 
     @classmethod
@@ -57,20 +58,20 @@ class ToolMetric:
         return cls(joint_path=joint_path, arm=arm, speed=speed, curvature=curvature, uneven=uneven)
 
     def curvature_on(self, grid: Grid) -> FloatArray:
-        """Curvatures c at both ends of the intervals, to bound x at both [1/m], (2, n)."""
-        # If `c x <= a` holds at both ends of an interval, and x is linear in s, then the curvature
-        # times x is at most a on the whole interval. If the curvature k is also linear, a / k is
-        # convex, so x stays below its tangent, whose values at the ends are a / c. The tangent
-        # touches in the middle, or closer to the end with the larger curvature, so that it is
-        # positive.
+        """Curvatures c [1/m], (2, n), with which `c x <= limit` at the ends bounds an interval."""
+        # If `c x <= a` holds at both ends of an interval, then the curvature times x is at most a
+        # on the whole interval, because x is linear in s. If the curvature k is linear too, a / k
+        # is convex, so a tangent of a / k is a lower bound. The values of the tangent at the ends
+        # are a / c. The tangent touches in the middle, or closer to the end with the larger
+        # curvature, so that both values are positive.
         chords = self._chords_on(grid)
         touch = np.maximum(chords.mean(axis=0), TOUCH * chords.max(axis=0))
         return np.asarray(touch * touch / np.maximum(2 * touch - chords, 1e-300))
 
     def _chords_on(self, grid: Grid) -> FloatArray:
-        """Curvatures at both ends of the intervals whose chord exceeds the curvature, (2, n)."""
-        # Where the curvature varies, a factor bounds its excess over the chord: twice the excess of
-        # the samples.
+        """Curvatures at both interval ends [1/m], (2, n), whose chord is an upper bound."""
+        # If the curvature varies, the values at both ends are multiplied by 1 plus twice the
+        # largest relative excess of the samples over their chord.
         chords = np.empty((2, len(grid)))
         chords[:] = self.curvature[grid.piece]
         i = np.flatnonzero(self.uneven[grid.piece])
@@ -86,7 +87,7 @@ class ToolMetric:
 
 
 def _measure(joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray) -> FloatArray:
-    """Speed of the tool at ds = 1, and its acceleration normal to the motion, (2, *s.shape)."""
+    """Tool speed at ds = 1, and tool acceleration normal to the motion, (2, *s.shape)."""
     speed, _, across = _parts(*arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel())))
     return np.stack([speed, across]).reshape(2, *s.shape)
 
@@ -112,7 +113,7 @@ class ToolSpeed(Constraint):
         self._ceiling: FloatArray = (speed / metric.speed) ** 2
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Ceiling of each piece, which holds on the whole interval."""
+        """Upper bound of x on each interval, the same as on its piece of the joint path."""
         ceiling = np.empty((len(path), 2))
         ceiling[:] = self._ceiling[path.grid.piece, None]
         return (Ceiling(ceiling),)
@@ -128,7 +129,8 @@ class RapidSpeed(Constraint):
         self.limit, self._arm = limit, arm
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Ceiling of each interval: the largest sample plus the spread of the samples."""
+        """Upper bound of x on each interval, from the speed samples."""
+        # The speed is at most the largest sample plus the spread of the samples.
         grid = path.grid
         s = grid.s[:-1] + SHARES * grid.width
         pieces = np.broadcast_to(grid.piece, s.shape)
@@ -149,7 +151,7 @@ class CentripetalAcceleration(Constraint):
         self.limit, self.metric = limit, metric
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Ceilings at both ends; between them x stays below their chord."""
+        """Upper bounds of x at both interval ends; x stays below the chord between them."""
         with np.errstate(divide="ignore"):
             ceiling = self.limit / self.metric.curvature_on(path.grid)
         return (Ceiling(np.ascontiguousarray(ceiling.T)),)
@@ -165,7 +167,7 @@ class ToolAcceleration(Constraint):
         self.limit, self._arm = limit, arm
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Vectors in a frame that turns with the motion; on circles they are constant."""
+        """Vectors in a frame that turns with the motion, in which they are constant on circles."""
         speed, along, across = _parts(*self._arm.tool_motion(*path.motion))
         first, second = np.stack([speed, 0 * speed], axis=1), np.stack([along, across], axis=1)
         return (path.round(first, second, self.limit),)
@@ -181,7 +183,7 @@ class AngularSpeed(Constraint):
         self.limit, self._tool = limit, require_orientation(arm)
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Square of the angular speed."""
+        """Square of the angular speed at ds = 1, relative to the square of the limit."""
         q, first, _ = path.motion
         w = self._tool.tool_twist(q, first)[:, 3:]
         return (path.square(np.einsum("ij,ij->i", w, w) / self.limit**2),)
@@ -197,7 +199,7 @@ class AngularAcceleration(Constraint):
         self.limit, self._tool = limit, require_orientation(arm)
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Angular rates and their derivatives as vectors."""
+        """Angular velocity at ds = 1 and its derivative in s, as vectors."""
         q, first, second = path.motion
         w = self._tool.tool_twist(q, first)[:, 3:]
         rate = self._tool.tool_twist_rate(q, first, second)[:, 3:]
