@@ -62,8 +62,7 @@ def run_laps(
                 if step < 0.0:
                     w = -w
                 root = math.sqrt(w * w + 2.0 * limit[j] * abs(step))
-                # (18), or the equivalent form 2 d / (w + root), which has no cancellation for w >
-                # 0.
+                # (18), or for w > 0 its equivalent 2 d / (w + root), which has no cancellation.
                 time = 2.0 * abs(step) / (w + root) if w > 0.0 else (root - w) / limit[j]
             if time > longest:
                 longest = time

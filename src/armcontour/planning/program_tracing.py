@@ -159,7 +159,7 @@ class _Tracer:
     faster_rejected: bool = False
 
     def follow(self, i: int, move: Move) -> None:
-        """Append the steps of a move; a rapid without a path becomes part of the next move."""
+        """Append the steps of a move; a rapid without a path is the line before the next move."""
         if isinstance(move, Contour):
             # A single path has no number in messages.
             alone = self.program.single_path is not None and not move.name
@@ -343,7 +343,7 @@ def trace_by_duration(
     """Trace a path in all configurations; yield equally fast joint paths, the fastest first."""
     # Yields lists of equally fast joint paths, the shortest joint path first. For a long path it
     # yields only the fastest joint path.
-    bounds = resolve_limits("fastest_configurations", arm, limits)
+    bounds = resolve_limits("trace_fastest", arm, limits)
     # Limits of jerk increase the computing time and do not change the order of configurations.
     rough = bounds.without_jerk
     if isinstance(path, Path) and len(path) > LONG and isinstance(arm, SerialArm):

@@ -17,14 +17,14 @@ from armcontour.core.kernels import compiled
 
 # Largest step, as a share of the step to the nearest bound.
 NEAREST = 0.995
-# The same for rows with the length of a vector.
+# The same share for vector rows, which limit the norm of a vector
 NEAREST_ROUND = 0.9
 # A step that violates a row by rounding is shortened by this factor, at most this many times.
 SHORTER, MAX_SHORTER = 0.5, 30
 # The barrier is reduced by the factor FALL once Newton's decrement is below the share CENTERED of
-# the gap and the step exceeds the share LONG; faster rules end in tiny steps.
+# the gap and the step exceeds the share LONG. Faster reduction leads to tiny steps.
 FALL, CENTERED, LONG = 0.15, 0.1, 0.3
-# Tangents are moved if rows retain this share of their slack.
+# A tangent is moved if its rows retain at least this share of their slack.
 KEPT = 0.1
 # Gauss-Legendre nodes and weights on [0, 1] for the duration of a cell.
 NODES = 0.5 + 0.5 * np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
@@ -37,7 +37,7 @@ DURATION, START, END = 0, 1, 2
 
 
 class JerkSection(NamedTuple):
-    """Problem between two rests, or other ends, on n cells in m parts."""
+    """Optimization problem of one section with n cells, which are divided into m parts."""
 
     # A row `(x, y, z)` of cell i means `x d[i] + y d[i + 1] + z d[i + 2]`, where d[0] and d[n + 1]
     # are the values of a at the start and the end.
@@ -51,23 +51,24 @@ class JerkSection(NamedTuple):
     ramps: FloatArray
     cell: IntArray  # The cell of each part, (m,)
     plain: FloatArray  # Rows `low <= row <= high` of each part, (m, k, 3)
-    low: FloatArray  # low, high: Their bounds, (m, k)
+    low: FloatArray  # low, high: Bounds of the plain rows, (m, k)
     high: FloatArray
     # Rows `|row| <= jerk f`, where f is a control point of the tangent below a^(-1/2), (m, l, 3)
     curved: FloatArray
-    jerk: FloatArray  # Their limits, (l,)
-    curved_points: IntArray  # Their control points, (l,)
+    jerk: FloatArray  # Limits of the curved rows, (l,)
+    curved_points: IntArray  # Index of the control point f of each curved row, (l,)
     # Rows of the control points of a on each part, as a polynomial of the degree of the curved
     # rows, (m, j, 3)
     raised: FloatArray
     # Point of contact of the tangent of each part with a^(-1/2) [m²/s²], (m,); changed by the
     # search
     about: FloatArray
-    # Vectors of rows, `|vector| <= radius`, or `<= radius f - margin`, (m, o, 3, 3)
+    # Vector rows `|vector| <= radius - margin`, or `|vector| <= radius f - margin`, (m, o, 3, 3)
     round: FloatArray
-    radius: FloatArray  # radius, margin: Radii and margins of the round rows, (m, o)
+    radius: FloatArray  # radius, margin: Radii and margins of the vector rows, (m, o)
     margin: FloatArray
-    round_points: IntArray  # Their control points, or -1 for a fixed radius, (o,)
+    # Index of the control point f of each vector row; -1 for a fixed radius, (o,)
+    round_points: IntArray
 
 
 class _Duals(NamedTuple):
@@ -113,7 +114,7 @@ def _axis_value(rows: FloatArray, c: int, r: int, k: int, i: int, d: FloatArray)
 
 @compiled(inner=True, inline="always")
 def _write_tangents(p: JerkSection, c: int, d: FloatArray, tangents: FloatArray) -> None:
-    """Write the control points of the tangent below a^(-1/2) in part c, and slopes, (j, 4)."""
+    """Write the control points of the tangent below a^(-1/2) in part c with derivatives, (j, 4)."""
     i = p.cell[c]
     root = 1.0 / math.sqrt(p.about[c])
     half = 0.5 * root / p.about[c]
@@ -134,7 +135,7 @@ def _mean(p: JerkSection, c: int, d: FloatArray) -> float:
 
 @compiled(inner=True, inline="always")
 def _radius(p: JerkSection, c: int, r: int, tangents: FloatArray) -> Any:
-    """Radius of a round row, and its slope, (value, x, y, z)."""
+    """Radius of a vector row and its derivatives, (value, x, y, z)."""
     k, radius = p.round_points[r], p.radius[c, r]
     if k < 0:
         return radius - p.margin[c, r], 0.0, 0.0, 0.0
@@ -153,7 +154,7 @@ def _vector(p: JerkSection, c: int, r: int, i: int, d: FloatArray) -> Any:
 
 @compiled(inner=True, inline="always")
 def _round_slack(bound: float, vector: Any) -> float:
-    """Slack of a vector; -1 without a radius."""
+    """Slack of a vector with the largest norm `bound`; -1 if the bound is not positive."""
     x, y, z = vector
     return bound - (x * x + y * y + z * z) / bound if bound > 0.0 else -1.0
 
@@ -162,7 +163,7 @@ def _round_slack(bound: float, vector: Any) -> float:
 def _write_slacks(
     p: JerkSection, d: FloatArray, free: int, tangents: FloatArray, slack: _Duals
 ) -> bool:
-    """Write the slacks of d, and return whether all are positive; a fixed end has no bound."""
+    """Write the slacks of d; returns true if all are positive. A fixed end has no bound."""
     n, smallest = len(p.width), math.inf
     for c in range(len(p.cell)):
         i = p.cell[c]
@@ -187,13 +188,13 @@ def _write_slacks(
         slack.positive[0] = 0.0
     if free != END:
         slack.positive[n + 1] = 0.0
-    # Also False for NaN.
+    # The comparison is also false if a slack is NaN.
     return smallest > 0.0
 
 
 @compiled()
 def limit_steps(values: FloatArray, steps: FloatArray) -> None:
-    """Reduce values in place until neighbours differ by at most these steps, (n - 1,)."""
+    """Reduce values in place until neighbours differ by at most `steps`, (n - 1,)."""
     for i in range(1, len(values)):
         values[i] = min(values[i], values[i - 1] + steps[i - 1])
     for i in range(len(values) - 1, 0, -1):
@@ -202,8 +203,8 @@ def limit_steps(values: FloatArray, steps: FloatArray) -> None:
 
 @compiled()
 def least_slacks(p: JerkSection, d: FloatArray) -> FloatArray:
-    """Smallest relative slack of d in each cell, (n,); positive if all rows hold."""
-    # Tangents are moved to d, where `improve` begins.
+    """Smallest relative slack of d in each cell, (n,); positive if d satisfies all rows."""
+    # Tangents are moved to d, from where `improve` starts.
     for c in range(len(p.cell)):
         p.about[c] = _mean(p, c, d)
     slack, tangents = _new_duals(p), np.empty((p.raised.shape[1], 4))
@@ -232,7 +233,7 @@ def least_slacks(p: JerkSection, d: FloatArray) -> FloatArray:
 
 @compiled(inner=True, inline="always")
 def _add_cell(bands: FloatArray, right: FloatArray, i: int, h: Any, g: Any) -> None:
-    """Add second derivatives and right sides of cell i to the diagonals."""
+    """Add second derivatives and right sides of cell i to the bands of the system."""
     bands[0, i] += h[0]
     bands[1, i] += h[1]
     bands[2, i] += h[2]
@@ -267,7 +268,7 @@ def _accumulate(
 
 @compiled(inner=True)
 def _add_durations(p: JerkSection, d: FloatArray, bands: FloatArray, right: FloatArray) -> float:
-    """Duration [s]; adds its second derivatives and subtracts its gradient."""
+    """Add second derivatives and negative gradient of the duration; returns the duration [s]."""
     n = len(p.width)
     total = 0.0
     for i in range(n):
@@ -364,7 +365,8 @@ def _add_bounds(
 
 @compiled(inner=True, inline="always")
 def _round_slope(p: JerkSection, c: int, r: int, radius: Any, vector: Any) -> Any:
-    """Slope of `bound - |vector|² / bound`, (x, y, z)."""
+    """Derivatives of the slack `bound - """
+    # vector|² / bound` of a vector row, (x, y, z).
     bound, x, y, z = radius
     u, v, w = vector[0] / bound, vector[1] / bound, vector[2] / bound
     factor = 1.0 + u * u + v * v + w * w
@@ -378,7 +380,7 @@ def _round_slope(p: JerkSection, c: int, r: int, radius: Any, vector: Any) -> An
 
 @compiled(inner=True, inline="always")
 def _longest_steps(slack: float, dual: float, rise: float, change: float, reach: Any) -> Any:
-    """Longest steps of slacks and multipliers, including one more row."""
+    """Reduce the longest steps of slacks and multipliers so that they suit one more bound."""
     one, other = reach
     if -rise * one > NEAREST * slack:
         one = -NEAREST * slack / rise
@@ -389,8 +391,9 @@ def _longest_steps(slack: float, dual: float, rise: float, change: float, reach:
 
 @compiled(inner=True, inline="always")
 def _longest_round_step(bound: float, rise: float, vector: Any, change: Any, slack: float) -> float:
-    """Longest step that leaves a share of the slack of a round row."""
-    # `bound² - |vector|² - left bound >= 0` is quadratic in the step.
+    """Longest step that uses at most the share NEAREST_ROUND of the slack of a vector row."""
+    # With the remaining slack `left`, `bound² - |vector|² - left bound >= 0` is quadratic in the
+    # step.
     start = NEAREST_ROUND * bound * slack
     linear = (2.0 * bound - (1.0 - NEAREST_ROUND) * slack) * rise
     linear -= 2.0 * (vector[0] * change[0] + vector[1] * change[1] + vector[2] * change[2])
@@ -465,7 +468,7 @@ def _dual_changes(
 
 @compiled(inner=True)
 def _move_tangents(p: JerkSection, d: FloatArray, tangents: FloatArray, slack: _Duals) -> None:
-    """Move the tangent of each part to d if every row keeps the share KEPT of its slack."""
+    """Move the tangent of each part to d if every row retains the share KEPT of its slack."""
     for c in range(len(p.cell)):
         i, before = p.cell[c], p.about[c]
         p.about[c] = _mean(p, c, d)
@@ -530,7 +533,7 @@ def _solve_bands(bands: FloatArray, right: FloatArray) -> None:
 
 @compiled(inner=True)
 def _fix_ends(bands: FloatArray, right: FloatArray, free: int) -> None:
-    """Remove the ends from Newton's system, except a free one."""
+    """Fix both ends in Newton's system, except the end `free`."""
     last = len(right) - 1
     if free != START:
         bands[0, 0], bands[1, 0], bands[2, 0], right[0] = 1.0, 0.0, 0.0, 0.0
@@ -555,7 +558,7 @@ def _count_bounds(p: JerkSection, dual: _Duals) -> float:
 
 @compiled(inner=True)
 def _central_duals(p: JerkSection, slack: _Duals, mu: float, dual: _Duals) -> None:
-    """Multipliers on the central path of mu."""
+    """Write the multipliers on the central path with the barrier parameter mu."""
     for c in range(p.low.shape[0]):
         for r in range(p.low.shape[1]):
             dual.low[c, r] = mu / slack.low[c, r] if p.low[c, r] > -math.inf else 0.0
@@ -581,7 +584,7 @@ def _add_scaled(dual: FloatArray, change: FloatArray, share: float) -> None:
 def improve(
     p: JerkSection,
     d: FloatArray,
-    goal: int,  # DURATION, or START or END: the end at which a is free and is raised to the target
+    goal: int,  # DURATION, or the end at which a is free and raised to the target: START or END
     target: float,  # Value of a at which the search for START or END ends
     weight: float,
     tolerance: float,
@@ -622,7 +625,7 @@ def improve(
         _take_step(d, right, share, trial)
         halvings = 0
         while not _write_slacks(p, trial, goal, tangents, slack):
-            # Rounding errors close to a bound.
+            # Rounding errors close to a bound can violate a row.
             halvings, share, landed = halvings + 1, share * SHORTER, False
             if halvings > MAX_SHORTER:
                 return iteration

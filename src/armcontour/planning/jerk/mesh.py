@@ -14,41 +14,43 @@ from armcontour.planning.options import Task
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import collect, largest_u
 
-# Shares of the cells that are distributed over time, over arc length, and as the grid of the plan
-# without jerk, which is finer where the joints turn.
+# Shares of the cells that are distributed over time, over arc length, and like the grid of the plan
+# without limits of jerk, which is finer where the joints turn
 OVER_TIME, OVER_LENGTH, OVER_TURNS = 0.5, 0.3, 0.2
-# Length of the cell at a rest, as a share of the distance in which the acceleration builds up.
+# Length of the cell at a rest, as a share of the distance in which the acceleration builds up
 FIRST_CELL = 0.3
-# Up to this many such distances from a rest, cells take equal times.
+# Up to this multiple of that distance from a rest, cells have equal durations.
 RAMPS = 8.0
-# Farther away their growth is limited to this share of their distance.
+# Beyond, the length of a cell increases by this share of the distance from the rest.
 GROWTH = 0.3
 # Largest and smallest length of the first cell, as shares of a section.
 LONGEST_FIRST, SHORTEST_FIRST = 0.02, 1e-9
 # Smallest length of other cells, as a share of a section; below it the slope is a rounding error.
 SHORTEST = 1e-9
-# Number of points at which the mass of cells next to a rest is computed.
+# Number of points at which the cumulative number of cells next to a rest is computed
 PLACES = 200
-# Breaks of the joint path closer to another one than this share of a cell end parts, not cells.
+# A break of the joint path is an end of cells, unless it is closer to the previous end than this
+# share of a cell; then it only divides the cell into parts.
 NEAR_KNOT = 0.3
-# Nodes closer to a break than this share of the next cell are moved there.
+# A node closer to a break than this share of the shorter adjacent cell is moved to the break.
 SNAP = 0.2
 
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """Start or stop of the motion at an end of a section."""
+    """Motion at an end of a section: rest or speed, and scales for the cells near this end."""
 
-    rest: bool  # True if the motion rests there
-    square: float  # ds² there [m²/s²]
-    acceleration: float  # Largest path acceleration near it [m/s²]
-    jerk: float  # Largest path jerk near it [m/s³]
+    rest: bool  # True if the motion rests at this end
+    square: float  # ds² at this end [m²/s²]
+    acceleration: float  # Largest path acceleration near this end [m/s²]
+    jerk: float  # Largest path jerk near this end [m/s³]
     speed: float  # Largest path speed of the section [m/s]
-    even: float  # Length over which the joint path is nearly straight near it [m]
+    even: float  # Length over which the joint path is nearly straight near this end [m]
 
     def first_cell(self, length: float) -> float:
-        """Length of the cell of uniform jerk next to a rest [m], in a section of a given length."""
-        # Next to another end it is the length over which ds² may change much.
+        """Length of the first cell at this end [m], in a section of a given length."""
+        # At a rest this is the cell of uniform jerk. At another end it is the length over which ds²
+        # may change much.
         shortest, longest = SHORTEST_FIRST * length, min(LONGEST_FIRST * length, self.even)
         longest = max(shortest, longest)
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
@@ -66,7 +68,7 @@ class End:
 
 @dataclass(frozen=True, slots=True)
 class JerkMesh:
-    """Cells of a path and their parts, in sections between rests or other ends."""
+    """Cells of a path and parts of these cells, in sections between rests or other ends."""
 
     # ds² is one parabola on each cell, and the joint path one polynomial on each part.
 
@@ -84,7 +86,7 @@ class JerkMesh:
 
     @property
     def ramps(self) -> IntArray:
-        """1 for cells of uniform jerk from a rest, -1 for those to a rest, else 0, (n,)."""
+        """Uniform jerk: 1 for cells from a rest, -1 for cells to a rest, 0 for others, (n,)."""
         signs = np.zeros(len(self.nodes) - 1, dtype=np.intp)
         signs[self.sections[:-1][self.at_rest[:, 0]]] = 1
         signs[self.sections[1:][self.at_rest[:, 1]] - 1] = -1
@@ -101,7 +103,8 @@ class JerkMesh:
         return cls(grid, nodes, np.searchsorted(nodes, middle) - 1, sections, at_rest)
 
     def split(self, parts: FloatArray) -> JerkMesh:
-        """Split cells, except those of uniform jerk; `parts` are numbers for the parts, (m,)."""
+        """Split each cell into the largest number that `parts`, (m,), has for its parts."""
+        # Cells of uniform jerk are not split.
         largest = np.ones(len(self.nodes) - 1)
         np.maximum.at(largest, self.cell, parts)
         count = np.where(self.ramps != 0, 1, np.ceil(largest)).astype(np.intp)
@@ -140,7 +143,7 @@ def place_mesh(
     section_ends: FloatArray,  # Arc lengths of the ends of the sections [m], (sections + 1,)
     ends: list[tuple[End, End]],  # Start and stop of the motion in each section
 ) -> JerkMesh:
-    """Make cells for a plan close to another one."""
+    """Place the cells for a plan that is close to the plan `law`."""
     node_rows, first, share = [], [0], _Share(law, turns)
     per_ramp = float(np.clip(cells / 50, 8, 20))
     for begin, end, both in zip(section_ends[:-1], section_ends[1:], ends, strict=True):
@@ -197,7 +200,7 @@ def _apart(nodes: FloatArray, spacing: float) -> FloatArray:
 
 
 def _snap(nodes: FloatArray, knots: FloatArray) -> FloatArray:
-    """Move inner nodes onto breaks of the joint path that are much nearer than the next node."""
+    """Move inner nodes to breaks of the joint path that are much closer than the adjacent nodes."""
     if not len(knots) or len(nodes) < 3:
         return nodes
     i = np.clip(np.searchsorted(knots, nodes[1:-1]), 1, max(len(knots) - 1, 1))
@@ -211,7 +214,7 @@ def _snap(nodes: FloatArray, knots: FloatArray) -> FloatArray:
 
 
 def _near_ends(limits: tuple[float, float], firsts: list[float]) -> FloatArray:
-    """Arc lengths at which the mass of cells next to ends of a section is computed [m]."""
+    """Arc lengths at which the number of cells next to the ends of a section is computed [m]."""
     length = limits[1] - limits[0]
     first, last = (np.geomspace(x, length, PLACES)[:-1] for x in firsts)
     return np.concatenate([limits[0] + first, limits[1] - last])
@@ -219,8 +222,8 @@ def _near_ends(limits: tuple[float, float], firsts: list[float]) -> FloatArray:
 
 def _mass_near(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
     """Number of cells from the first one to points at distances `away` from an end [m], (n,)."""
-    # `per_ramp` is the number of cells per time of the first cell next to a rest; 0 next to other
-    # ends.
+    # `per_ramp`: number of cells per duration of the first cell next to a rest; 0 next to another
+    # end.
     if per_ramp == 0:
         return np.asarray(np.log1p(GROWTH * away / first) / GROWTH)
     last = first * RAMPS / FIRST_CELL
@@ -230,19 +233,19 @@ def _mass_near(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
     return np.asarray(near + beyond)
 
 
-# A jump of d2q_ds2, or of its effect on the tool, requires a stop if it exceeds the share KINK of
-# its size, and if the jerk needs longer than the share TOO_SHORT of the duration for it at the
-# speed of the plan.
+# A jump of d2q_ds2, or of its effect on the tool, requires a stop under two conditions: it exceeds
+# the share KINK of the values on both sides, and at the speed of the plan, the jerk limit needs
+# more than the share TOO_SHORT of the duration for it.
 KINK, TOO_SHORT = 1e-6, 1e-8
-# In a long plan the jump requires a stop if the jerk needs longer than this for it [s]: half of the
-# time that `check` tolerates as rounding.
+# Time that replaces the share TOO_SHORT in a long plan [s]: half of the time that `check` tolerates
+# as rounding
 AT_ONCE = 5e-6
 # Largest change of direction over the length `even` [rad].
 EVEN_BEND = 5e-4
-# dq_ds vanishes at an end if it is below the share STANDING of that nearby; the first cell is then
+# dq_ds vanishes at an end if it is below the share STANDING of dq_ds nearby. The first cell is then
 # at most the share SHARE_AT_STANDING of the section.
 STANDING, SHARE_AT_STANDING = 0.1, 5e-4
-# Distance from a rest at which its rates are evaluated, as a share of its section.
+# Distance from an end at which acceleration and jerk are evaluated, as a share of the section
 NEAR_REST = 5e-3
 
 
@@ -279,7 +282,7 @@ def _bends(law: PathLaw, task: Task) -> FloatArray:
 def find_ends(
     law: PathLaw, task: Task, section_ends: FloatArray, at_rest: BoolArray
 ) -> list[tuple[End, End]]:
-    """Start and stop of the motion in each section, close to a plan."""
+    """Motion at the start and the stop of each section, with scales from a plan."""
     grid = Grid(law.joint_path, law.s, law.joint_path.locate((law.s[:-1] + law.s[1:]) / 2))
     path = OnGrid(grid)
     (first, second), (third, _) = path.derivatives
@@ -307,7 +310,8 @@ def find_ends(
         edge = section_ends[side : len(section_ends) - 1 + side]
         j = np.clip(np.searchsorted(law.s, edge, side="right") - 1 - side, 0, len(grid) - 1)
         straight = np.nan_to_num(np.fmin(even[i], even[j]), nan=np.inf)
-        # If dq_ds is zero at the end, the direction of motion is that farther inside.
+        # If dq_ds vanishes at the end, its direction changes there, so `even` is a share of the
+        # section.
         standing = size[j] < STANDING * size[i]
         straight = np.where(standing, SHARE_AT_STANDING * np.diff(section_ends), straight)
         rows = zip(at_rest[:, side], acceleration[i], jerk[i], speed, straight, strict=True)

@@ -19,11 +19,12 @@ HIGHEST = 5
 
 
 class Basis(NamedTuple):
-    """ds² and its rates on parts of cells, by the three control points of ds² on each cell."""
+    """ds², dds and slope on parts of cells, as rows of the three control points of a cell."""
 
-    square: FloatArray  # Powers of x, from 0 to 1 on each part, of ds², (m, 3 control points, 3)
-    rate: FloatArray  # Powers of x of dds, (m, 3, 2)
-    slope: FloatArray  # Slope of dds over s, (m, 3)
+    # Coefficients of ds² in powers of x, from 0 to 1 on each part, (m, 3 control points, 3)
+    square: FloatArray
+    rate: FloatArray  # Coefficients of dds in powers of x, (m, 3 control points, 2)
+    slope: FloatArray  # Slope of dds over s, (m, 3 control points)
 
     @property
     def points(self) -> FloatArray:
@@ -31,14 +32,14 @@ class Basis(NamedTuple):
         return raised(self, 2)
 
     def at_end(self, end: int) -> tuple[FloatArray, FloatArray]:
-        """ds² and dds at the start (0) or the end (1) of each part, (m, 3) each."""
+        """Rows of ds² and dds at the start (0) or the end (1) of each part, (m, 3) each."""
         if end == 0:
             return self.square[..., 0], self.rate[..., 0]
         return self.square.sum(axis=-1), self.rate.sum(axis=-1)
 
 
 def basis(start: FloatArray, share: FloatArray, width: FloatArray) -> Basis:
-    """Basis on parts of cells, from start and length in the cell (0 to 1) and its width [m]."""
+    """Make the basis from start and length of parts in their cell (0 to 1) and cell width [m]."""
     x, second = start[:, None], np.array([2.0, -4.0, 2.0])
     value = np.concatenate([(1 - x) ** 2, 2 * x * (1 - x), x**2], axis=1)
     first = np.concatenate([-2 * (1 - x), 2 - 4 * x, 2 * x], axis=1)
@@ -49,7 +50,7 @@ def basis(start: FloatArray, share: FloatArray, width: FloatArray) -> Basis:
 
 
 def to_bernstein(degree: int) -> FloatArray:
-    """Matrix that converts coefficients of powers into control points."""
+    """Matrix that converts coefficients of powers to control points, (degree + 1, degree + 1)."""
     return np.array(
         [
             [math.comb(k, m) / math.comb(degree, m) for m in range(degree + 1)]
@@ -59,12 +60,12 @@ def to_bernstein(degree: int) -> FloatArray:
 
 
 def raised(basis: Basis, degree: int) -> FloatArray:
-    """Control points of ds² as a polynomial of a degree of at least two, (m, degree + 1, 3)."""
+    """Control points of ds² as a polynomial of a degree of at least 2, (m, degree + 1, 3)."""
     return elevated(basis.square, degree)
 
 
 def elevated(powers: FloatArray, degree: int) -> FloatArray:
-    """Control points of polynomials of a lower degree, given by powers, (m, degree + 1, 3)."""
+    """Control points of the given degree of polynomials in powers of x, (m, degree + 1, 3)."""
     matrix = to_bernstein(degree)[:, : powers.shape[2]]
     return np.asarray(np.einsum("cm,pbm->pcb", matrix, powers))
 
@@ -81,7 +82,7 @@ def motion_rows(
     joints: tuple[IntArray, IntArray],
     rows: tuple[FloatArray, FloatArray],
 ) -> None:
-    """Control points of acceleration, and of jerk over ds, as rows of the control points of ds²."""
+    """Write control points of acceleration, and of jerk over ds, as rows of those of ds²."""
     # The acceleration is `q'' a + q' dds`, and the jerk over ds is `q''' a + 3 q'' dds + q' slope`.
     # `of_powers`: `to_bernstein` of the degrees of acceleration, `degree`, and jerk, one less;
     # `joints`: joints with rows of acceleration, and joints with rows of jerk; `rows`: output,
@@ -101,7 +102,7 @@ def motion_rows(
                 j = joints[kind][position]
                 factor = 1.0
                 for m in range(HIGHEST + 1):
-                    # The m-th derivative over m!, at the start of the part.
+                    # `total` is the m-th derivative at the start of the part, divided by m!.
                     total = 0.0
                     for n in range(HIGHEST, m - 1, -1):
                         choose = 1.0
@@ -138,14 +139,15 @@ def motion_rows(
                         rows[kind][i, position * count + c, b] = total
 
 
-# Degree of the polynomials; derivatives of the tool's position are parabolas on a part.
+# Degree of the tool jerk over ds; derivatives of the tool position are parabolas on a part.
 DEGREE = 4
-# Samples of a part: parabolas interpolate every second one, and are checked at the others.
+# Positions of the samples on a part. Parabolas pass through every second sample, and are compared
+# with the other samples.
 PLACES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 PARABOLA = np.array([[1.0, 0.0, 0.0], [-3.0, 4.0, -1.0], [2.0, -4.0, 2.0]])
-# Share of the speed over s below which the tool nearly turns on the spot.
+# Tool speed at ds = 1 below which the tool nearly rotates in place
 LEAST_SPEED = 0.5
-# Safety factor of the measured distance from the parabolas.
+# Safety factor of the measured distance from the parabolas
 MARGIN = 2.0
 
 
@@ -153,10 +155,11 @@ MARGIN = 2.0
 class ToolDerivatives:
     """Derivatives of the tool's position over s on parts of cells."""
 
-    # Powers of x from 0 to 1 on every part, for the first to third derivative, (3, 3, n, 3)
+    # Coefficients of the first to third derivative in powers of x, 0 to 1 on each part, (3, 3, n,
+    # 3)
     powers: FloatArray
     deviation: FloatArray  # Bounds of the distance of the derivatives from these parabolas, (3, n)
-    largest: FloatArray  # Bounds of the lengths of the derivatives, (3, n)
+    largest: FloatArray  # Bounds of the norms of the derivatives, (3, n)
 
     @classmethod
     def measure(cls, grid: Grid, arm: Arm) -> ToolDerivatives:
@@ -178,7 +181,7 @@ class ToolDerivatives:
         return np.asarray(np.einsum("cm,mbna->ncab", to_bernstein(DEGREE), powers))
 
     def margin(self, bounds: MotionBounds) -> FloatArray:
-        """Bound of the error of the rows, (n,)."""
+        """Bound of the error of the jerk rows, (n,)."""
         return np.asarray(
             self.deviation[2] * bounds.x
             + 3 * self.deviation[1] * bounds.u
@@ -200,7 +203,7 @@ def arc_length_bounds(grid: Grid, arm: Arm) -> FloatArray:
     """Bounds of the derivatives of the tool's own arc length over s on parts of cells, (3, n)."""
     # If joints follow a tool path, s is nearly the tool's arc length (the first derivative was 1
     # within 1e-6 on a UR5e), but the third derivative of the small difference matters. If the tool
-    # turns on the spot, s is no arc length, and the limit applies to s.
+    # rotates in place, s is not an arc length, and the limit applies to s.
     p = _derivatives(grid, arm)
     speed = np.linalg.norm(p[0], axis=2)
     moving = (speed > LEAST_SPEED).all(axis=0)
@@ -226,7 +229,7 @@ def _derivatives(grid: Grid, arm: Arm) -> FloatArray:
 
 
 def _parabolas(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Powers of parabolas through values at the samples, their errors, and largest lengths."""
+    """Powers of parabolas through values at the samples, their errors, and largest norms."""
     powers = np.einsum("mp,kpnc->kmnc", PARABOLA, values[:, ::2])
     parabola = np.einsum("pm,kmnc->kpnc", PLACES[1::2, None] ** np.arange(3), powers)
     deviation = MARGIN * np.linalg.norm(values[:, 1::2] - parabola, axis=3).max(axis=1)

@@ -1,4 +1,4 @@
-"""Compiled plan on a grid: first without margins, then with margins that the plan proves.
+"""Compiled plan on a grid, first without margins, then with margins that are proven to suffice.
 
 On each interval u is linear in s with a slope k that is chosen in advance. With the mean m of u and
 the half change t = k w / 2, u is m - t and m + t at the ends, and x at the end is x + 2 w m. All
@@ -43,50 +43,54 @@ from armcontour.planning.topp.limit_forms import (
     Rounds,
 )
 
-Vector = Any  # of LANES numbers
+Vector = Any  # SIMD vector of LANES numbers
 
 FOUND, FINER, STUCK, START, END, UNLIMITED = range(6)
-INSIDE = 1 - 1e-14  # share by which a Newton step ends inside, far more than rounding
+# factor that puts the result of a Newton step inside the limits despite rounding
+INSIDE = 1 - 1e-14
 LARGEST_X = 1e100  # initial x of Newton's method without a ceiling
-FAR, ROUNDED = (
-    1e-3,
-    1e-12,
-)  # a Newton step to less than the share FAR of x has the error ROUNDED of x
+# A Newton step from x to less than the share FAR of x has an error of the share ROUNDED of x.
+FAR, ROUNDED = 1e-3, 1e-12
 SLACK = 1e-9  # relative rounding error of the ends of a range of u
-PLAY = 1e-7  # relative error of x at an end
-ROUNDING = 2e-15  # relative rounding error of x, in differences of x
-TINY = 1e-14  # share of its terms below which a coefficient is zero
+PLAY = 1e-7  # relative tolerance of x at the start and the end of the path
+ROUNDING = 2e-15  # rounding error of differences of x, as a share of x
+TINY = 1e-14  # a coefficient below this share of its terms is zero
 NEAR = 0.01  # u is at its bound within this share of its range
-BELOW_CEILING = 1 - 1e-6  # factor of the ceiling from which no other limit is active
+BELOW_CEILING = 1 - 1e-6  # above this share of its ceiling, x is limited by the ceiling only
 LARGEST_TURN = 0.25  # largest change of u by a slope, as a share of its range
-NO_WAY = 4e-2  # margin of intervals without a plan: a finer grid may have one
+NO_WAY = 4e-2  # margin reported for intervals without a plan, because a finer grid may have a plan
 AROUND = 10  # number of refined neighbours of an interval without a plan
-SHARE_AT_REST = 0.5  # largest share of the limit at rest that a line above friction takes
+# largest share of the limit at rest that the offset of a line above friction uses
+SHARE_AT_REST = 0.5
 NOTHING = 1e-150  # coefficients below this are zero
 BLOCK = 1 << 13  # number of stored intervals, which limits the memory
-LEAST = 1e-300  # keeps divisions finite; its root is far below any path speed
-AT_END, RISE = 4, 8  # positions in `_linear_row`: coefficients at the end, and the rise
+LEAST = 1e-300  # lower bound of divisors; its root is far below any path speed
+# positions in the result of `_linear_row`: coefficients at the end, and the rise
+AT_END, RISE = 4, 8
 
 
 class Rules(NamedTuple):
-    """Parameters of a plan."""
+    """Parameters of the planner on a grid."""
 
-    start: float = 0.0  # ds² at the start; infinite for the largest
-    end: float = 0.0  # ds² at the end; infinite for the largest
+    start: float = 0.0  # ds² at the start [m²/s²]; infinite for the largest feasible value
+    end: float = 0.0  # ds² at the end [m²/s²]; infinite for the largest feasible value
     max_margin: float = 1e-2  # Largest share of a limit that margins may take
-    steady: float = 0.999  # Slopes are dropped first where margins take more than this share
-    headroom: float = 1.05  # Factor of the bounds of x and u over the previous plan
-    close: float = 1.02  # The same factor around a proven plan
-    # U is the largest |u| of this many neighbours on each side, because switches move
+    # Slopes are set to zero first on intervals whose margins take more than this share
+    steady: float = 0.999
+    headroom: float = 1.05  # Factor of the bounds of x and u relative to the plan without margins
+    close: float = 1.02  # The same factor relative to a proven plan
+    # U, the bound of |u|, includes this many neighbours on each side, because switching points move
     window: int = 1
-    # Lower bound of U, as a share of the largest |u| on the path, or of x over the width of the
-    # interval if that is less: |u| is unbounded where dq_ds vanishes
+    # Smallest U: this share of the largest |u| on the path, or of x divided by the width of the
+    # interval if that is less, because |u| is unbounded where dq_ds vanishes
     floor: float = 1e-3
     tangents: int = 2  # Largest number of plans without margins in which friction is linearized
-    near: float = 1e-2  # Relative error of x below which such a plan is accepted
+    near: float = 1e-2  # Relative change of x below which the linearization of friction is accepted
     tries: int = 30  # Largest number of plans on a grid
-    enough: int = 20_000  # Number of intervals above which a limit that margins exclude is refused
-    gain: float = 1e-6  # Bounds are tightened while that saves more than this share of the duration
+    # With more intervals, a plan that fails with margins is an error instead of FINER
+    enough: int = 20_000
+    # Bounds are tightened while this reduces the duration by more than this share
+    gain: float = 1e-6
 
 
 class MotionBounds(NamedTuple):
@@ -106,19 +110,21 @@ class GridPlan(NamedTuple):
     lost: FloatArray  # Share of limits that margins take, (n,)
     outcome: int  # FOUND, or FINER, STUCK, START, END, UNLIMITED
     interval: int
-    allowed: float  # With START and END: the largest ds² there
+    allowed: float  # With START and END: the largest feasible ds² at this end [m²/s²]
 
 
 class LimitLines(NamedTuple):
-    """Limits of one try, in the plane of x at the start and the mean u of each interval."""
+    """Limits in the plane of x at the start and the mean u, m, of each interval."""
 
-    # `bottom <= m + tilt x <= top`: tilts, bottoms and tops of the stored intervals, flat. Each has
-    # LANES for the starts and LANES for the ends of every LANES joints or rows.
+    # Tilts, bottoms and tops of the lines `bottom <= m + tilt x <= top` of the stored intervals,
+    # flat. Every group of LANES joints or rows has LANES lines for the start of an interval and
+    # LANES lines for the end.
     table: FloatArray
     width: int  # Number of lines of an interval
-    drawn: IntArray  # The intervals that are stored, (BLOCK,), or all if they are fewer
-    # `|m + p x + q|² <= d0 + 2 d1 x - d2 x²`: p, q, d0, d1 and d2 of the stored intervals,
-    # (len(drawn), conics, 5)
+    # Index of the interval in each slot, (slots,); at most BLOCK intervals are stored
+    drawn: IntArray
+    # p, q, d0, d1 and d2 of the conics `|m + p x + q|² <= d0 + 2 d1 x - d2 x²` of the stored
+    # intervals, (slots, conics, 5)
     conics: FloatArray
     cap: FloatArray  # Largest x at the start and at the end, (n, 2)
     lost: FloatArray  # Share of limits that margins take, (n,)
@@ -139,9 +145,9 @@ def _half_plane(
     motion: tuple[float, float],
     row: tuple[Vector, Vector, Vector, Vector],
 ) -> None:
-    """Write `low <= a u + b x <= high` of LANES rows at one end of an interval."""
-    # `location` is the interval, the end and the first line; `motion` is the length of the interval
-    # and half of the change of u. Rows without m are a ceiling of x, because rest is allowed.
+    """Write the half-planes `low <= a u + b x <= high` of LANES rows at one end of an interval."""
+    # `location`: interval, end and first line; `motion`: length of the interval, and half of the
+    # change of u. Rows without m become a ceiling of x, because rest satisfies every row.
     (i, end, line), (w, turn), (a, b, low, high) = location, motion, row
     shift = turn - 2 * turn * end
     low, high = low + shift * a, high + shift * a
@@ -174,7 +180,7 @@ def _half_planes(
     room: Vector,
     margins: bool,
 ) -> None:
-    """Write LANES rows at both ends of interval i less margins, and record the margins' shares."""
+    """Write LANES rows, less their margins, at both ends of interval i; record the margins."""
     (a0, b0, low0, high0), (a1, b1, low1, high1) = rows
     if margins:
         remaining = lower(lower(high0, 0.0 - low0), lower(high1, 0.0 - low1))
@@ -187,7 +193,7 @@ def _half_planes(
 
 
 class Bracket(NamedTuple):
-    """Range of x on an interval: the smallest x, and the roots of the smallest and largest."""
+    """Range of x on an interval: smallest x, and roots of the smallest and the largest x."""
 
     smallest: float
     low: float
@@ -196,7 +202,7 @@ class Bracket(NamedTuple):
 
 @compiled(inner=True)
 def bracket(smallest: float, largest: float) -> Bracket:
-    """Bracket from one x to another."""
+    """Make the bracket from the smallest to the largest x."""
     return Bracket(smallest, math.sqrt(smallest), math.sqrt(max(largest, LEAST)))
 
 
@@ -204,12 +210,13 @@ def bracket(smallest: float, largest: float) -> Bracket:
 def friction_row(
     friction: Friction, i: int, j: int, towards: float, room: float, within: Bracket
 ) -> tuple[float, float, float]:
-    """Linear bound of friction in the row of one limit of joint j on interval i."""
+    """Linear upper bound of friction in the row of one limit of joint j on interval i."""
     # If the joint may reverse, the bound is the largest friction on the interval. Otherwise it is
-    # the friction at each end times a line in x that bounds the root of x. The lower line is the
-    # chord. The upper line is the tangent with equal excess at both ends of the bracket; a tangent
-    # at a smaller x if its offset exceeds the allowed share of the limit at rest; or the line of
-    # that offset through the root at the smallest x.
+    # the friction at each end, multiplied by a line in x that bounds the root of x. The lower line
+    # is the chord of the root. The upper line is the tangent with equal excess at both ends of the
+    # bracket. If the offset of this tangent exceeds the allowed share of the limit at rest, the
+    # upper line is a tangent at a smaller x, or the line with the allowed offset through the root
+    # at the smallest x.
     # `towards`: 1 for the upper limit, -1 for the lower one.
     # Returns the largest friction, or 0; offset and slope of the line, or 0.
     largest, sign = friction.within[i, j, LARGEST], friction.within[i, j, SIGN]
@@ -231,9 +238,9 @@ def friction_row(
 def friction_rise(
     friction: Friction, i: int, j: int, offset: float, slope: float, w: float
 ) -> tuple[float, float, float, float]:
-    """Rise of a row by the line of `friction_row`: by U, X, slope, and a constant."""
-    # The product of the line with x curves as those of b do; the friction deviates from its chord.
-    # `w` is the length of the interval.
+    """Rise that the line of `friction_row` adds to a row: factors of U, X, slope and 1."""
+    # The slope of the line adds to b, so its product with x curves as b x does. In addition, the
+    # friction deviates from its chord. `w`: length of the interval.
     v0, v1, deviation = (
         friction.viscous[i, 0, j],
         friction.viscous[i, 1, j],
@@ -263,7 +270,8 @@ def _conic(
     motion: tuple[float, float],
     end: int,
 ) -> None:
-    """Write `|a u + b x|² <= square` at one end of an interval."""
+    """Write the conic `"""
+    # a u + b x|² <= square` at one end of an interval.
     w, turn = motion
     out = lines.conics[i & (len(lines.drawn) - 1), 2 * r + end]
     for d in range(5):
@@ -276,13 +284,13 @@ def _conic(
     ee, eb = e0 * e0 + e1 * e1 + e2 * e2, e0 * b0 + e1 * b1 + e2 * b2
     aa, bb = a0 * a0 + a1 * a1 + a2 * a2, b0 * b0 + b1 * b1 + b2 * b2
     if ee <= TINY**2 * (aa + 4 * w * w * bb):
-        # A ceiling of x at the start.
+        # Without m, the limit is a ceiling of x at the start.
         out[2] = math.inf
         if bb > 0.0:
             largest = math.sqrt(square / bb) - 2 * w * abs(turn)
             lines.cap[i, 0] = min(lines.cap[i, 0], max(largest, 0.0))
         return
-    # The cross product a x b, with the rounding of the vector.
+    # The cross product e x b equals a x b. It has the rounding error of the vectors.
     c0, c1, c2 = e1 * b2 - e2 * b1, e2 * b0 - e0 * b2, e0 * b1 - e1 * b0
     spread = (c0 * c0 + c1 * c1 + c2 * c2) / (ee * ee)
     out[0], out[4] = eb / ee, spread
@@ -292,7 +300,7 @@ def _conic(
         out[1] = turn * (1 - step * out[0])
         out[2] = square / ee - spread * (step * turn) ** 2
         out[3] = step * spread * turn
-    # Largest x for which some m exists.
+    # The ceiling of x is the largest x for which some m exists.
     if spread > 0.0:
         root = math.sqrt(max(out[3] * out[3] + spread * out[2], 0.0))
         lines.cap[i, 0] = min(lines.cap[i, 0], max((out[3] + root) / spread * INSIDE, 0.0))
@@ -303,8 +311,8 @@ def _linear_row(
     limits: GridLimits, i: int, r: int, w: float, within: Bracket, margins: bool
 ) -> tuple[float, ...]:
     """Row r of interval i: a, b, low and high at its start and at its end, and the rise."""
-    # Rows with friction come first: upper limits, then lower limits. `margins` adds the friction of
-    # joints that may reverse.
+    # Rows with friction come first: all upper limits, then all lower limits. `margins` adds the
+    # friction of joints that may reverse.
     ends, rise, friction = limits.rows.ends, limits.rows.rise, limits.friction
     rubbing = friction.within.shape[1]
     side = 0 if r < rubbing else 1 if r < 2 * rubbing else 2
@@ -348,9 +356,9 @@ def _linear_row(
 def rows_with_friction(
     width: FloatArray, limits: GridLimits, bounds: MotionBounds, margins: bool
 ) -> LinearRows:
-    """Rows with lines for friction: upper limits, then lower limits, then rows without friction."""
-    # `width`: lengths of the intervals, (n,); `bounds`: the bounds, which give the range of x;
-    # `margins`: true to add the friction of joints that may reverse.
+    """Linear rows; those with friction come first, as upper limits, then as lower limits."""
+    # `width`: lengths of the intervals, (n,); `bounds`: bounds of the plan, which include the range
+    # of x; `margins`: true to add the friction of joints that may reverse.
     n, count = len(width), limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
     for i in range(n):
@@ -386,13 +394,14 @@ def _ceilings(
             room -= _margin(squares.rise, i, r, bounds)
         if largest == 0.0 or room >= largest * max(cap0, cap1):
             continue
-        # Either both ends have the margin, or both satisfy the largest b of the interval.
+        # The less strict of two sufficient conditions: both ends have the margin, or both ends
+        # satisfy the largest b of the interval.
         tight = 1.0 / largest
         at0, at1 = (room / b0, room / b1) if room > 0.0 else (0.0, 0.0)
         if margins and at0 + at1 < 2 * tight:
             at0 = at1 = tight
         cap0, cap1 = min(cap0, at0), min(cap1, at1)
-    # If u decreases, x exceeds its chord.
+    # If u decreases in s, x exceeds its chord by up to `sag`.
     sag = max(-bounds.k[i], 0.0) * w * w / 4
     lines.cap[i, 0], lines.cap[i, 1] = cap0 - sag, cap1 - sag
     lines.lost[i] = 0.0
@@ -402,7 +411,7 @@ def _ceilings(
 
 @compiled(inner=True)
 def _coefficients(grid: Intervals, i: int, joint: int, power: int) -> Vector:
-    """Coefficients of a power of LANES joints on the piece of an interval."""
+    """Coefficients of x^power of LANES joints on the piece of an interval."""
     k = grid.piece[i]
     k_last = k - (len(grid.breaks) - 1 - KEPT)
     if k_last >= 0:
@@ -441,7 +450,7 @@ def _derivative_bounds(grid: Intervals, i: int, joint: int) -> tuple[Vector, Vec
 
 @compiled(inner=True)
 def next_joint(grid: Intervals, joint: int) -> int:
-    """First joint of the next group of joint bounds."""
+    """First joint of the next group of joint bounds; 0 after the last group."""
     return joint + LANES if joint + LANES < grid.dof else 0
 
 
@@ -476,19 +485,20 @@ def _joint_half_planes(
         q2 = higher(size(b0), size(b1)) + w * q3
         room = (share * 5 * u) * q3 + (share * x) * q4 + (share * 4 * k) * q2
         room = room + (ROUNDING / w * x) * q1
-        # Effect of the rounding of s.
+        # The margin includes the rounding error of s.
         rounding = ROUNDING * max(abs(grid.s[i]), abs(grid.s[i + 1]))
         room = room + (rounding * u) * q2 + (rounding * x) * q3
         second = (8 * u) * (q1 * q2) + (2 * x) * (q2 * q2 + q1 * q3) + (2 * k) * (q1 * q1)
         remaining, largest, plain = 1.0 - share * by * second, q1 * q1 * by, higher(e0, e1)
-        # Either both ends have the margin, or both satisfy the largest h / x of the interval.
+        # The less strict of two sufficient conditions: both ends have the margin, or both ends
+        # satisfy the largest h / x of the interval.
         chord = choose(2.0 * e0 * e1, remaining * (e0 + e1) * largest, 1.0, 0.0)
         chord = choose(0.0, remaining, chord, 0.0)
         over = choose(0.0, chord, remaining, 1.0)
         e0, e1 = choose(0.0, chord, e0, largest) / over, choose(0.0, chord, e1, largest) / over
         gone = choose(0.0, plain, 1.0 - plain / higher(e0, e1), 0.0)
         lines.lost[i] = max(lines.lost[i], highest(gone))
-    # If u decreases, x exceeds its chord.
+    # If u decreases in s, x exceeds its chord by up to `sag`.
     sag = max(-slope, 0.0) * w * w / 4
     lines.cap[i, 0] = min(lines.cap[i, 0], 1.0 / highest(e0) - sag)
     lines.cap[i, 1] = min(lines.cap[i, 1], 1.0 / highest(e1) - sag)
@@ -509,8 +519,8 @@ def _row_half_planes(
     margins: bool,
 ) -> None:
     """Write LANES rows of interval i from row `first` on, as half-planes from line `line` on."""
-    # `by_lane`: the coefficients of a row at both ends, then its margin, LANES numbers each. Lanes
-    # without a row limit nothing.
+    # `by_lane` has LANES numbers for each coefficient of a row at both ends, then for its margin.
+    # Lanes without a row have no limit.
     by_lane, count = lines.scratch, limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     within = bracket(bounds.x_min[i], bounds.x[i])
     for lane in range(LANES):
@@ -554,7 +564,7 @@ def _interval_limits(
     margins: bool,
     lines: LimitLines,
 ) -> None:
-    """Write all limits of interval i into `lines`; `margins`: false to leave out the margins."""
+    """Write all limits of interval i into `lines`, less their margins if `margins` is true."""
     rounds, groups = limits.rounds, len(limits.joints) // ROWS
     count = limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     w = grid.s[i + 1] - grid.s[i]
@@ -602,7 +612,7 @@ def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
 def _mean_range_slopes(
     lines: LimitLines, i: int, x: float
 ) -> tuple[float, float, float, float, int]:
-    """Range of the mean u for x, negative slopes of its ends over x, and line of its lower end."""
+    """Range of the mean u at x, negative slopes of its ends in x, and line of its lower end."""
     table, count, slot = lines.table, lines.width, i & (len(lines.drawn) - 1)
     low, high, below, above = -math.inf, math.inf, -1, -1
     for k in range(3 * count * slot, 3 * count * slot + count):
@@ -627,8 +637,8 @@ def _mean_range_slopes(
 
 @compiled(inner=True)
 def _free_start(lines: LimitLines, w: float, ceiling: FloatArray) -> float:
-    """ds² at a start where the joints rest at any ds: the fastest on the first interval."""
-    # Slightly less than the largest ds² may allow a far larger u, because dq_ds is rounded.
+    """ds² with the fastest motion on the first interval, if joints rest at the start at any ds."""
+    # A ds² slightly below the largest one may allow a far larger u, because dq_ds is rounded.
     best, fastest = ceiling[0], 0.0
     for k in range(60, -1, -1):
         first = ceiling[0] * (1 - 0.5**k) if k < 60 else ceiling[0]
@@ -652,16 +662,17 @@ def _backward_forward_pass(
     reachable: FloatArray,
     x: FloatArray,
 ) -> int:
-    """Write the limits, and the largest x that lead from start to end, backward and forward."""
+    """Write the limits and the largest feasible x, by a backward and a forward pass."""
     # Backward pass: the range of the mean u is concave in x and not empty for x = 0, so Newton
-    # steps from the cap converge to the largest x with a range. `state` selects the intervals to
-    # write, (n,), and margins. `cap`, `reachable` and `x`, (n + 1,) each, are outputs: the lower
-    # cap of both sides of every point, the largest x from which the end is reached, and the plan.
-    # Returns -1; the interval on which no motion is allowed; or n more than an interval without
-    # limits.
+    # steps from the cap converge to the largest x with a range. `state`: mask of the intervals to
+    # write, (n,), and true for limits with margins. Outputs, (n + 1,) each: `cap`, the lower cap of
+    # both sides of every point; `reachable`, the largest x from which the end can be reached; `x`,
+    # the plan.
+    # Returns -1 if a plan was found, the index of an interval on which no motion is allowed, or n
+    # plus the index of an interval without limits.
     (changed, margins), n, below, stuck = state, len(grid.piece), -1, -1
     mean, slots = np.empty(n), len(lines.drawn) - 1
-    # The previous interval is written while the processor waits for data.
+    # Interval i - 1 is written before interval i is planned, while the processor waits for data.
     for i in range(n, -1, -1):
         trial = math.inf
         if i > 0:
@@ -683,7 +694,8 @@ def _backward_forward_pass(
             continue
         steep, y = 0.5 / (grid.s[i + 1] - grid.s[i]), reachable[i + 1]
         trial = min(trial, LARGEST_X)
-        # The lower line of the previous interval and the line of y give a first bound of x.
+        # The line of the lower end of the previous interval, taken on this interval, and y give a
+        # first upper bound of x.
         if below >= 0:
             line = 3 * lines.width * (i & slots) + below
             tilt, bottom = lines.table[line], lines.table[line + lines.width]
@@ -733,7 +745,7 @@ def _backward_forward_pass(
 
 @compiled(inner=True, fastmath=FUSED)
 def _round_range(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[float, float]:
-    """Smallest and largest u at one end of interval i within the limit r of a vector."""
+    """Smallest and largest u at one end of interval i within the limit r of a vector norm."""
     aa = ab = bb = 0.0
     for d in range(3):
         a, b = rounds.ends[i, end, r, A, d], rounds.ends[i, end, r, B, d] * x
@@ -748,7 +760,8 @@ def _round_range(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[fl
 def _joint_acceleration_range(
     grid: Intervals, limits: GridLimits, location: tuple[int, int, int, int], x: float
 ) -> tuple[float, float, float, int, int]:
-    """`acceleration_range` of a group of joint bounds; `location` has group and first joint."""
+    """`acceleration_range` of a group of joint bounds."""
+    # `location`: interval, end, group and first joint.
     i, end, group, joint = location
     offset = ROWS * group
     a, b = path_slopes(grid, i, joint, end)
@@ -759,7 +772,7 @@ def _joint_acceleration_range(
     bottom = choose(NOTHING, magnitude, lower(one, other), -math.inf)
     top = choose(NOTHING, magnitude, higher(one, other), math.inf)
     low, high = highest(bottom), lowest(top)
-    # Twice the joint, plus one for an upper bound.
+    # The active bounds are coded as twice the joint, plus one for an upper bound.
     lane = load(limits.joints, offset + LANE)
     below = highest(choose(bottom, low, -1.0, lane + choose(a, 0.0, 1.0, 0.0)))
     above = highest(choose(high, top, -1.0, lane + choose(a, 0.0, 0.0, 1.0)))
@@ -816,7 +829,7 @@ def acceleration_range(
 def _choose_slopes(
     grid: Intervals, limits: GridLimits, cap: FloatArray, x: FloatArray, bounds: MotionBounds
 ) -> None:
-    """Write slopes with which u stays at its bound on the whole interval."""
+    """Write slopes k with which u stays at its bound on the whole interval."""
     for i in range(len(grid.piece)):
         w, x0, x1 = grid.s[i + 1] - grid.s[i], x[i], x[i + 1]
         bounds.k[i] = 0.0
@@ -830,12 +843,13 @@ def _choose_slopes(
         if min((high0 - mean) / wide0, (high1 - mean) / wide1) < NEAR:
             turn = high1 - high0
             if falling:
-                # Both bounds, for example where two joints limit u from both sides: the mean.
+                # If u is at both bounds, for example because of two joints, the mean change is
+                # used.
                 turn = (turn + low1 - low0) / 2
         elif falling:
             turn = low1 - low0
         small = abs(turn) < LARGEST_TURN * min(wide0, wide1)
-        # x must not fall far below its ends.
+        # x must not fall far below its values at the ends.
         if small and 8 * turn * w <= x0 + x1:
             bounds.k[i] = turn / w
 
@@ -855,7 +869,9 @@ def _motion_extent(
 def _bound_motion(
     width: FloatArray, x: FloatArray, rules: Rules, headroom: float, bounds: MotionBounds
 ) -> None:
-    """Write bounds around a plan; they include u of neighbours, because switches move."""
+    """Write bounds of x and u around a plan."""
+    # The bound of u includes the neighbours of an interval, because switching points move between
+    # plans.
     n, fastest = len(width), 0.0
     rates = np.empty(n)
     for i in range(n):
@@ -878,7 +894,7 @@ def _prove_or_widen(
     rubs: bool,
     changed: BoolArray,
 ) -> bool:
-    """Proof: test whether a plan is within its bounds, and widen the bounds where it is not."""
+    """Test whether a plan is within its bounds, which proves it; otherwise widen the bounds."""
     holds = True
     for i in range(len(width)):
         largest, smallest, rate = _motion_extent(width, x, bounds.k, i)
@@ -889,7 +905,8 @@ def _prove_or_widen(
             bounds.x[i] = max(bounds.x[i], rules.headroom * largest)
             bounds.u[i] = max(bounds.u[i], 1.2 * rate)
         speeds = math.sqrt(x[i]) + math.sqrt(x[i + 1])
-        if 4 * bounds.k[i] * width[i] ** 2 > speeds**2:  # x would fall far below its ends
+        # x would fall far below its values at the ends
+        if 4 * bounds.k[i] * width[i] ** 2 > speeds**2:
             bounds.k[i], outside = 0.0, True
         changed[i] = outside
         holds &= not outside
@@ -956,8 +973,8 @@ def _drop_slopes(
 
 @compiled()
 def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
-    """Plan without margins, then with margins for bounds around that plan until they contain it."""
-    # With one try only, the result is the plan without margins, with the outcome FINER.
+    """Plan without margins, then with margins of bounds around the plan, until they contain it."""
+    # If `rules.tries` is 1, the result is the plan without margins, with the outcome FINER.
     n, rubbing = len(grid.piece), limits.friction.within.shape[1]
     width, x, reachable, cap = np.empty(n), np.zeros(n + 1), np.empty(n + 1), np.empty(n + 1)
     bounds = MotionBounds(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
@@ -985,7 +1002,7 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     for i in range(n):
         width[i] = grid.s[i + 1] - grid.s[i]
     if rubbing > 0 or count > 2 * LANES * (len(limits.joints) // ROWS):
-        # Unwritten lines limit nothing.
+        # Lines that are never written must not limit x or m.
         for line in range(3 * count * slots):
             lines.table[line] = 0.0
         for slot in range(slots):
@@ -1008,7 +1025,8 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
             if shortest < math.inf:
                 break
             if kind == 2 and n <= rules.enough:
-                # Intervals around the failure, or all intervals if an end is too fast.
+                # A finer grid is needed around the failure, or everywhere if the speed at an end is
+                # too high.
                 for i in range(n):
                     if stuck < 0 or abs(i - stuck) < AROUND:
                         lines.lost[i] = max(lines.lost[i], NO_WAY)

@@ -14,14 +14,16 @@ from armcontour.planning.topp.kernels import GridPlan, acceleration_range, next_
 from armcontour.planning.topp.limit_forms import BACK, FORTH, ROWS, GridLimits, Intervals
 
 BINDS = 0.02  # u is at its bound within this share of its range
-# Lost time per unused share of the range of u, measured against finer grids; less where the range
-# is small compared with u.
+# Lost share of the time of an interval per unused share of the range of u, inside the motion and at
+# rest. The factors were measured against finer grids; they are too large where the range is small
+# compared with u.
 BY_GAP, BY_GAP_AT_REST = 0.25, 1.5
-# If u is at both bounds, at different ends, and a larger x would allow a range of u at both, the
-# speed is too low by an unknown factor, and reaching it may be lost time.
+# If u is at different bounds at both ends, with at least the share CROSSED of the range unused, and
+# x increased by the factor MORE allows a range of u at both ends, then x is too low by an unknown
+# factor, and the time to reach a higher x may be lost.
 CROSSED, MORE = 0.4, 1.02
-AROUND = 0.05  # this loss extends over this share of the length in which x changes by itself
-INSIDE = 0.02  # points closer to an end of an interval than this share gain nothing
+AROUND = 0.05  # this loss extends over this share of the length in which x changes by its own value
+INSIDE = 0.02  # a new grid point closer to an interval end than this share saves no time
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -42,8 +44,8 @@ def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
 def _shortest_time(
     w: float, x: tuple[float, float], rates: tuple[float, float], ceiling: float
 ) -> tuple[float, float]:
-    """Shortest time between both values of x at given rates of u, and the share of the switch."""
-    # `rates` are the largest u and the largest -u.
+    """Shortest time [s] between the values of x at both ends, and share at the switch."""
+    # `rates`: largest u and largest -u.
     up, down = 2 * rates[0], 2 * rates[1]
     first = min(max((x[1] - x[0] + down * w) / (up + down), 0.0), w)
     top = x[0] + up * first
@@ -67,7 +69,7 @@ def estimate_losses(
 ) -> tuple[float, FloatArray, FloatArray]:
     """Estimate the time that a plan loses by its grid and its slopes."""
     # Returns the duration of the plan [s]; the time lost on each interval [s], (n,); and the point
-    # of each interval at which a grid point saves most [m], (n,), its start if none.
+    # in each interval at which a new grid point saves most [m], (n,), or the start of the interval.
     s, x, k, lost, n, duration = grid.s, plan.x, plan.k, plan.lost, len(plan.k), 0.0
     loss, point, valley = np.empty(n), np.empty(n), np.zeros(n)
     for i in range(n):
@@ -86,8 +88,8 @@ def estimate_losses(
         low1, high1, wide1, below1, above1 = acceleration_range(grid, limits, i, 1, x1)
         if not (wide0 < math.inf or wide1 < math.inf):
             continue
-        # Unused share of the range to both bounds; an end that does not limit u counts as the
-        # other.
+        # Unused share of the range up to each bound. An end that does not limit u gets the shares
+        # of the other end.
         up0, up1 = (high0 - mean + turn) / wide0, (high1 - mean - turn) / wide1
         down0, down1 = (mean - turn - low0) / wide0, (mean + turn - low1) / wide1
         if not wide0 < math.inf:

@@ -27,7 +27,7 @@ from armcontour.planning.topp.limit_forms import (
     Squares,
 )
 
-ROUNDING = 2e-15  # relative rounding error of x, in differences of x
+ROUNDING = 2e-15  # rounding error of differences of x, as a share of x
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -44,7 +44,7 @@ def _derivative_bounds(
 ) -> tuple[float, float]:
     """Bounds of |d3q_ds3| and |d4q_ds4| of joint j from position x to y of piece k."""
     c3, c4, c5 = c[k, 3, j], c[k, 4, j], c[k, 5, j]
-    # Taylor expansion about the middle; the fifth derivative is constant.
+    # The bounds use a Taylor expansion about the middle; the fifth derivative is constant.
     middle, half, cube = (x + y) / 2, (y - x) / 2, scale * scale * scale
     q5 = abs(120 * c5)
     q4 = abs(24 * c4 + middle * 120 * c5) + half * q5
@@ -87,7 +87,7 @@ def write_sampled(
     second = np.empty((n, 3, count))
     for i in range(n):
         w, last = grid.s[i + 1] - grid.s[i], after[i]
-        # Twice the deviation of the middle from the chord, over w².
+        # `second` is twice the deviation of the middle from the chord, divided by w².
         inverse = 2 / (w * w)
         for r in range(count):
             second[i, 0, r] = inverse * abs(a[n + i, r] - (a[i, r] + a[last, r]) / 2)
@@ -129,7 +129,7 @@ class OnGrid:
 
     @cached_property
     def intervals(self) -> Intervals:
-        """The intervals for kernels."""
+        """Arrays of the grid and the joint path for kernels."""
         path = self.grid.joint_path
         flat, dof = path.coefficients.ravel(), path.dof
         last = np.zeros(6 * dof * KEPT + LANES)
@@ -174,9 +174,9 @@ class OnGrid:
     def rows(self, terms: Terms, low: FloatArray, high: FloatArray) -> LinearRows:
         """Rows `low <= a u + b x + c <= high` from coefficients at all samples, (samples, rows)."""
         # The deviation of a coefficient from its chord is measured in the middle of an interval.
-        # Close to an inflection this misses the third derivative. Therefore the bound is twice the
-        # largest second derivative of the interval and both neighbours. `low` and `high` are
-        # bounds, (rows,) each.
+        # Close to an inflection point this deviation is too small. Therefore the bound is twice the
+        # largest second derivative of the interval and both neighbours. `low` and `high`: bounds,
+        # (rows,) each.
         n, count = len(self), terms[0].shape[1]
         rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
         write_sampled(self.intervals, self.after, terms, (low, high), rows)
@@ -187,7 +187,8 @@ class OnGrid:
         return np.stack([values[: len(self)], values[self.after]], axis=1)
 
     def round(self, a: FloatArray, b: FloatArray, radius: float) -> Rounds:
-        """`|a u + b x| <= radius` for vectors at all samples, (samples, 2 or 3) each."""
+        """`"""
+        # a u + b x| <= radius` for vectors at all samples, (samples, 2 or 3) each.
         n, w = len(self), self.grid.width
         ends, rise = np.zeros((n, 2, 1, 2, 3)), np.zeros((n, 1, 4))
         for column, vectors in ((A, a), (B, b)):
