@@ -365,8 +365,7 @@ def _add_bounds(
 
 @compiled(inner=True, inline="always")
 def _round_slope(p: JerkSection, c: int, r: int, radius: Any, vector: Any) -> Any:
-    """Derivatives of the slack `bound - """
-    # vector|² / bound` of a vector row, (x, y, z).
+    """Derivatives of the slack `bound - |vector|² / bound` of a vector row, (x, y, z)."""
     bound, x, y, z = radius
     u, v, w = vector[0] / bound, vector[1] / bound, vector[2] / bound
     factor = 1.0 + u * u + v * v + w * w

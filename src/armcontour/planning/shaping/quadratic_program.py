@@ -99,7 +99,7 @@ def solve_program(
 def _pack(
     rows: FloatArray, bounds: FloatArray
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-    """Nonzero rows, each from its first to its last coefficient."""
+    """Pack the nonzero rows, each from its first to its last nonzero coefficient."""
     # Returns the first unknown of each row, (p,); the start and end of the coefficients of each row
     # among all coefficients, (p + 1,); the coefficients; and the bounds, (p,).
     n, m, width = rows.shape
@@ -186,7 +186,7 @@ def _factor(matrix: FloatArray) -> bool:
 
 @compiled(inner=True, fastmath=FUSED)
 def _solve(matrix: FloatArray, x: FloatArray) -> None:
-    """Replace the right side by the solution, given the factor."""
+    """Replace the right side x by the solution, given the factor that `_factor` computes."""
     last = matrix.shape[1] - 1
     size = len(x)
     for a in range(size):

@@ -1,4 +1,4 @@
-"""Search for a faster shape: a quadratic program proposes, the exact timing decides."""
+"""Search for a faster shape. A quadratic program proposes changes; exact timing accepts them."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, ma
 
 # A path with more corners and rests than this is optimized in chunks.
 LONG = 40
-# Corners of a chunk, and shift of the cuts between iterations.
+# Number of corners of a chunk, and number of corners by which cuts move in each iteration
 CORNERS, SHIFT = 8, 3
 
 
 def is_long(group: IntArray) -> bool:
-    """Test whether a path is long; `group` is the nearest corner or rest of each node, (n,)."""
+    """Test whether a path is optimized in chunks; `group`: as in `place_cuts`."""
     return bool(group[-1] >= LONG)
 
 
 def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntArray:
-    """First of both fixed nodes between chunks, (m,); none if the path is not long, or `whole`."""
-    # `group`: number of the nearest corner or rest of each node, ascending, (n,); `whole`: true if
-    # long paths are not divided either.
+    """Index of the first of the two fixed nodes between chunks, (m,); empty for a single chunk."""
+    # `group`: number of the nearest corner or rest of each node, ascending, (n,); `whole`: true for
+    # a single chunk on long paths, too.
     if whole or not is_long(group):
         return np.zeros(0, dtype=np.intp)
     first = 1 + SHIFT * iteration % CORNERS
@@ -55,7 +55,8 @@ def solve_in_chunks(
     cuts: IntArray,  # First of both fixed nodes between chunks, (m,)
     threads: int | None = None,  # Number of threads; by default the number of processors
 ) -> FloatArray:
-    """Solve the programs of all chunks, each with zero unknowns in the other chunks, (n, k)."""
+    """Solve the quadratic programs of all chunks independently; returns the unknowns, (n, k)."""
+    # The unknowns of other chunks are zero in each program.
     if not len(cuts):
         return solve_program(cost, rows, bounds, weight)[0]
     n, k = cost.shape
@@ -69,31 +70,31 @@ def solve_in_chunks(
         if end < n:
             chunk_cost[-1], chunk_rows[-1, :, k:], chunk_rows[-2, :, 2 * k :] = 0.0, 0.0, 0.0
         x, _ = solve_program(chunk_cost, chunk_rows, bounds[part], weight[part])
-        # A chunk without a solution is unchanged.
+        # A chunk without a solution does not change.
         return x if np.isfinite(x).all() else np.zeros_like(x)
 
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         return np.concatenate(list(pool.map(solve, begins.tolist(), ends.tolist())))
 
 
-# Limit of changes of offsets over the tolerance: initial, largest and smallest value, and factors
-# after rejected, slower and faster iterations.
+# Trust region, the largest change of offsets over the tolerance: initial, largest and smallest
+# value, and factors after rejected, slower and faster iterations
 FIRST_TRUST, MAX_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-5
 SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
 # The search ends after this many consecutive iterations that gain less than LEAST_GAIN of the
 # duration.
 IDLE, LEAST_GAIN = 4, 1e-5
-# It also ends after this many consecutive iterations that leave the tube.
+# The search also ends after this many consecutive iterations in which the path leaves the tube.
 MAX_TIGHTENED = 12
-# Factor of a change for each consecutive rejection.
+# Each consecutive rejection multiplies the proposed change by this factor.
 LESS = 0.6
 # Corners of a long path revert to the best shape at most this many times in an iteration.
 MAX_MENDED = 4
-# Weights of the squares of offsets and times, for a positive definite quadratic program.
+# Weights of the squares of offsets and span times; they make the quadratic program definite.
 WEIGHT = (1e-3, 1e-9)
-# Factor of the missing distance by which offsets are reduced outside the tube.
+# Offsets outside the tube are reduced by their excess distance times this factor.
 SPARE = 1.5
-# Share of the tolerance of the initial parabolas.
+# Share of the tolerance to which the corners of starts are rounded
 SHARE = 0.7
 
 
@@ -102,18 +103,18 @@ class _State:
     """Best shape found by the search."""
 
     best: Candidate
-    offsets: FloatArray  # Its offsets [m], (n, k)
-    h: FloatArray  # Its span times [s], (n,)
+    offsets: FloatArray  # Offsets of the best shape [m], (n, k)
+    h: FloatArray  # Span times of the best shape [s], (n,)
     trust: FloatArray  # Largest change of the offsets of each node, over the tolerance, (n,)
-    inside: FloatArray  # Share of the tolerance by which offsets stay inside, (n,)
+    inside: FloatArray  # Share of the tolerance that offsets must not use, (n,)
     limits: FloatArray  # Largest offsets along every side [m], (n, m)
-    refused: int = 0
-    proposals: int = 0
+    refused: int = 0  # Number of consecutive rejections
+    proposals: int = 0  # Number of proposals
 
 
 @dataclass(slots=True)
 class ShapeSearch:
-    """Search along the nodes of one start; each step yields the best candidate."""
+    """Search along the nodes of one start; each iteration yields the best candidate."""
 
     nodes: Nodes
     start: Candidate
@@ -152,7 +153,7 @@ class ShapeSearch:
 
     def _iterate(self) -> bool:
         """Propose a change and accept it if the exact timing is faster."""
-        # Returns false if the change left the tube, whose limits are then reduced.
+        # Returns false if the path left the tube; the limits of the offsets are then reduced.
         state, nodes = self.state, self.nodes
         try:
             offsets, h, drawn = self._draw_most(*self._propose())
@@ -166,7 +167,7 @@ class ShapeSearch:
             state.trust *= SHRINK
             return True
         candidate, times, slower = judged
-        # The first spline is accepted even if it is slower than the start it is drawn from.
+        # The first spline is accepted even if it is slower than its start.
         better = state.best is self.start or candidate.duration < state.best.duration
         if not better and self._keep_faster_parts(offsets, h, slower):
             state.refused = 0
@@ -178,7 +179,7 @@ class ShapeSearch:
             factor = np.where(slower, EASE, GROW)
         else:
             state.refused += 1
-            # Neighbours of a corner share its lines.
+            # Neighbouring corners share the line between them.
             wide = slower | np.append(slower[1:], False) | np.append(False, slower[:-1])
             factor = np.where(wide if slower.any() else True, SHRINK, 1.0)
         state.trust = np.clip(state.trust * factor[nodes.group], LEAST_TRUST, MAX_TRUST)
@@ -189,7 +190,8 @@ class ShapeSearch:
         # `knots` are the arc lengths of the knots on its path [m], (n + 1,).
         if self.nodes.near.poses is None:
             return
-        # Control points of the arc length itself; at a rest they are at the rest.
+        # `s`: control points of the arc length as a quadratic spline of time; those next to a rest
+        # are at the rest.
         s_knots = np.clip(knots, 0.0, candidate.path.length)
         speed = candidate.trajectory.speed_at(s_knots)
         speed[self.nodes.rest] = 0.0
@@ -201,7 +203,7 @@ class ShapeSearch:
 
     def _judge(self, drawn: DrawnPath) -> tuple[Candidate, FloatArray, BoolArray] | None:
         """Time the drawn path; returns it with its span times [s] and a mask of slower corners."""
-        # None if the arm cannot follow the path.
+        # Returns None if the arm cannot follow the path.
         path = self._path(drawn)
         candidate = None if path is None else self.timer.candidate(SHAPED, path, drawn.places)
         if path is None or candidate is None:
@@ -214,7 +216,8 @@ class ShapeSearch:
         self, offsets: FloatArray, h: FloatArray
     ) -> tuple[FloatArray, FloatArray, DrawnPath | None]:
         """Draw a proposal; on a long path, corners outside the tube revert to the best shape."""
-        # Returns the offsets and times, and their path; None if it leaves the tube.
+        # Returns the offsets, the span times and their path, or None for a path that leaves the
+        # tube.
         for _ in range(MAX_MENDED if is_long(self.nodes.group) else 1):
             before = self.state.inside
             drawn = self._draw(offsets, h)
@@ -242,8 +245,9 @@ class ShapeSearch:
     def _back(
         self, offsets: FloatArray, h: FloatArray, corners: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Proposal in which the masked corners revert to the best shape, (groups,)."""
-        # The share of their neighbours decreases with the distance.
+        """Offsets and span times of a proposal whose masked corners revert to the best shape."""
+        # `corners`: mask, (groups,). Next to a reverted corner, the change of the proposal
+        # increases with the distance from the corner.
         group, state = self.nodes.group, self.state
         stays = 1.0 - corners
         edges = np.minimum(stays[1:], stays[:-1])
@@ -276,7 +280,8 @@ class ShapeSearch:
             np.concatenate([rows, node_rows], axis=1),
             np.concatenate([bounds, node_bounds], axis=1),
             np.tile([*[WEIGHT[0]] * k, WEIGHT[1]], (n, 1)),
-            # The start is no spline, so fixed nodes may leave no solution.
+            # The start is not a spline. With fixed nodes, the program may therefore have no
+            # solution.
             place_cuts(nodes.group, state.proposals, whole=state.best is self.start),
         )
         state.proposals += 1
@@ -301,7 +306,7 @@ class ShapeSearch:
         return assemble(spline, span_rows(spline, self.timer.arm, limits, assigned), steps, unit)
 
     def _own_rows(self, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rows of single nodes: the tube, the trust region, and the smallest span time."""
+        """Rows of single nodes: tube, trust region, and smallest span time."""
         state, nodes = self.state, self.nodes
         n, k = state.offsets.shape
         m = len(nodes.sides)
@@ -320,14 +325,15 @@ class ShapeSearch:
         return rows, bounds
 
     def _clip(self, offsets: FloatArray) -> FloatArray:
-        """Offsets reduced to their limits along the line to the start, (n, k)."""
+        """Scale offsets down until they are within their limits, (n, k)."""
         along = offsets @ self.nodes.sides.T
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.where(along > self.state.limits, self.state.limits / along, 1.0)
         return np.asarray(offsets * np.clip(share.min(axis=1), 0.0, 1.0)[:, None])
 
     def _draw(self, offsets: FloatArray, h: FloatArray) -> DrawnPath | None:
-        """Path of offsets and times; None if it leaves the tube, whose limits are then reduced."""
+        """Draw the path of offsets and span times; None if the path leaves the tube."""
+        # The limits of the offsets are then reduced.
         nodes = self.nodes
         spline = self._spline(offsets, h)
         drawn = draw(
@@ -357,8 +363,8 @@ class ShapeSearch:
 
     def _tighten(self, lacking: FloatArray, excess: FloatArray) -> None:
         """Reduce the limits of the offsets where the path leaves the tube."""
-        # `lacking` is the distance outside the tube in the span of each node [m], (n,); `excess` is
-        # the distance of each corner from the path beyond the allowed one [m], (k,).
+        # `lacking`: distance outside the tube in the span of each node [m], (n,); `excess`:
+        # distance of each corner from the path in excess of its tolerance [m], (k,).
         nodes, state = self.nodes, self.state
         lacking = lacking.copy()
         s_corners = self.tube.objective.breaks[self.tube.vertex]
@@ -374,14 +380,14 @@ class ShapeSearch:
         wide = np.maximum(np.append(lacking[1:], 0.0), np.append(0.0, lacking[:-1]))
         lacking = np.maximum(lacking, wide)
         reduction = SPARE * np.maximum(lacking, 0.0) / np.maximum(nodes.smallest, 1e-12)
-        # At least doubled, so that a few times are sufficient.
+        # `inside` is at least doubled, so that few reductions are sufficient.
         increased = np.maximum(2 * state.inside, state.inside + reduction)
         state.inside = np.where(lacking > 0, np.minimum(increased, 1.0), state.inside)
         state.limits = nodes.bounds(self.tube, state.inside)
         state.offsets = self._clip(state.offsets)
 
     def _nearly_stops(self, drawn: DrawnPath) -> bool:
-        """Test whether the tool turns on the spot; reduces the trust region there."""
+        """Test whether the tool nearly stops, and reduce the trust region there."""
         nodes, lengths = self.nodes, np.diff(drawn.curve.breaks)
         tiny = drawn.curve.breaks[:-1][lengths < REPEATED_POINT]
         if not len(tiny):
@@ -392,7 +398,7 @@ class ShapeSearch:
         return True
 
     def _path(self, drawn: DrawnPath) -> ShapedPath | None:
-        """The drawn path without its outcome; None if the tool deviates too much in orientation."""
+        """Make the drawn path, without its outcome; None if the tool turns away too far."""
         options, objective = self.options, self.tube.objective
         path = ShapedPath(
             segments=drawn.segments,
@@ -405,7 +411,8 @@ class ShapeSearch:
             curve=drawn.curve,
         )
         if objective.orientation is not None:
-            # As at the matching point, even if that follows the tangent.
+            # The orientation is that of the matching objective point, even if it follows the
+            # tangent.
             plain = replace(objective, orientation=replace(objective.orientation, follows=False))
             path, angle = orient_shaped(path, plain, drawn.places, options.angular_tolerance)
             if angle > (np.inf if options.angular_tolerance is None else options.angular_tolerance):
@@ -417,17 +424,17 @@ def why_not(objective: Path, tube: Tube) -> str | None:
     """Reason why a path cannot be shaped, as a clause; None if it can."""
     if (tube.tolerance == 0).any():
         # Splines of the joints do not follow a line exactly.
-        return "lines without a tolerance are not changed: not shaped"
+        return "not shaped, because a line has no tolerance"
     if _turns_at_corners(objective):
-        return "the orientation follows the tangent at corners: not shaped"
+        return "not shaped, because the orientation follows the tangent at corners"
     return None
 
 
 def make_searches(
     objective: Path, tube: Tube, timer: Timer, options: Shaped
 ) -> Iterator[ShapeSearch | None]:
-    """Searches from parabolas and from arcs that the arm can follow, the faster ones first."""
-    # None stands for a search with too many nodes.
+    """Yield the searches from parabolas and from arcs, beginning with the faster start."""
+    # Yields None instead of a search with too many nodes.
     starts = make_starts(objective, tube, options, SHARE)
     candidates = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
     for start in sorted((x for x in candidates if x is not None), key=lambda x: x.duration):
@@ -440,7 +447,8 @@ def make_searches(
 
 def _turns_at_corners(objective: Path) -> bool:
     """True if the orientation follows a tangent that jumps, so that it depends on the shape."""
-    # If it follows a smooth tangent, shapes have the orientation of the matching objective points.
+    # If the orientation follows a smooth tangent, shapes have the orientation of the matching
+    # objective points.
     orientation = objective.orientation
     return (
         orientation is not None

@@ -29,17 +29,17 @@ from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, tu
 from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs, put_on_path
 from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
 
-# Smallest turn of corners of a contour [rad]; other vertices may be points along a curve at any
-# distance.
+# Smallest turn of a sharp corner [rad]. Vertices with a smaller turn may be points of a curve at
+# any distance from each other.
 SHARP = np.radians(30)
-# Saved share of the duration at which no further start is searched.
+# No further start is searched once this share of the duration is saved.
 ENOUGH = 0.01
-# Number of contours from which other processes shape them; starting them takes a few seconds.
+# From this number of contours on, other processes shape them; processes start in a few seconds.
 MANY = 24
 # Largest number of control point values in all iterations, for each corner or rest. Tolerances of
 # about 1 µm (six joints) and 0.1 µm (two joints) need more.
 WORK = 30_000
-# Note of a contour that could be shaped but has arcs.
+# Note of a contour for which arcs are faster than all shapes that were found
 ARCS_ARE_FASTER = "no shape that was found is faster than arcs"
 
 
@@ -147,9 +147,9 @@ class Shaping:
     def _faster(
         self, program: Program, arcs: Tracing, shaped: Program, first: FloatArray
     ) -> Program:
-        """Shaped program at the faster start, or the program with arcs if that is faster still."""
-        # Shapes are compared close to the start `first` [rad], (dof,). A redundant arm is slightly
-        # slower there than at a free start, which it has along arcs.
+        """Shaped program with the faster start, or the program with arcs if it is faster."""
+        # Shapes were compared from the start `first` [rad], (dof,). From this start a redundant arm
+        # can be slightly slower than from a free start, which it has along arcs.
         seed = tuple(first.tolist())
         plans: list[tuple[Program, tuple[float, ...] | None, Trajectory]] = []
         with suppress(ArmContourError):
@@ -159,7 +159,7 @@ class Shaping:
             with suppress(ArmContourError):
                 plans.append((shaped, start, self._time(self._follow(shaped, start))))
         if not plans:
-            # Planning raises the error.
+            # `plan` raises the error.
             return shaped
         fastest, joints, planned = min(plans, key=lambda x: x[2].duration)
         moves = list(fastest.moves)
@@ -172,7 +172,7 @@ class Shaping:
             starts = {name: x for name, x in durations.items() if name != SHAPED}
             outcome = replace(
                 outcome,
-                # Among starts with equal rounded durations the simplest one.
+                # Of starts with equal rounded durations, the simplest one comes first.
                 start=min(starts, key=lambda name: round(starts[name], 9)),
                 durations=durations,
                 note=outcome.note or (None if fastest is shaped else ARCS_ARE_FASTER),
@@ -233,7 +233,7 @@ class Shaping:
         return replace(program, moves=tuple(moves))
 
     def _timer(self, joint_path: JointPath, seed: FloatArray | None = None) -> Timer:
-        """Timer in the configuration of a joint path, with the seed if that is its start."""
+        """Timer in the configuration of a joint path; an equal `seed` replaces its start."""
         # The knots of a redundant arm depend on the rounding of the start.
         start, intervals = ends_of(joint_path)[0], self.options.intervals
         limits = with_reserve(self.limits, self.options.reserve)
@@ -246,7 +246,7 @@ class Shaping:
 
 def _cap(path: Path, tolerance: float) -> Path:
     """Limit the tolerances of a path to half of its stretches between two sharp corners."""
-    # A line that is drawn twice, a micrometre apart, leaves a stretch that allows no more.
+    # For example, the end of a line that is drawn twice, a micrometre apart, is such a stretch.
     sharp = np.flatnonzero(path.turns > SHARP) + 1
     ends = np.concatenate([[0], sharp, [len(path)]])
     half = np.repeat(np.diff(path.breaks[ends]) / 2, np.diff(ends))
@@ -272,7 +272,7 @@ class _Task:
 
 def _shape_all(tasks: list[_Task], progress: Progress | None) -> Callable[[int], ShapedPath]:
     """Function that returns the shaped path of a contour; other processes shape many contours."""
-    # It raises the error of the contour.
+    # The function raises the error of the contour.
     count = len(tasks)
 
     def report(done: float) -> None:
@@ -303,12 +303,12 @@ def _shape_or_error(task: _Task) -> ShapedPath | ArmContourError:
 
 
 def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
-    """Shaped path of one contour; `report` is called with the share done."""
+    """Shape one contour; `report` is called with the share done."""
     objective, timer, options = task.objective, task.timer, task.options
     tube = tube_of(objective, options)
     candidates = _time_starts(objective, tube, timer, options)
     if not candidates:
-        # Raises the error of the objective.
+        # Planning along the objective raises its error.
         timer.time(timer.trace(objective))
     durations = {x.name: x.duration for x in candidates}
     first = min(candidates, key=lambda x: x.duration)

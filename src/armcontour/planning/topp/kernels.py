@@ -270,8 +270,7 @@ def _conic(
     motion: tuple[float, float],
     end: int,
 ) -> None:
-    """Write the conic `"""
-    # a u + b x|² <= square` at one end of an interval.
+    """Write the conic `|a u + b x|² <= square` at one end of an interval."""
     w, turn = motion
     out = lines.conics[i & (len(lines.drawn) - 1), 2 * r + end]
     for d in range(5):

@@ -78,8 +78,7 @@ class Squares(NamedTuple):
 
 
 class Rounds(NamedTuple):
-    """Limits `"""
-    # a u + b x| <= radius` of the norms of vectors.
+    """Limits `|a u + b x| <= radius` of the norms of vectors."""
 
     # Vectors a and b at the starts and ends of the intervals, (n, 2, rounds, 2, 3). Their products
     # would lose the difference of two vectors that are almost equal.

@@ -187,8 +187,7 @@ class OnGrid:
         return np.stack([values[: len(self)], values[self.after]], axis=1)
 
     def round(self, a: FloatArray, b: FloatArray, radius: float) -> Rounds:
-        """`"""
-        # a u + b x| <= radius` for vectors at all samples, (samples, 2 or 3) each.
+        """Limit `|a u + b x| <= radius` for vectors at all samples, (samples, 2 or 3) each."""
         n, w = len(self), self.grid.width
         ends, rise = np.zeros((n, 2, 1, 2, 3)), np.zeros((n, 1, 4))
         for column, vectors in ((A, a), (B, b)):
@@ -201,7 +200,7 @@ class OnGrid:
         return Rounds(ends, np.full((len(self), 1), radius), rise)
 
     def square(self, b: FloatArray) -> Squares:
-        """`b x <= 1` for one b >= 0 at all samples, (samples,)."""
+        """Limit `b x <= 1` for one b >= 0 at all samples, (samples,)."""
         w, ends = self.grid.width, self.at_ends(b)
         deviation, rise = self._bend(b[:, None]), np.zeros((len(self), 1, 4))
         rise[:, 0, BY_U] = np.abs(ends[:, 1] - ends[:, 0]) * w / 2

@@ -29,7 +29,7 @@ BERNSTEIN = np.array(
 
 
 def check_joint_range(joint_path: JointPath, limits: Limits) -> None:
-    """Check that no joint leaves its range along a joint path."""
+    """Raise Unreachable if a joint leaves its range along a joint path."""
     if limits.joint_lower is None and limits.joint_upper is None:
         return
     lower, upper = limits.joint_range(joint_path.dof)
@@ -58,10 +58,10 @@ def check_joint_range(joint_path: JointPath, limits: Limits) -> None:
 def out_of_range(
     path: Path | None, s: float, joint: int, q: float, edge: float, also: str = ""
 ) -> Unreachable:
-    """Error for a joint that leaves its range."""
+    """Make the error for a joint that leaves its range."""
     # `s`: arc length at which the joint is out of range [m]; `joint`: index of the joint, from 0;
-    # `q`: joint position that the path would need there [rad]; `edge`: the end of the joint range
-    # that is exceeded [rad].
+    # `q`: joint position that the path requires there [rad]; `edge`: end of the joint range that is
+    # exceeded [rad]; `also`: clause that is added to the message.
     name = "upper" if q > edge else "lower"
     return Unreachable(
         f"At {s:.6g} m along the path joint {joint + 1} would be at {q:.6g} rad, "

@@ -83,7 +83,7 @@ class Numeric(Solver[SerialArm]):
         return q, dq_ds, d2q_ds2
 
     def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
-        """Same as `Solver.errors_between`; the solutions share poses between the first knots."""
+        """Same as `Solver.errors_between`; solutions share the poses between the first knots."""
         if knots is not self._first.knots:
             return super().errors_between(knots, start, end)
         q = quintics_at_places(knots, start, end)

@@ -26,7 +26,7 @@ A = TypeVar("A", bound=Arm, covariant=True)
 
 
 class Solver(ABC, Generic[A]):
-    """Joint positions and their derivatives along a tool path."""
+    """Computes joint positions and their derivatives along a tool path."""
 
     def __init__(self, path: Path, arm: A) -> None:
         self.path = path
@@ -82,7 +82,7 @@ def largest_errors(errors: FloatArray, n: int) -> FloatArray:
 
 
 class Analytic(Solver[PlanarTwoLink]):
-    """Exact joint positions and derivatives at knots, by (3)-(4), (28) and (27)."""
+    """Exact joint positions and derivatives at knots, by (3)-(4), (28) and (27) of the paper."""
 
     def __init__(
         self, path: Path, arm: PlanarTwoLink, configuration: str, tolerance: float
@@ -92,7 +92,7 @@ class Analytic(Solver[PlanarTwoLink]):
         if path.dimension != arm.dimension:
             raise InvalidInput(
                 f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} "
-                f"moves in {arm.dimension}."
+                f"has {arm.dimension}: give a path with {arm.dimension} coordinates."
             )
         super().__init__(path, arm)
         self.configuration, self.tolerance = configuration, tolerance
@@ -125,7 +125,7 @@ class Analytic(Solver[PlanarTwoLink]):
         return q, dq_ds, self.arm.joint_acceleration(q, dq_ds, curvature)
 
     def guess(self, knots: Knots, u: FloatArray, middle: FloatArray, halfway: FloatArray) -> None:
-        """None, because a closed form needs no guess."""
+        """Return None, because the closed form needs no guess."""
 
     def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
         """Remove jumps by whole turns from the joint positions."""
@@ -183,7 +183,7 @@ def _select(ends: Ends, selection: BoolArray | IntArray) -> Ends:
 
 
 def raise_singular(solver: Solver[Any], s: float, state: str) -> NoReturn:
-    """Refuse a point of the path without a joint motion."""
+    """Raise Unreachable at a point of the path at which the joints have no unique motion."""
     # `s`: arc length of the point [m]; `state`: state of the arm at the point, such as "is
     # singular".
     path, point = solver.path, solver.path(s).tolist()
