@@ -163,10 +163,11 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
         return 3
     task = 5 if orientation.axis_only else 6
     if task > arm.dof:
+        remedy = ": leave the rotation about the tool axis free with axis_only"
         raise InvalidInput(
             f"The arm {arm.name} has {arm.dof} joints, but a tool "
-            f"{'axis' if task == 5 else 'orientation'} in space needs "
-            f"{task}{': leave the rotation about the tool axis free with axis_only' if arm.dof == 5 else ''}."
+            f"{'axis' if task == 5 else 'orientation'} in space needs {task}"
+            f"{remedy if arm.dof == 5 else ''}."
         )
     if not orientation.constant and (orientation.jumps > NO_JUMP).any():
         _refuse_jump(path, orientation)

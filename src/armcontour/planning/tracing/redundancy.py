@@ -68,7 +68,7 @@ class Guide:
         return cls(s=s, coefficients=np.concatenate(parts), dof=dof)
 
     def evaluate(self, s: FloatArray, middle: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """w and g with two derivatives along s, (n, 3, free, dof) and (n, 3, dof)."""
+        """Rows w and guide g with two derivatives along s, (n, 3, free, dof) and (n, 3, dof)."""
         # `s`: arc lengths [m], (n,); `middle`: arc lengths inside the intervals that `s` belong to
         # [m], (n,); at a knot they select the interval.
         interval, k = np.searchsorted(self.s, middle) - 1, np.arange(6)
