@@ -279,7 +279,7 @@ def check_jerk_support(method: Method, limits: Limits) -> None:
             limit=limited[0],
         )
     raise NotRealizable(
-        f"The method {method} does not support limits of jerk ({names}): plan by the "
+        f"The method {method} does not support limits of jerk, but {names} is given: plan by the "
         f"method optimal (in a job, timing: {{method: optimal}}), or {lift}.",
         limit=limited[0],
     )

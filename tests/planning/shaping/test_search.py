@@ -49,7 +49,7 @@ def test_every_iteration_is_within_the_tube_and_no_slower(arm, centripetal):
 
 def test_what_is_not_shaped(arm, limits):
     path = ac.shape(LINES, arm, limits, ac.Shaped(tolerance=1e-3, line_tolerance=0.0, zone=0.01))
-    assert "lines without a tolerance" in path.outcome.note
+    assert "a line has no tolerance" in path.outcome.note
     assert path.outcome.durations["shaped"] == min(path.outcome.durations.values())
     assert why_not(LINES, Tube.around(LINES, 1e-3)) is None
     # A tolerance of zero stops at every vertex.
