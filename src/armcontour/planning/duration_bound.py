@@ -79,7 +79,7 @@ def _largest_u(
 
 
 @compiled(inner=True)
-def _time_on(
+def _shortest_time(
     width: float, first: float, last: float, up: float, down: float, ceiling: float
 ) -> float:
     """Shortest time [s] along `width` [m] from x = first to x = last: x rises, stays, and falls."""
@@ -166,7 +166,9 @@ def least_duration(
             x[finish] = min(x[finish], max(x[begin] + 2.0 * widths[i] * u, 0.0))
     duration = 0.0
     for i in range(size):
-        duration += _time_on(widths[i], x[i], x[i + 1], steepest[i, 0], steepest[i, 1], tops[i])
+        duration += _shortest_time(
+            widths[i], x[i], x[i + 1], steepest[i, 0], steepest[i, 1], tops[i]
+        )
     return duration if math.isfinite(duration) else 0.0
 
 

@@ -25,14 +25,14 @@ from armcontour.robot.limits import JOINT_LIMITS
 
 # A limit is active on an interval if its used share is at least this. Margins of the planner may
 # use the remainder. Below this share, the plan is in transition between two limits.
-BINDS = 0.99
+ACTIVE = 0.99
 # Margins are larger on wide intervals. Next to an interval with an active limit, the same limit is
-# active from the share BINDS_BESIDE on, if it is the most used limit on more than PASSES intervals
-# in a row. A transition takes at most PASSES intervals.
-BINDS_BESIDE, PASSES = 0.9, 2
-# Replaces BINDS with limits of jerk, because intervals are then longer, and the used share of a
+# active from the share ACTIVE_ADJACENT on, if it is the most used limit on more than MAX_TRANSITION
+# intervals in a row. A transition takes at most MAX_TRANSITION intervals.
+ACTIVE_ADJACENT, MAX_TRANSITION = 0.9, 2
+# Replaces ACTIVE with limits of jerk, because intervals are then longer, and the used share of a
 # limit changes more along an interval.
-BINDS_WITH_JERK = 0.9
+ACTIVE_WITH_JERK = 0.9
 # The assigned velocity counts as reached from this share of it on.
 REACHED = 0.999
 # An extreme of the speed is confirmed once the speed differs from it by this share.
@@ -347,26 +347,26 @@ def _explain_law(
         used.append(constraint.usage(ends))
         names += constraint.names
     shares = np.concatenate(used, axis=1)
-    limit_index = _find_binding(shares, BINDS_WITH_JERK if bounds.jerk_limits else BINDS)
+    limit_index = _find_active(shares, ACTIVE_WITH_JERK if bounds.jerk_limits else ACTIVE)
     shortfalls = _shortfalls(law, assigned, reached, limit_index, names)
     return _LawExplanation(
         _bindings(law, shares.max(axis=1), limit_index, names, offsets),
         tuple(replace(x, s=offsets[1] + x.s) for x in shortfalls),
-        _extent(law, np.isfinite(assigned)),
-        _extent(law, reached),
+        _measure_extent(law, np.isfinite(assigned)),
+        _measure_extent(law, reached),
     )
 
 
-def _find_binding(shares: FloatArray, threshold: float) -> IntArray:
+def _find_active(shares: FloatArray, threshold: float) -> IntArray:
     """Column of the active limit on each interval, or -1, (n,), from used shares, (n, limits)."""
     # A limit is active from the share `threshold` on, regardless of neighbouring intervals.
     share, most_used = shares.max(axis=1), shares.argmax(axis=1)
     certain = share >= threshold
-    candidates = np.where(share >= min(threshold, BINDS_BESIDE), most_used, -1)
+    candidates = np.where(share >= min(threshold, ACTIVE_ADJACENT), most_used, -1)
     starts, count = _runs(candidates)
     binds = np.repeat(np.maximum.reduceat(certain, starts), count)
     starts, count = _runs(2 * candidates + certain)
-    return np.where(certain | (binds & (np.repeat(count, count) > PASSES)), candidates, -1)
+    return np.where(certain | (binds & (np.repeat(count, count) > MAX_TRANSITION)), candidates, -1)
 
 
 def _runs(values: IntArray) -> tuple[IntArray, IntArray]:
@@ -401,7 +401,7 @@ def _bindings(
     return tuple(bindings)
 
 
-def _extent(law: PathLaw, mask: BoolArray) -> tuple[float, float]:
+def _measure_extent(law: PathLaw, mask: BoolArray) -> tuple[float, float]:
     """Length [m] and time [s] of the selected intervals."""
     return float(np.diff(law.s)[mask].sum()), float(np.diff(law.breaks)[mask].sum())
 

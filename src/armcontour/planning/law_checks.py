@@ -21,7 +21,7 @@ PEAK_SAMPLES = 33
 # A law may exceed a limit by this share, its rounding error.
 ROUNDING = 1e-6
 # Words that follow a unit in messages if the unit alone is ambiguous, by field of `Limits`
-OF = {"angular_speed": " of turning", "angular_acceleration": " of turning"}
+UNIT_SUFFIXES = {"angular_speed": " of turning", "angular_acceleration": " of turning"}
 # Limits that a reserve reduces.
 RESERVED = ("joint_acceleration", "joint_torque")
 
@@ -98,7 +98,7 @@ def sample_times(law: Law) -> tuple[IntArray, FloatArray]:
     return np.broadcast_to(interval, grid.shape).ravel(), grid.ravel()
 
 
-def check_kept(
+def check_limits(
     laws: Sequence[LawAlongPath],
     arm: Arm,
     limits: Limits,  # Limits; named limits that are None are not checked
@@ -126,7 +126,8 @@ def check_kept(
             s = float(law.path_position(intervals[index[0]], times[index[0]]))
             raise NotRealizable(
                 f"{location}, at {s:.4g} m, {subject} would need {needed:.4g} {UNITS[name]}"
-                f"{OF.get(name, '')}, but its limit is {limit:.4g} {UNITS[name]}. {remedy}.",
+                f"{UNIT_SUFFIXES.get(name, '')}, but its limit is {limit:.4g} {UNITS[name]}. "
+                f"{remedy}.",
                 s=s,
                 t=start + float(times[index[0]]),
                 joint=joint,

@@ -51,13 +51,13 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import TOOL_LIMITS
 
 # The grid is refined while the margin for maxima inside intervals exceeds the share LARGEST_MARGIN
-# of a limit, at most MAX_REFINEMENTS times. The share grows by the factor MORE_EACH_TIME with each
-# refinement, up to LARGEST_MARGIN_EVER, because a finer grid is expensive with thousands of
+# of a limit, at most MAX_REFINEMENTS times. The share grows by the factor MARGIN_GROWTH with each
+# refinement, up to LAST_MARGIN, because a finer grid is expensive with thousands of
 # corners. With fewer intervals than COARSE, the first share is FIRST_MARGIN, to save time.
 LARGEST_MARGIN = 3e-3
 FIRST_MARGIN, COARSE = 1e-2, 500
-MORE_EACH_TIME = 2.0
-LARGEST_MARGIN_EVER = 0.2
+MARGIN_GROWTH = 2.0
+LAST_MARGIN = 0.2
 MAX_REFINEMENTS = 12
 # The grid is also refined while the estimated loss of time exceeds this share of the duration. The
 # share holds for DEFAULT_INTERVALS, and is smaller if more intervals are requested. The estimate is
@@ -185,9 +185,9 @@ def time_optimal(
 ) -> PathLaw:
     """Plan on a grid and refine it where margins or the estimated loss of time are too large."""
     # At an end at which dq_ds vanishes, the joints rest at any ds.
-    stands = rests_at_breaks(grid.joint_path)
-    start = np.inf if start_speed == 0 and stands[0] else start_speed**2
-    end = np.inf if end_speed == 0 and stands[-1] else end_speed**2
+    rests = rests_at_breaks(grid.joint_path)
+    start = np.inf if start_speed == 0 and rests[0] else start_speed**2
+    end = np.inf if end_speed == 0 and rests[-1] else end_speed**2
     max_margin = FIRST_MARGIN if len(grid) < COARSE else LARGEST_MARGIN
     rules, s = Rules(float(start), float(end), max_margin), 0.0
     best: tuple[Grid, GridPlan] | None = None
@@ -198,7 +198,7 @@ def time_optimal(
         grid_plan = plan_on_grid(path.intervals, limits, rules)
         if grid_plan.outcome == kernels.FOUND:
             if math.isinf(largest_loss):
-                return _law(grid, grid_plan)
+                return _make_law(grid, grid_plan)
             duration, loss, points = estimate_losses(path.intervals, limits, grid_plan)
             gained = shortest - duration
             if duration < shortest:
@@ -215,15 +215,15 @@ def time_optimal(
             if best is not None:
                 break
             _refuse(grid, grid_plan, arm, rules)
-        parts = _whole(np.sqrt(grid_plan.lost / LARGEST_MARGIN), max_intervals)
+        parts = _round_parts(np.sqrt(grid_plan.lost / LARGEST_MARGIN), max_intervals)
         crowded = parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MAX_REFINED / 2
-        if crowded and max_margin == LARGEST_MARGIN_EVER:
+        if crowded and max_margin == LAST_MARGIN:
             break
         grid = split(grid, parts)
-        max_margin = min(MORE_EACH_TIME ** (k + 1) * LARGEST_MARGIN, LARGEST_MARGIN_EVER)
+        max_margin = min(MARGIN_GROWTH ** (k + 1) * LARGEST_MARGIN, LAST_MARGIN)
         rules = rules._replace(max_margin=max_margin, steady=0.0)
     if best is not None:
-        return _law(*best)
+        return _make_law(*best)
     raise NotRealizable(
         f"At {s:.6g} m along the path the limits cannot be satisfied between grid points on any "
         "grid, because the joint path is too uneven there: smooth it or trace it more accurately.",
@@ -234,10 +234,10 @@ def time_optimal(
 def _parts_by_loss(loss: FloatArray, max_loss: float) -> FloatArray:
     """Number of parts of each interval for a total loss of at most `max_loss`."""
     parts = np.sqrt(np.minimum(np.nan_to_num(loss) * len(loss) / max_loss, MAX_PARTS_AT_ONCE**2))
-    return _whole(parts, max(MAX_REFINED, len(loss)))
+    return _round_parts(parts, max(MAX_REFINED, len(loss)))
 
 
-def _whole(parts: FloatArray, max_parts: int) -> FloatArray:
+def _round_parts(parts: FloatArray, max_parts: int) -> FloatArray:
     """Round numbers of parts up, after halving them until their sum is at most `max_parts`."""
     while True:
         counts = np.maximum(np.ceil(parts), 1.0)
@@ -256,7 +256,7 @@ def _with_stops(limits: GridLimits, grid: Grid) -> GridLimits:
     return limits._replace(ceiling=ceiling)
 
 
-def _law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
+def _make_law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
     """Make the time law of a grid plan, with path acceleration linear in s on every interval."""
     try:
         return PathLaw.from_squares(grid.joint_path, grid.s, grid_plan.x, grid_plan.k)

@@ -16,7 +16,7 @@ from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, LawAlongPath, LawPhase, Method, Trajectory
 from armcontour.planning.law_checks import (
-    check_kept,
+    check_limits,
     law_peaks,
     path_law,
     require_speed,
@@ -27,7 +27,7 @@ from armcontour.planning.paper_line import PaperLine, RulePart, parts_by_rule
 from armcontour.robot import Arm, Limits
 
 # Number of parts of a lap next to a rest, because the speed changes by a large factor there.
-LAPS_AT_REST = 10
+PARTS_AT_REST = 10
 # Limits that are checked on every part, because the method does not guarantee them.
 CHECKED = (
     "joint_velocity",
@@ -54,13 +54,13 @@ def plan_paper(joint_path: JointPath, arm: Arm, limits: Limits, options: Paper) 
     path = tool_path_of(joint_path, "paper")
     assigned = np.fmin(path.speeds, require_speed(limits, "paper"))
     _refuse_limits(limits)
-    junctions = _junctions(path, _straight(path), assigned, limits)
+    junctions = _find_junctions(path, _find_lines(path), assigned, limits)
     lines = _make_lines(joint_path, arm, limits, assigned, junctions, options)
     _match_speeds(lines, junctions)
     return _join(lines, junctions, arm, limits)
 
 
-def _straight(path: Path) -> list[int]:
+def _find_lines(path: Path) -> list[int]:
     return list(np.flatnonzero(path.curvatures == 0).tolist())
 
 
@@ -74,10 +74,10 @@ def _make_lines(
 ) -> list[PaperLine]:
     path = tool_path_of(joint_path, "paper")
     lines = []
-    for number, i in enumerate(_straight(path)):
+    for number, i in enumerate(_find_lines(path)):
         count = options.knots
         if count is None:
-            count = _usual_knots(path.lengths[i], assigned[i], options.cycle, number)
+            count = _default_laps(path.lengths[i], assigned[i], options.cycle, number)
         at_rest = (junctions[number].speed == 0, junctions[number + 1].speed == 0)
         lines.append(
             PaperLine(
@@ -85,7 +85,7 @@ def _make_lines(
                 joint_path=joint_path,
                 arm=arm,
                 limit=limits.acceleration_bounds(arm.dof)[1],
-                s=_knots(path.breaks[i], path.breaks[i + 1], count, at_rest),
+                s=_place_knots(path.breaks[i], path.breaks[i + 1], count, at_rest),
                 assigned=float(assigned[i]),
             )
         )
@@ -110,7 +110,7 @@ def _refuse_limits(limits: Limits) -> None:
         )
 
 
-def _usual_knots(length: float, speed: float, cycle: float, number: int) -> int:
+def _default_laps(length: float, speed: float, cycle: float, number: int) -> int:
     """Number of laps of a line, so that a lap takes at most one cycle at the assigned velocity."""
     count = length / (speed * cycle)
     if not count <= MAX_LAPS:
@@ -138,13 +138,13 @@ def _join(
             laws += parts[-1].laws
         for part in parts:
             start = stretches[-1].t[1] if stretches else 0.0
-            stretches.append(_stretch(part, start, arm, limits))
+            stretches.append(_check_part(part, start, arm, limits))
     return Trajectory(
         laws=tuple(laws), method=Method.PAPER, path=joint_path.tool_path, stretches=tuple(stretches)
     )
 
 
-def _junctions(
+def _find_junctions(
     path: Path, lines: list[int], assigned: FloatArray, limits: Limits
 ) -> list[Junction]:
     """Junctions of a path with their largest speeds: before the first line and after each line."""
@@ -175,11 +175,11 @@ def _junctions(
     return result
 
 
-def _knots(start: float, end: float, count: int, at_rest: tuple[bool, bool]) -> FloatArray:
+def _place_knots(start: float, end: float, count: int, at_rest: tuple[bool, bool]) -> FloatArray:
     """Arc lengths [m] of the knots of a line from `start` to `end` with `count` equal laps."""
     # A lap next to a rest is divided into parts of equal duration at constant acceleration.
     shares = np.arange(count + 1) / count
-    parts = (np.arange(1, LAPS_AT_REST) / LAPS_AT_REST) ** 2 / count
+    parts = (np.arange(1, PARTS_AT_REST) / PARTS_AT_REST) ** 2 / count
     if at_rest[0]:
         shares = np.concatenate([shares[:1], parts, shares[1:]])
     if at_rest[1]:
@@ -213,11 +213,11 @@ def _arc_part(name: str, joint_path: JointPath, segment: int, speed: float) -> R
     return RulePart(name, "corner", float(law.breaks[-1]), ends, [law])
 
 
-def _stretch(part: RulePart, start: float, arm: Arm, limits: Limits) -> LawPhase:
+def _check_part(part: RulePart, start: float, arm: Arm, limits: Limits) -> LawPhase:
     """Check the limits of a part that starts at the time `start` [s]; returns it with its peaks."""
     # The rules of the method do not include these limits: joint acceleration on the middle part and
     # on corners, joint velocities, torques, and the angular motion of the tool.
-    check_kept(
+    check_limits(
         part.laws,
         arm,
         limits,
@@ -245,7 +245,7 @@ def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajec
     path = tool_path_of(joint_path, "conventional")
     speeds = np.fmin(path.speeds, require_speed(limits, "conventional"))
     law = path_law(joint_path, path.breaks, speeds, speeds)
-    check_kept(
+    check_limits(
         [law],
         arm,
         limits,

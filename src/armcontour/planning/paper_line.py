@@ -22,7 +22,7 @@ from armcontour.planning.law_checks import law_states, path_law, tool_path_of
 from armcontour.robot import Arm
 
 # The tool speed is not computed from a joint that is slower than this share of the fastest joint.
-HARDLY_MOVING = 0.01
+MIN_JOINT_SPEED = 0.01
 
 
 @compiled()
@@ -80,7 +80,7 @@ def run_laps(
             acceleration[k, j] = needed
             fastest = max(fastest, abs(dq_ds[k + 1, j]))
         lead = slowest
-        if abs(dq_ds[k + 1, lead]) < HARDLY_MOVING * fastest:
+        if abs(dq_ds[k + 1, lead]) < MIN_JOINT_SPEED * fastest:
             for j in range(dof):
                 if abs(dq_ds[k + 1, j]) == fastest:
                     lead = j
@@ -206,29 +206,29 @@ class PaperLine:
             first = last + 1
             meeting = 0 <= last and first <= n
             if meeting:
-                last, first = self._meeting(last, first, forward.speed, backward)
+                last, first = self._find_meeting(last, first, forward.speed, backward)
         else:
             self._refuse_broken(forward, last, reverse, n - first)
             meeting = False
         pieces = []
         if last > 0:
             run = forward.h[:last], forward.dq[:last], forward.ddq[:last]
-            pieces.append(self._piece("MAC", 0, last, *run))
+            pieces.append(self._make_phase("MAC", 0, last, *run))
         low, high = max(last, 0), first
         if low < high <= n:
-            pieces.append(self._middle(low, high, forward.speed, backward, meeting))
+            pieces.append(self._make_middle(low, high, forward.speed, backward, meeting))
         if first < n:
-            pieces.append(self._mdc(reverse, first))
+            pieces.append(self._make_mdc(reverse, first))
         return pieces
 
-    def _mdc(self, run: Pass, first: int) -> LinePhase:
+    def _make_mdc(self, run: Pass, first: int) -> LinePhase:
         """Phase of the reverse pass from the knot `first` to the end, in the order of time."""
         count = len(self.s) - 1 - first
         ends = run.dq[:count] + run.ddq[:count] * run.h[:count, None]
         h, dq, ddq = run.h[:count][::-1], -ends[::-1], run.ddq[:count][::-1]
-        return self._piece("MDC", first, len(self.s) - 1, h, dq, ddq)
+        return self._make_phase("MDC", first, len(self.s) - 1, h, dq, ddq)
 
-    def _piece(
+    def _make_phase(
         self, kind: str, first: int, last: int, h: FloatArray, dq: FloatArray, ddq: FloatArray
     ) -> LinePhase:
         ends = (float(self.s[first]), float(self.s[last]))
@@ -244,7 +244,7 @@ class PaperLine:
         )
         return LinePhase(law, kind, ends)
 
-    def _meeting(
+    def _find_meeting(
         self, low: int, high: int, forward: FloatArray, backward: FloatArray
     ) -> tuple[int, int]:
         """Indices of the knots at which the passes are joined, so that the limit is satisfied."""
@@ -258,10 +258,10 @@ class PaperLine:
                 return start, end
         return low, high
 
-    def _middle(
+    def _make_middle(
         self, low: int, high: int, forward: FloatArray, backward: FloatArray, meeting: bool
     ) -> LinePhase:
-        """Piece with uniform tool acceleration between the passes; arguments as in `_meeting`."""
+        """Phase with uniform tool acceleration between both passes, see `_find_meeting`."""
         s = self.s[[low, high]]
         start, end = forward[low], backward[high]
         law = path_law(self.joint_path, s, np.array([start]), np.array([end]))

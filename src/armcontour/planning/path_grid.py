@@ -54,7 +54,7 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
 
 def cut_pieces(joint_path: JointPath, count: IntArray) -> Grid:
     """Make a grid with `count` equal intervals on each piece of a joint path, (pieces,)."""
-    return _locked(joint_path, *divide_intervals(joint_path.breaks, count))
+    return _make_grid(joint_path, *divide_intervals(joint_path.breaks, count))
 
 
 def distribute_intervals(joint_path: JointPath, intervals: int | None = None) -> IntArray:
@@ -88,7 +88,7 @@ def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
         )
     # Points that differ from a break or from the previous point by rounding only are dropped.
     s, piece, fewest = merge_breaks(points, breaks, 1e-12 * (breaks[-1] - breaks[0]))
-    grid = _locked(joint_path, s, piece)
+    grid = _make_grid(joint_path, s, piece)
     # A motion from rest to rest needs two intervals, so every piece gets at least two.
     return grid if fewest > 1 else split(grid, np.where(np.bincount(piece)[piece] == 1, 2, 1))
 
@@ -101,15 +101,15 @@ def split(grid: Grid, parts: FloatArray | IntArray, points: FloatArray | None = 
     parts = np.maximum(1, parts).astype(np.intp)
     if points is None:
         s, interval = divide_intervals(grid.s, parts)
-        return _locked(grid.joint_path, s, grid.piece[interval])
+        return _make_grid(grid.joint_path, s, grid.piece[interval])
     inside = (parts > 1) & (points > grid.s[:-1]) & (points < grid.s[1:])
     parts[inside] = 2
     s, interval = divide_intervals(grid.s, parts)
     s[(np.cumsum(parts) - 1)[inside]] = points[inside]
-    return _locked(grid.joint_path, s, grid.piece[interval])
+    return _make_grid(grid.joint_path, s, grid.piece[interval])
 
 
-def _locked(joint_path: JointPath, s: FloatArray, piece: IntArray) -> Grid:
+def _make_grid(joint_path: JointPath, s: FloatArray, piece: IntArray) -> Grid:
     """Make a grid of newly created arrays, which become read-only without a copy."""
     s.setflags(write=False)
     return Grid(joint_path, s, piece)

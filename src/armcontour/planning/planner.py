@@ -33,10 +33,10 @@ from armcontour.program import Dwell, Program
 from armcontour.robot import Arm, Limits, compare_limits, resolve_limits
 
 # Options that apply to a single path only, because a program rests between its paths.
-OF_ONE_PATH = ("grid", "start_speed", "end_speed")
+SINGLE_PATH_OPTIONS = ("grid", "start_speed", "end_speed")
 # Default for programs of many contours: largest total number of grid intervals, and smallest number
 # per contour. Their contours are shorter than a single path.
-MAX_BY_DEFAULT = 40_000
+MAX_TOTAL_INTERVALS = 40_000
 FEWEST_INTERVALS = 500
 
 
@@ -79,7 +79,7 @@ def plan(
         UserWarning: A given limit exceeds that of the arm, or limits of jerk add full stops where
             accelerations would jump.
     """
-    arm = _arm_of(path, arm, limits)
+    arm = _require_arm(path, arm, limits)
     bounds = resolve_limits("plan", arm, limits)
     if not isinstance(arm, Arm):
         arm = _JointSpace(arm.dof, arm.limits)
@@ -89,7 +89,7 @@ def plan(
     check_jerk_support(options.method, bounds)
     traced: Tracing | JointPath
     if isinstance(path, JointPath | Tracing):
-        traced = _refuse_foreign(path, arm, bounds, options)
+        traced = _check_traced(path, arm, bounds, options)
     else:
         program = Program.from_path(path, "plan needs a Path, a JointPath or a Program")
         check_duration(program, bounds)
@@ -170,7 +170,7 @@ class _JointSpace(Arm):
         raise InvalidInput("Limits of torque need the masses of an arm: give plan the arm.")
 
 
-def _arm_of(
+def _require_arm(
     path: Path | Program | JointPath | Tracing, arm: Arm | None, limits: Limits | None
 ) -> Arm:
     """Return the arm, or a `_JointSpace` for a joint path without a tool path."""
@@ -187,7 +187,7 @@ def _arm_of(
 def _fit_options(program: Program, options: PlanOptions) -> PlanOptions:
     if not isinstance(options, Optimal):
         return options
-    for name in OF_ONE_PATH if program.single_path is None else ():
+    for name in SINGLE_PATH_OPTIONS if program.single_path is None else ():
         if not np.array_equal(getattr(options, name), getattr(FASTEST, name)):
             raise InvalidInput(
                 f"{name} applies to a single path only, because a program rests between its "
@@ -200,9 +200,9 @@ def _fit_options(program: Program, options: PlanOptions) -> PlanOptions:
 def intervals_of(program: Program) -> int | None:
     """Number of grid intervals for each contour of a program; None for the default of a path."""
     count = len(program.contours)
-    if count <= MAX_BY_DEFAULT // DEFAULT_INTERVALS:
+    if count <= MAX_TOTAL_INTERVALS // DEFAULT_INTERVALS:
         return None
-    return max(FEWEST_INTERVALS, MAX_BY_DEFAULT // count)
+    return max(FEWEST_INTERVALS, MAX_TOTAL_INTERVALS // count)
 
 
 def check_duration(program: Program, limits: Limits) -> None:
@@ -237,7 +237,7 @@ def _refuse_endless_motion(trajectory: Trajectory) -> None:
         )
 
 
-def _refuse_foreign(
+def _check_traced(
     path: JointPath | Tracing, arm: Arm, limits: Limits, options: PlanOptions
 ) -> JointPath | Tracing:
     """Check that a joint path or tracing fits the arm and the options, and return it."""

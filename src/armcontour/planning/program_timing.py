@@ -68,7 +68,7 @@ def time_program(traced: Tracing, timing: Timing, progress: Progress | None = No
             trajectory = None
             if step.joint_path is not None:
                 with step.named():
-                    trajectory = _along(next(plans), step.joint_path)
+                    trajectory = _restore_joint_path(next(plans), step.joint_path)
             joined.add(step, trajectory)
             if traced.is_contour(step) and progress is not None:
                 number += 1
@@ -118,7 +118,7 @@ def time_rapid(
     return plan_optimal(joint_path, arm, limits.of_joints, options)
 
 
-def _along(trajectory: Trajectory, joint_path: JointPath) -> Trajectory:
+def _restore_joint_path(trajectory: Trajectory, joint_path: JointPath) -> Trajectory:
     """Replace the copy of the joint path in a plan of another process by the original."""
     if trajectory.path is joint_path.tool_path:
         return trajectory
@@ -147,7 +147,7 @@ class JoinedMoves:
         # `trajectory`: the motion along its joint path; None for dwells and events.
         move = None if step.move is None else self.traced.program.moves[step.move]
         if isinstance(move, Dwell):
-            self.stand(move.duration, step.move)
+            self.add_dwell(move.duration, step.move)
             return
         if isinstance(move, Event):
             point = tuple(self.arm.tool_position(self._q).tolist())
@@ -163,7 +163,7 @@ class JoinedMoves:
                 work = (work_start, work_end)
             fields = {"kind": "contour", "name": move.name, "work": work}
             for event in move.events:
-                early = _early_place(event, move.path.length, step.called)
+                early = _switch_position(event, move.path.length, step.called)
                 s_event = np.clip([event.s, early], 0.0, move.path.length)
                 due, switch_time = (t[0] + trajectory.time_at(s_event)).tolist()
                 point = tuple(move.path(s_event[0]).tolist())
@@ -175,7 +175,7 @@ class JoinedMoves:
         )
         self.t, self.done = t[1], step.joint_path
 
-    def stand(self, duration: float, move: int | None = None) -> None:
+    def add_dwell(self, duration: float, move: int | None = None) -> None:
         """Append a dwell."""
         # `duration`: duration [s]; `move`: index of the dwell; None for a pause that is not in the
         # program.
@@ -244,7 +244,7 @@ class JoinedMoves:
         )
 
 
-def _early_place(event: Event, length: float, called: str) -> float:
+def _switch_position(event: Event, length: float, called: str) -> float:
     """Arc length at which an event is switched [m], after subtraction of its lead distance."""
     early = event.s - event.lead_distance
     if not -REPEATED_POINT <= early <= length + REPEATED_POINT:

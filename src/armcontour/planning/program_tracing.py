@@ -28,25 +28,26 @@ from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm, resolve_limi
 # Joint positions closer than this are equal [rad]; closed-form inverse kinematics has this error.
 SAME_POSITION = 1e-9
 # Options of the coarse plans by which configurations are compared
-ROUGHLY = Optimal(intervals=400)
+COARSE_PLAN = Optimal(intervals=400)
 # Planar joint paths of more pieces are compared by lower bounds, because a plan takes seconds.
 MAX_PLANNED = 8_000
-# A path of more segments than LONG is compared on parts of about PART_SEGMENTS segments, one part
-# per PART_EVERY segments, at most MAX_PARTS. Durations of parts are accurate to a few thousandths
-# only, so configurations that are slower by at most SLOWER are traced along the whole path.
-LONG = 20_000
+# A path of more segments than LONG_PATH is compared on parts of about PART_SEGMENTS segments, one
+# part per PART_EVERY segments, at most MAX_PARTS. Durations of parts are accurate to a few
+# thousandths only, so configurations that are slower by at most MAX_SLOWER are traced along the
+# whole path.
+LONG_PATH = 20_000
 PART_SEGMENTS, PART_EVERY, MAX_PARTS = 200, 2500, 40
-SLOWER = 0.01
+MAX_SLOWER = 0.01
 # Configurations whose durations on the parts differ by less than this share differ by a turn of the
 # wrist only, and are equally fast on the whole path.
-ALIKE = 1e-4
+SAME_ON_PARTS = 1e-4
 # A configuration is not planned if this share of its lower bound of the duration exceeds the
 # duration of a plan. The share is below 1 because the bound evaluates limits at points only.
-SURE = 0.998
+BOUND_SHARE = 0.998
 # Durations that differ by at most this share, the accuracy of the planner, are equal.
-AS_FAST = 1e-6
+EQUALLY_FAST = 1e-6
 # Number of following contours that decide between equally fast configurations.
-AHEAD = 4
+LOOK_AHEAD = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,7 +192,9 @@ class _Tracer:
         if self.last is not None:
             end, q = ends_of(self.last)[1], ends_of(joint_path)[0]
             if np.abs(q - end).max() > SAME_POSITION:
-                self.steps.append(TracedMove(move=None, joint_path=_line(end, q), called=called))
+                self.steps.append(
+                    TracedMove(move=None, joint_path=_straight_line(end, q), called=called)
+                )
         self.steps.append(TracedMove(move=i, joint_path=joint_path, called=called))
         self.last = joint_path
 
@@ -228,7 +231,7 @@ class _Tracer:
         accept = self.accept if self.looks_ahead else None
         first: JointPath | None = None
         for group in trace_by_duration(path, self.limited, configuration=configuration, seed=seed):
-            for joint_path in self._in_order(group, i):
+            for joint_path in self._sort_by_next_moves(group, i):
                 if accept is None or np.all(accept(joint_path)):
                     self.faster_rejected |= first is not None
                     return joint_path
@@ -236,12 +239,12 @@ class _Tracer:
         assert first is not None
         return first
 
-    def _in_order(self, as_fast: list[JointPath], i: int) -> list[JointPath]:
+    def _sort_by_next_moves(self, as_fast: list[JointPath], i: int) -> list[JointPath]:
         """Sort equally fast joint paths of a move by the duration of the next moves."""
         if len(as_fast) == 1 or not self.looks_ahead:
             return as_fast
         durations = np.array([self._look_ahead(x, i) for x in as_fast])
-        durations[durations <= durations.min() * (1 + AS_FAST)] = durations.min()
+        durations[durations <= durations.min() * (1 + EQUALLY_FAST)] = durations.min()
         return [as_fast[k] for k in np.argsort(durations, kind="stable")]
 
     def _look_ahead(self, joint_path: JointPath, i: int) -> float:
@@ -249,7 +252,7 @@ class _Tracer:
         done = sum(isinstance(x, Contour) for x in self.program.moves[: i + 1])
         trial = replace(self, steps=[], last=joint_path, done=done, looks_ahead=False)
         for k, move in enumerate(self.program.moves[i + 1 :], i + 1):
-            if trial.done == done + AHEAD:
+            if trial.done == done + LOOK_AHEAD:
                 break
             try:
                 trial.follow(k, move)
@@ -259,7 +262,7 @@ class _Tracer:
         return sum(bound_duration(x, self.limits) for x in joint_paths)
 
 
-def _line(begin: FloatArray, end: FloatArray) -> JointPath:
+def _straight_line(begin: FloatArray, end: FloatArray) -> JointPath:
     length = float(np.linalg.norm(end - begin))
     coefficients = np.zeros((1, 6, len(begin)))
     coefficients[0, 0], coefficients[0, 1] = begin, (end - begin) / length * length
@@ -346,7 +349,7 @@ def trace_by_duration(
     bounds = resolve_limits("trace_fastest", arm, limits)
     # Limits of jerk increase the computing time and do not change the order of configurations.
     rough = bounds.without_jerk
-    if isinstance(path, Path) and len(path) > LONG and isinstance(arm, SerialArm):
+    if isinstance(path, Path) and len(path) > LONG_PATH and isinstance(arm, SerialArm):
         joint_path = (
             _trace_long(path, arm, bounds) if configuration is None and seed is None else None
         )
@@ -372,14 +375,14 @@ def _by_duration(
     durations: dict[int, float] = {}
     while order or durations:
         # Joint paths whose lower bounds exceed the fastest duration are planned later.
-        while order and SURE * at_least[order[0]] <= min(durations.values(), default=np.inf):
+        while order and BOUND_SHARE * at_least[order[0]] <= min(durations.values(), default=np.inf):
             i = order.pop(0)
             durations[i] = np.inf
             # If no configuration can be planned, the plan of the first one raises the error.
             with suppress(ArmContourError):
-                durations[i] = plan_optimal(joint_paths[i], arm, rough, ROUGHLY).duration
+                durations[i] = plan_optimal(joint_paths[i], arm, rough, COARSE_PLAN).duration
         shortest = min(durations.values())
-        as_fast = sorted(i for i, x in durations.items() if x <= shortest * (1 + AS_FAST))
+        as_fast = sorted(i for i, x in durations.items() if x <= shortest * (1 + EQUALLY_FAST))
         yield [joint_paths[i] for i in as_fast]
         for i in as_fast:
             del durations[i]
@@ -389,7 +392,7 @@ def find_starts(path: Path, arm: SerialArm, limits: Limits | None = None) -> lis
     """Joint positions at the start of a path, one for each configuration [rad], (dof,) each."""
     # A long path is checked at a few points only, so a configuration may not complete it.
     # `limits`: limits with the joint ranges; by default those of the arm.
-    if len(path) > LONG:
+    if len(path) > LONG_PATH:
         try:
             return [x[0] for x in sketch_all(path, arm, limits=limits)[1]]
         except Unreachable:
@@ -408,8 +411,8 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
     except Unreachable:
         # `trace_all` raises the error.
         return None
-    bounds, durations = _compare(path, arm, limits, s, solutions)
-    fast = durations <= (1 + SLOWER) * durations.min()
+    bounds, durations = _compare_on_parts(path, arm, limits, s, solutions)
+    fast = durations <= (1 + MAX_SLOWER) * durations.min()
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = durations / bounds
     slow = np.flatnonzero(~fast)
@@ -418,7 +421,7 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
     for k in [*np.flatnonzero(fast), *slow[np.argsort(durations[slow], kind="stable")]]:
         if done and not fast[k]:
             break
-        if any((1 - ALIKE) * x < durations[k] < (1 + ALIKE) * x for x in done):
+        if any((1 - SAME_ON_PARTS) * x < durations[k] < (1 + SAME_ON_PARTS) * x for x in done):
             continue
         try:
             joint_path = trace(path, arm, limits=limits, seed=solutions[k][0])
@@ -431,7 +434,7 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
     return best
 
 
-def _compare(
+def _compare_on_parts(
     path: Path, arm: SerialArm, limits: Limits, s: FloatArray, solutions: list[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
     """Bounds and durations of parts of a long path in each configuration, (solutions,) each [s]."""
@@ -457,10 +460,10 @@ def _compare(
         traced.append(joint_paths)
     durations, shortest = bounds.copy(), np.inf
     for k in np.argsort(bounds, kind="stable"):
-        if SURE * bounds[k] > (1 + SLOWER) * shortest:
+        if BOUND_SHARE * bounds[k] > (1 + MAX_SLOWER) * shortest:
             break
         try:
-            durations[k] = sum(plan_optimal(x, arm, rough, ROUGHLY).duration for x in traced[k])
+            durations[k] = sum(plan_optimal(x, arm, rough, COARSE_PLAN).duration for x in traced[k])
         except ArmContourError:
             durations[k] = np.inf
         shortest = min(shortest, float(durations[k]))

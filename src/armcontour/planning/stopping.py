@@ -30,11 +30,11 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States
 
 # Longest piece of the joint path over time [s]; its quintics are within 1e-10 rad of the plan.
-PIECE = 2e-3
+MAX_PIECE = 2e-3
 # Precision of the duration of a stop with limits of jerk [s]
 PRECISION = 1e-3
 # A plan is at rest if no joint is faster than this [rad/s].
-REST = 1e-6
+REST_SPEED = 1e-6
 # Share of the limits that a stop uses of the plan's reserve at first, because the grid of the stop
 # has other margins than that of the plan.
 MARGIN = 0.01
@@ -42,8 +42,8 @@ MARGIN = 0.01
 INTERVALS = 200
 # Stop with limits of jerk: number of times at which states are checked, and first duration that is
 # tried [s]
-STATES = 500
-SHORTEST = 0.02
+CHECKED_STATES = 500
+FIRST_DURATION = 0.02
 
 
 @checked
@@ -67,17 +67,17 @@ def stop(trajectory: Trajectory, t: Time) -> Trajectory:
     """
     arm, limits = trajectory.require_arm(), trajectory.limits_for(None)
     rest = _next_rest(trajectory, t)
-    if np.abs(trajectory(min(t, rest), 1)).max() < REST:
-        return _until(trajectory, min(t, rest))
+    if np.abs(trajectory(min(t, rest), 1)).max() < REST_SPEED:
+        return _cut_at(trajectory, min(t, rest))
     joint_path = _path_over_time(trajectory, t, rest)
     find = _smooth_stop if limits.jerk_limits else _fastest_stop
-    begin = _until(trajectory, t)
+    begin = _cut_at(trajectory, t)
     # A part of the reserve is used first, then all of it.
     for reserve in sorted({max(trajectory.reserve - MARGIN, 0.0), 0.0}, reverse=True):
         law = find(joint_path, arm, with_reserve(limits, reserve))
         if law is not None and law.breaks[-1] < rest - t:
             return replace(begin, laws=(*begin.laws, law))
-    return _until(trajectory, rest)
+    return _cut_at(trajectory, rest)
 
 
 def _next_rest(trajectory: Trajectory, t: float) -> float:
@@ -85,10 +85,10 @@ def _next_rest(trajectory: Trajectory, t: float) -> float:
     times = trajectory.breaks
     times = np.append(times[times > t], trajectory.duration)
     speeds = np.abs(trajectory(times, 1, side="left")).max(axis=1)
-    return float(times[np.argmax(speeds < REST)])
+    return float(times[np.argmax(speeds < REST_SPEED)])
 
 
-def _until(trajectory: Trajectory, t: float) -> Trajectory:
+def _cut_at(trajectory: Trajectory, t: float) -> Trajectory:
     """The trajectory until a time, without spans and events."""
     plain = replace(trajectory, stretches=(), spans=(), events=())
     if t >= trajectory.duration:
@@ -126,13 +126,13 @@ def _path_over_time(trajectory: Trajectory, begin: float, end: float) -> JointPa
     """The motion between two times as a joint path whose parameter is the time from `begin`."""
     inner = trajectory.smooth_breaks
     breaks = [begin, *inner[(inner > begin) & (inner < end)], end]
-    counts = np.ceil(np.diff(breaks) / PIECE).astype(int)
+    counts = np.ceil(np.diff(breaks) / MAX_PIECE).astype(int)
     parts = [
         np.linspace(a, b, n, endpoint=False)
         for a, b, n in zip(breaks[:-1], breaks[1:], counts, strict=True)
     ]
     times = np.append(np.concatenate(parts), end)
-    times = times[np.append(True, np.diff(times) > PIECE * 1e-6)]
+    times = times[np.append(True, np.diff(times) > MAX_PIECE * 1e-6)]
     after = np.stack(trajectory.motion(times[:-1], side="right"))
     before = np.stack(trajectory.motion(times[1:], side="left"))
     # Velocities of the paper's method jump slightly at knots. A joint path would have to rest
@@ -177,7 +177,7 @@ def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> Law | None
 
 def _smooth_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> Law | None:
     """Shortest smooth stop that satisfies all limits; None if the path is too short."""
-    low, high = 0.0, SHORTEST
+    low, high = 0.0, FIRST_DURATION
     while True:
         # A stop advances the time of the plan by half of the duration of the stop.
         if high / 2 > joint_path.length:
@@ -201,7 +201,7 @@ def _slow_down(joint_path: JointPath, duration: float) -> JointPath:
     ends.
     """
     # Breaks of the plan are also breaks of the stop, because accelerations may jump there.
-    x = np.linspace(0.0, 1.0, STATES)
+    x = np.linspace(0.0, 1.0, CHECKED_STATES)
     tau = duration * (x - x**4 * (2.5 - x * (3.0 - x)))
     inner = joint_path.breaks[joint_path.breaks < tau[-1]]
     x = np.unique(np.concatenate([x, np.interp(inner, tau, x)]))

@@ -27,7 +27,7 @@ from armcontour.motion import JointPath, quintic
 
 # A piece is curved if its distance from a straight line exceeds this value [rad] plus this share of
 # its size.
-BENT = 1e-6
+CURVED = 1e-6
 # Converts coefficients of dq/dx, of powers 0 to 4, to Bernstein coefficients, which enclose dq/dx.
 BERNSTEIN = np.array([[comb(i, k) / comb(4, k) for k in range(5)] for i in range(5)])
 
@@ -59,7 +59,7 @@ def moves_one_way(
             for j in range(dof):
                 difference = coefficients[i, k, j] * longest - along * coefficients[i, k0, j]
                 deviation = max(deviation, abs(difference))
-        is_bent = deviation > BENT * longest * (1.0 + math.sqrt(longest))
+        is_bent = deviation > CURVED * longest * (1.0 + math.sqrt(longest))
         threshold = (vanished if is_bent else small) * sizes
         moving[i] = False
         for j in range(dof):
@@ -107,7 +107,7 @@ def resting_breaks(coefficients: FloatArray, vanished: float) -> BoolArray:
 # dq_ds counts as zero below this share of the sum of its terms; a double root is accurate to 1e-8.
 VANISHED = 1e-9
 # dq_ds of a straight piece nearly vanishes if it is below this share of the sum of its terms.
-SMALL = 1e-2
+NEARLY_VANISHED = 1e-2
 # A piece is straight if its distance from a line is at most the share STRAIGHT of its size plus the
 # share ROUNDING of its position.
 STRAIGHT = 1e-12
@@ -136,7 +136,7 @@ def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
         return same
     coefficients = joint_path.coefficients
     moving = np.empty(len(coefficients), np.bool_)
-    if moves_one_way(coefficients, VANISHED, SMALL, moving):
+    if moves_one_way(coefficients, VANISHED, NEARLY_VANISHED, moving):
         return same
     if not coefficients[:, 1:].any():
         raise InvalidInput("No joint moves along the joint path, so there is nothing to plan.")
@@ -152,16 +152,21 @@ def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
     if not unsuited:
         return same
     pieces = {i: _Piece.from_path(joint_path, i) for i in range(len(coefficients))}
-    return _with(joint_path, {i: x for i, x in pieces.items() if x.is_straight or i in unsuited})
+    return _replace_pieces(
+        joint_path, {i: x for i, x in pieces.items() if x.is_straight or i in unsuited}
+    )
 
 
-def _with(joint_path: JointPath, changed: dict[int, _Piece]) -> tuple[JointPath, FloatArray]:
+def _replace_pieces(
+    joint_path: JointPath, changed: dict[int, _Piece]
+) -> tuple[JointPath, FloatArray]:
     """Replace some pieces of a path; returns the path, with its stops, and the old breaks in it."""
     straight = [x for x in changed.values() if x.is_straight]
     # By default |dq_dp| keeps the total length of the straight pieces.
     total = sum(x.width for x in straight)
     slope = (
-        sum(float(np.abs(np.diff(_turns(x.along, x.inner)[1])).sum()) for x in straight) / total
+        sum(float(np.abs(np.diff(_find_reversals(x.along, x.inner)[1])).sum()) for x in straight)
+        / total
         if total
         else 1.0
     )
@@ -173,7 +178,7 @@ def _with(joint_path: JointPath, changed: dict[int, _Piece]) -> tuple[JointPath,
         unchanged = (width[i : i + 1], joint_path.coefficients[i : i + 1])
         free = [k in changed and changed[k].is_straight for k in (i - 1, i + 1)]
         for length, polynomial in (
-            changed[i].replaced(slope, free) if i in changed else (unchanged,)
+            changed[i].reparametrized_parts(slope, free) if i in changed else (unchanged,)
         ):
             lengths.append(length)
             coefficients.append(polynomial)
@@ -212,7 +217,7 @@ class _Piece:
             line,
             along,
             bool(straight),
-            _critical(along),
+            _find_stationary(along),
             (_degree(c), _degree(_reversed(c))),
         )
 
@@ -220,19 +225,19 @@ class _Piece:
         """Test whether the piece needs another parameter than s."""
         return max(self.degrees) > 2 or self.is_straight and _is_slow(self.along)
 
-    def replaced(self, slope: float, free: Sequence[bool]) -> Iterator[Polynomials]:
+    def reparametrized_parts(self, slope: float, free: Sequence[bool]) -> Iterator[Polynomials]:
         """Yield the polynomials of the piece in another parameter, in order."""
         # `slope`: |dq_dp| at reversals and at free ends. `free`: True for an end if the
         # neighbouring piece is straight and replaced, too, so that dq_dp need not equal dq_ds.
         if self.is_straight:
-            yield from self._runs(slope, free)
+            yield from self._split_at_reversals(slope, free)
         else:
-            yield from self._eased()
+            yield from self._ease_ends()
 
-    def _runs(self, slope: float, free: Sequence[bool]) -> Iterator[Polynomials]:
+    def _split_at_reversals(self, slope: float, free: Sequence[bool]) -> Iterator[Polynomials]:
         """Yield the parts of a straight piece between its reversals, with dq_dp linear in p."""
         # At an end that is not free, dq_dp equals dq_ds, unless dq_ds vanishes.
-        x, values = _turns(self.along, self.inner)
+        x, values = _find_reversals(self.along, self.inner)
         q = x[:, None] ** np.arange(6) @ self.coefficients
         slopes = np.full((len(x), 2), slope)
         if self.degrees[0] == 1 and not free[0]:
@@ -251,7 +256,7 @@ class _Piece:
             )
             yield np.array([2 * rise / (begin + end)]), c
 
-    def _eased(self) -> Iterator[Polynomials]:
+    def _ease_ends(self) -> Iterator[Polynomials]:
         """Yield a curved piece, with p instead of s near ends at which q begins with x³ or x⁴."""
         first, last = (LAST if degree > 2 else 0.0 for degree in self.degrees)
         if first:
@@ -326,7 +331,7 @@ def _degree(c: FloatArray) -> int:
     return 1 + int(above[0]) if len(above) else 5
 
 
-def _critical(along: FloatArray) -> FloatArray:
+def _find_stationary(along: FloatArray) -> FloatArray:
     """Points x in (0, 1) at which the derivative of a polynomial vanishes, (points,)."""
     derivative = _derived(along)
     real = _inner_roots(derivative)
@@ -339,7 +344,7 @@ def _is_slow(along: FloatArray) -> bool:
     derivative = _derived(along)
     x = np.concatenate([[0.0], _inner_roots(_derived(derivative)), [1.0]])
     smallest = np.abs(np.polynomial.polynomial.polyval(x, derivative)).min()
-    return bool(smallest <= SMALL * np.abs(derivative).sum())
+    return bool(smallest <= NEARLY_VANISHED * np.abs(derivative).sum())
 
 
 def _inner_roots(c: FloatArray) -> FloatArray:
@@ -349,7 +354,7 @@ def _inner_roots(c: FloatArray) -> FloatArray:
     return np.unique(real[(real > 0) & (real < 1)])
 
 
-def _turns(along: FloatArray, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _find_reversals(along: FloatArray, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Positions x and values of the ends and the reversals of a polynomial on [0, 1]."""
     x = np.concatenate([[0.0], inner, [1.0]])
     value = np.polynomial.polynomial.polyval(x, along)

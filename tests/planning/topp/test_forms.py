@@ -10,7 +10,7 @@ from armcontour.planning.constraints import Constraint, JointTorque, OnGrid, lim
 from armcontour.planning.path_grid import place_grid
 from armcontour.planning.topp.kernels import MotionBounds, Rules, plan_on_grid, rows_with_friction
 from armcontour.planning.topp.limit_forms import (
-    ALONE,
+    BY_CONSTANT,
     BY_SLOPE,
     BY_U,
     BY_X,
@@ -206,4 +206,4 @@ def test_forms_may_be_read_only_and_are_not_changed():
         line, UR5E, limits, ac.Optimal(grid=grid, constraints=[Own(Ceiling(ceiling))])
     )
     assert np.max(planned.laws[0].speeds) == pytest.approx(0.2)
-    assert BY_U + BY_X + BY_SLOPE + ALONE == 6
+    assert BY_U + BY_X + BY_SLOPE + BY_CONSTANT == 6

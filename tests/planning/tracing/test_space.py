@@ -156,7 +156,7 @@ def test_threads_that_share_ways_change_no_bit(ur5e, monkeypatch):
         coefficients = []
         for processors in (1, 5):
             monkeypatch.setattr("armcontour.core.pool.processors", lambda n=processors: n)
-            monkeypatch.setattr("armcontour.planning.tracing.configurations.MANY", 0)
+            monkeypatch.setattr("armcontour.planning.tracing.configurations.THREADED_POSES", 0)
             coefficients.append([x.coefficients for x in trace_all(PATHS[kind], ur5e)])
         assert len(coefficients[0]) > 1
         for alone, shared in zip(*coefficients, strict=True):

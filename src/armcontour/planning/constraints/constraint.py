@@ -32,7 +32,7 @@ from armcontour.planning.topp.limit_forms import (
     Rounds,
     Squares,
     check_form,
-    collect,
+    combine_forms,
 )
 from armcontour.planning.topp.on_grid import OnGrid
 from armcontour.robot import Arm, Limits
@@ -156,7 +156,9 @@ def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
 def limits_on(path: OnGrid, active: Sequence[Constraint]) -> GridLimits:
     """Discretize the constraints on a grid."""
     n = len(path)
-    return collect([check_form(form, n, x.name) for x in active for form in x.discretize(path)], n)
+    return combine_forms(
+        [check_form(form, n, x.name) for x in active for form in x.discretize(path)], n
+    )
 
 
 Coefficients = Callable[[FloatArray, str], tuple[FloatArray, FloatArray, FloatArray]]

@@ -22,16 +22,16 @@ from armcontour.robot import Arm
 from armcontour.robot.limit_use import require_orientation
 
 # Positions of the samples on a piece of the joint path, as shares of its length, (9, 1)
-SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]
+PIECE_SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]
 # Positions of the samples on an interval, as shares of its length, (5, 1)
-SHARES = np.linspace(0.0, 1.0, 5)[:, None]
+INTERVAL_SAMPLES = np.linspace(0.0, 1.0, 5)[:, None]
 # The curvature of a piece is constant if it varies by at most this share.
-EVEN = 1e-3
+EVEN_CURVATURE = 1e-3
 # The bound of x on an interval is a tangent of `limit / curvature`. It touches at a curvature of at
 # least this share of the larger curvature of both ends.
 TOUCH = 0.8
 # A piece with at most this curvature is a straight line [1/m].
-FLAT = 1e-3
+STRAIGHT = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,11 +50,11 @@ class ToolMetric:
         """Measure the tool motion along a joint path by forward kinematics."""
         # A bound is the largest sample of a piece plus the spread of its samples.
         breaks, pieces = joint_path.breaks, np.arange(len(joint_path.breaks) - 1)
-        s = breaks[:-1] + SAMPLES * (breaks[1:] - breaks[:-1])
+        s = breaks[:-1] + PIECE_SAMPLES * (breaks[1:] - breaks[:-1])
         samples = _measure(joint_path, arm, np.broadcast_to(pieces, s.shape), s)
         largest, smallest = samples.max(axis=1), samples.min(axis=1)
         speed, curvature = 2 * largest - smallest
-        uneven = (largest[1] > FLAT) & (largest[1] - smallest[1] > EVEN * largest[1])
+        uneven = (largest[1] > STRAIGHT) & (largest[1] - smallest[1] > EVEN_CURVATURE * largest[1])
         return cls(joint_path=joint_path, arm=arm, speed=speed, curvature=curvature, uneven=uneven)
 
     def curvature_on(self, grid: Grid) -> FloatArray:
@@ -76,11 +76,11 @@ class ToolMetric:
         chords[:] = self.curvature[grid.piece]
         i = np.flatnonzero(self.uneven[grid.piece])
         if len(i):
-            s = grid.s[i] + SHARES * grid.width[i]
+            s = grid.s[i] + INTERVAL_SAMPLES * grid.width[i]
             pieces = np.broadcast_to(grid.piece[i], s.shape)
             values = _measure(self.joint_path, self.arm, pieces, s)[1]
-            begin, end = np.maximum(values[0], FLAT), np.maximum(values[-1], FLAT)
-            even = begin + SHARES[1:-1] * (end - begin)
+            begin, end = np.maximum(values[0], STRAIGHT), np.maximum(values[-1], STRAIGHT)
+            even = begin + INTERVAL_SAMPLES[1:-1] * (end - begin)
             bent = 1 + 2 * np.maximum(values[1:-1] / even - 1, 0.0).max(axis=0)
             chords[:, i] = np.stack([begin, end]) * bent
         return chords
@@ -88,11 +88,15 @@ class ToolMetric:
 
 def _measure(joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray) -> FloatArray:
     """Tool speed at ds = 1, and tool acceleration normal to the motion, (2, *s.shape)."""
-    speed, _, across = _parts(*arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel())))
+    speed, _, across = _speed_and_acceleration(
+        *arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel()))
+    )
     return np.stack([speed, across]).reshape(2, *s.shape)
 
 
-def _parts(velocity: FloatArray, acceleration: FloatArray) -> tuple[FloatArray, ...]:
+def _speed_and_acceleration(
+    velocity: FloatArray, acceleration: FloatArray
+) -> tuple[FloatArray, ...]:
     """Speeds, and accelerations along and normal to the motion, (n,) each."""
     speed = np.sqrt(np.einsum("ij,ij->i", velocity, velocity))
     # If the tool rests, the whole acceleration counts as normal.
@@ -132,7 +136,7 @@ class RapidSpeed(Constraint):
         """Upper bound of x on each interval, from the speed samples."""
         # The speed is at most the largest sample plus the spread of the samples.
         grid = path.grid
-        s = grid.s[:-1] + SHARES * grid.width
+        s = grid.s[:-1] + INTERVAL_SAMPLES * grid.width
         pieces = np.broadcast_to(grid.piece, s.shape)
         speed = _measure(grid.joint_path, self._arm, pieces, s)[0]
         bound = 2 * speed.max(axis=0) - speed.min(axis=0)
@@ -168,7 +172,7 @@ class ToolAcceleration(Constraint):
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
         """Vectors in a frame that turns with the motion, in which they are constant on circles."""
-        speed, along, across = _parts(*self._arm.tool_motion(*path.motion))
+        speed, along, across = _speed_and_acceleration(*self._arm.tool_motion(*path.motion))
         first, second = np.stack([speed, 0 * speed], axis=1), np.stack([along, across], axis=1)
         return (path.round(first, second, self.limit),)
 

@@ -20,12 +20,12 @@ NEAREST = 0.995
 # The same share for vector rows, which limit the norm of a vector
 NEAREST_ROUND = 0.9
 # A step that violates a row by rounding is shortened by this factor, at most this many times.
-SHORTER, MAX_SHORTER = 0.5, 30
-# The barrier is reduced by the factor FALL once Newton's decrement is below the share CENTERED of
-# the gap and the step exceeds the share LONG. Faster reduction leads to tiny steps.
-FALL, CENTERED, LONG = 0.15, 0.1, 0.3
+SHORTENING, MAX_SHORTENINGS = 0.5, 30
+# The barrier is reduced by the factor REDUCTION once Newton's decrement is below the share CENTERED
+# of the gap and the step exceeds the share LONG_STEP. Faster reduction leads to tiny steps.
+REDUCTION, CENTERED, LONG_STEP = 0.15, 0.1, 0.3
 # A tangent is moved if its rows retain at least this share of their slack.
-KEPT = 0.1
+MIN_SLACK = 0.1
 # Gauss-Legendre nodes and weights on [0, 1] for the duration of a cell.
 NODES = 0.5 + 0.5 * np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
@@ -467,7 +467,7 @@ def _dual_changes(
 
 @compiled(inner=True)
 def _move_tangents(p: JerkSection, d: FloatArray, tangents: FloatArray, slack: _Duals) -> None:
-    """Move the tangent of each part to d if every row retains the share KEPT of its slack."""
+    """Move the tangent of each part to d if every row retains the share MIN_SLACK of its slack."""
     for c in range(len(p.cell)):
         i, before = p.cell[c], p.about[c]
         p.about[c] = _mean(p, c, d)
@@ -475,11 +475,11 @@ def _move_tangents(p: JerkSection, d: FloatArray, tangents: FloatArray, slack: _
         good = True
         for r in range(p.curved.shape[1]):
             bound, f = p.jerk[r] * tangents[p.curved_points[r], 0], _row_value(p.curved, c, r, i, d)
-            good &= bound - f >= KEPT * slack.curved[c, r, 0]
-            good &= bound + f >= KEPT * slack.curved[c, r, 1]
+            good &= bound - f >= MIN_SLACK * slack.curved[c, r, 0]
+            good &= bound + f >= MIN_SLACK * slack.curved[c, r, 1]
         for r in range(p.round.shape[1]):
             radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
-            good &= _round_slack(radius[0], vector) >= KEPT * slack.round[c, r]
+            good &= _round_slack(radius[0], vector) >= MIN_SLACK * slack.round[c, r]
         if not good:
             p.about[c] = before
             continue
@@ -625,8 +625,8 @@ def improve(
         halvings = 0
         while not _write_slacks(p, trial, goal, tangents, slack):
             # Rounding errors close to a bound can violate a row.
-            halvings, share, landed = halvings + 1, share * SHORTER, False
-            if halvings > MAX_SHORTER:
+            halvings, share, landed = halvings + 1, share * SHORTENING, False
+            if halvings > MAX_SHORTENINGS:
                 return iteration
             _take_step(d, right, share, trial)
         d[:] = trial
@@ -640,8 +640,8 @@ def improve(
         _add_scaled(dual.curved, change.curved, reach[1])
         _add_scaled(dual.round, change.round, reach[1])
         _add_scaled(dual.positive, change.positive, reach[1])
-        if decrement < CENTERED * bounds * mu and min(share, reach[1]) > LONG:
+        if decrement < CENTERED * bounds * mu and min(share, reach[1]) > LONG_STEP:
             if bounds * mu <= 0.5 * tolerance * size:
                 return iteration + 1
-            mu *= FALL
+            mu *= REDUCTION
     return max_iterations

@@ -12,7 +12,7 @@ from armcontour.motion import JointPath, PathLaw
 from armcontour.planning.constraints import JointMotion, OnGrid, limits_on
 from armcontour.planning.options import Task
 from armcontour.planning.path_grid import Grid
-from armcontour.planning.topp.limit_forms import collect, largest_u
+from armcontour.planning.topp.limit_forms import combine_forms, largest_u
 
 # Shares of the cells that are distributed over time, over arc length, and like the grid of the plan
 # without limits of jerk, which is finer where the joints turn
@@ -28,7 +28,7 @@ LONGEST_FIRST, SHORTEST_FIRST = 0.02, 1e-9
 # Smallest length of other cells, as a share of a section; below it the slope is a rounding error.
 SHORTEST = 1e-9
 # Number of points at which the cumulative number of cells next to a rest is computed
-PLACES = 200
+SAMPLES = 200
 # A break of the joint path is an end of cells, unless it is closer to the previous end than this
 # share of a cell; then it only divides the cell into parts.
 NEAR_KNOT = 0.3
@@ -119,7 +119,7 @@ class JerkMesh:
 
 
 @dataclass(frozen=True, slots=True)
-class _Share:
+class _CellDistribution:
     """Distribution of the cells along the path."""
 
     law: PathLaw
@@ -144,10 +144,10 @@ def place_mesh(
     ends: list[tuple[End, End]],  # Start and stop of the motion in each section
 ) -> JerkMesh:
     """Place the cells for a plan that is close to the plan `law`."""
-    node_rows, first, share = [], [0], _Share(law, turns)
+    node_rows, first, share = [], [0], _CellDistribution(law, turns)
     per_ramp = float(np.clip(cells / 50, 8, 20))
     for begin, end, both in zip(section_ends[:-1], section_ends[1:], ends, strict=True):
-        nodes = _nodes(share, cells, (float(begin), float(end)), both, per_ramp)
+        nodes = _place_nodes(share, cells, (float(begin), float(end)), both, per_ramp)
         node_rows.append(nodes[:-1])
         first.append(first[-1] + len(nodes) - 1)
     nodes = np.concatenate([*node_rows, section_ends[-1:]])
@@ -155,8 +155,12 @@ def place_mesh(
     return JerkMesh.through(law.joint_path, nodes, np.array(first), at_rest)
 
 
-def _nodes(
-    share: _Share, cells: int, limits: tuple[float, float], ends: tuple[End, End], per_ramp: float
+def _place_nodes(
+    share: _CellDistribution,
+    cells: int,
+    limits: tuple[float, float],
+    ends: tuple[End, End],
+    per_ramp: float,
 ) -> FloatArray:
     begin, end = limits
     length = end - begin
@@ -164,12 +168,12 @@ def _nodes(
     inner = np.concatenate([x[(x > begin) & (x < end)] for x in (share.law.s, share.turns)])
     knots = share.law.joint_path.breaks
     knots = knots[(knots > begin) & (knots < end)]
-    s = np.unique(np.concatenate([[begin, end], inner, knots, _near_ends(limits, firsts)]))
+    s = np.unique(np.concatenate([[begin, end], inner, knots, _sample_ends(limits, firsts)]))
     mass = cells * share.before(s)
     for first, away, sign, section_end in zip(
         firsts, (s - begin, end - s), (1, -1), ends, strict=True
     ):
-        mass += sign * _mass_near(first, away, per_ramp if section_end.rest else 0.0)
+        mass += sign * _count_cells(first, away, per_ramp if section_end.rest else 0.0)
     start, stop = (begin + firsts[0] * ends[0].rest, end - firsts[1] * ends[1].rest)
     low, high = np.interp([start, stop], s, mass)
     targets, last = [low], low
@@ -185,12 +189,12 @@ def _nodes(
     positions = needed[intervals] + np.diff(needed)[intervals] * number / count[intervals]
     nodes = np.append(np.interp(positions, mass, s), stop)
     nodes[0] = start
-    nodes = _snap(_apart(nodes, SHORTEST * length), knots)
+    nodes = _snap(_drop_close_nodes(nodes, SHORTEST * length), knots)
     before, after = [begin] * ends[0].rest, [end] * ends[1].rest
     return np.concatenate([before, nodes, after])
 
 
-def _apart(nodes: FloatArray, spacing: float) -> FloatArray:
+def _drop_close_nodes(nodes: FloatArray, spacing: float) -> FloatArray:
     """Remove inner nodes until all distances are at least `spacing` [m]."""
     steps = np.floor((nodes - nodes[0]) / spacing)
     mask = np.append(True, np.diff(steps) > 1)
@@ -213,14 +217,14 @@ def _snap(nodes: FloatArray, knots: FloatArray) -> FloatArray:
     return snapped
 
 
-def _near_ends(limits: tuple[float, float], firsts: list[float]) -> FloatArray:
+def _sample_ends(limits: tuple[float, float], firsts: list[float]) -> FloatArray:
     """Arc lengths at which the number of cells next to the ends of a section is computed [m]."""
     length = limits[1] - limits[0]
-    first, last = (np.geomspace(x, length, PLACES)[:-1] for x in firsts)
+    first, last = (np.geomspace(x, length, SAMPLES)[:-1] for x in firsts)
     return np.concatenate([limits[0] + first, limits[1] - last])
 
 
-def _mass_near(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
+def _count_cells(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
     """Number of cells from the first one to points at distances `away` from an end [m], (n,)."""
     # `per_ramp`: number of cells per duration of the first cell next to a rest; 0 next to another
     # end.
@@ -239,12 +243,12 @@ def _mass_near(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
 KINK, TOO_SHORT = 1e-6, 1e-8
 # Time that replaces the share TOO_SHORT in a long plan [s]: half of the time that `check` tolerates
 # as rounding
-AT_ONCE = 5e-6
+ROUNDING_TIME = 5e-6
 # Largest change of direction over the length `even` [rad].
 EVEN_BEND = 5e-4
-# dq_ds vanishes at an end if it is below the share STANDING of dq_ds nearby. The first cell is then
-# at most the share SHARE_AT_STANDING of the section.
-STANDING, SHARE_AT_STANDING = 0.1, 5e-4
+# dq_ds vanishes at an end if it is below the share VANISHED of dq_ds nearby. The first cell is then
+# at most the share FIRST_AT_VANISHED of the section.
+VANISHED, FIRST_AT_VANISHED = 0.1, 5e-4
 # Distance from an end at which acceleration and jerk are evaluated, as a share of the section
 NEAR_REST = 5e-3
 
@@ -252,7 +256,7 @@ NEAR_REST = 5e-3
 def find_sections(law: PathLaw, task: Task) -> tuple[FloatArray, BoolArray]:
     """Ends of the sections of a path [m], and a mask of rests at their starts and ends."""
     path, inner = law.joint_path, law.s[1:-1]
-    stops = np.union1d(path.stops, _bends(law, task))
+    stops = np.union1d(path.stops, _find_jumps(law, task))
     stops = stops[(stops > law.s[0]) & (stops < law.s[-1])]
     if len(inner):
         stops = np.union1d(stops, inner[law.rates.ds[1:] == 0])
@@ -262,7 +266,7 @@ def find_sections(law: PathLaw, task: Task) -> tuple[FloatArray, BoolArray]:
     return ends, at_rest
 
 
-def _bends(law: PathLaw, task: Task) -> FloatArray:
+def _find_jumps(law: PathLaw, task: Task) -> FloatArray:
     """Breaks of the joint path at which limited accelerations jump at the speed of a plan [m]."""
     path, jerk, inner = law.joint_path, task.jerk, np.arange(1, len(law.joint_path.breaks) - 1)
     breaks = path.breaks[inner]
@@ -275,7 +279,7 @@ def _bends(law: PathLaw, task: Task) -> FloatArray:
         jump, size = np.hstack([jump, turn]), np.hstack([size, one + other])
         limit = np.append(limit, jerk.tool)
     square = square_at(law, np.clip(breaks, law.s[0], law.s[-1]))[:, None]
-    soon = min(TOO_SHORT * law.breaks[-1], AT_ONCE) * limit
+    soon = min(TOO_SHORT * law.breaks[-1], ROUNDING_TIME) * limit
     return np.asarray(breaks[((jump > KINK * size) & (jump * square > soon)).any(axis=1)])
 
 
@@ -290,7 +294,7 @@ def find_ends(
     for constraint in task.active:
         if isinstance(constraint, JointMotion) and len(constraint.low):
             acceleration = np.minimum(
-                acceleration, largest_u(collect([constraint.rows(path)], len(path)))
+                acceleration, largest_u(combine_forms([constraint.rows(path)], len(path)))
             )
     with np.errstate(divide="ignore"):
         jerk = (task.jerk.joint / np.abs(first).max(axis=1)).min(axis=1)
@@ -312,8 +316,8 @@ def find_ends(
         straight = np.nan_to_num(np.fmin(even[i], even[j]), nan=np.inf)
         # If dq_ds vanishes at the end, its direction changes there, so `even` is a share of the
         # section.
-        standing = size[j] < STANDING * size[i]
-        straight = np.where(standing, SHARE_AT_STANDING * np.diff(section_ends), straight)
+        standing = size[j] < VANISHED * size[i]
+        straight = np.where(standing, FIRST_AT_VANISHED * np.diff(section_ends), straight)
         rows = zip(at_rest[:, side], acceleration[i], jerk[i], speed, straight, strict=True)
         return [
             End(bool(rest), float(squares[side]), float(x), float(y), float(v), float(e))

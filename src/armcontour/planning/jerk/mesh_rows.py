@@ -81,7 +81,7 @@ class MeshRows:
             np.flatnonzero(np.isfinite(self.bounded).any(axis=(0, 1))),
             np.flatnonzero(np.isfinite(jerk.joint)),
         )
-        self.section = self._whole()
+        self.section = self._make_section()
 
     def _with_margins(self, limits: GridLimits, about: FloatArray) -> GridLimits:
         """Limits less their margins, with lines for friction; `lost` records the margins."""
@@ -96,9 +96,9 @@ class MeshRows:
         ends, radius = limits.rows.ends.copy(), limits.rounds.radius
         room = np.minimum(ends[..., HIGH], -ends[..., LOW]).min(axis=1)
         rows, squares, rounds = (margins_of(x.rise, bounds) for x in limits[:3])
-        self._lose(rows, room)
-        self._lose(squares, np.ones_like(squares))
-        self._lose(rounds, radius)
+        self._record_margins(rows, room)
+        self._record_margins(squares, np.ones_like(squares))
+        self._record_margins(rounds, radius)
         ends[..., LOW] += rows[:, None]
         ends[..., HIGH] -= rows[:, None]
         remaining = np.maximum(1 - squares, 0.0)[:, None]
@@ -110,7 +110,7 @@ class MeshRows:
             rounds=limits.rounds._replace(radius=np.maximum(radius - rounds, 0.0)),
         )
 
-    def _lose(self, margins: FloatArray, room: FloatArray) -> None:
+    def _record_margins(self, margins: FloatArray, room: FloatArray) -> None:
         """Record in `lost` the share of the limits at rest that margins take, (m, rows) each."""
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.where(np.isfinite(room), margins / room, 0.0)
@@ -159,7 +159,7 @@ class MeshRows:
         }
         return p._replace(ramps=ramps, cell=mesh.cell[start:end] - first, **cells, **parts)
 
-    def steep(self, k: int) -> tuple[FloatArray, FloatArray]:
+    def allowed_slopes(self, k: int) -> tuple[FloatArray, FloatArray]:
         """Slopes of ds^1.5 and ds² that use half of the limits of jerk and acceleration."""
         # The slopes assume a straight path. They are those of the cells of a section, without its
         # cells of uniform jerk, (n,) each.
@@ -178,17 +178,17 @@ class MeshRows:
             slopes_by_cell.append(np.minimum.reduceat(x, begins))
         return slopes_by_cell[0], slopes_by_cell[1]
 
-    def _whole(self) -> JerkSection:
+    def _make_section(self) -> JerkSection:
         cell, basis = self.mesh.cell, self.basis
         begin, end = control_points(self.mesh)
-        acceleration, jerk = self._motion()
-        plain, low, high = self._plain(acceleration)
+        acceleration, jerk = self._motion_rows()
+        plain, low, high = self._plain_rows(acceleration)
         curved, limits = [jerk], [np.repeat(self.jerk.joint[self.joints[1]], self.degree)]
         if np.isfinite(self.jerk.path):
             curved += self._path_jerk()
             limits.append(np.full(self.degree * (len(curved) - 1), self.jerk.path))
         rows = np.concatenate(curved, axis=1)
-        vectors, radius, margin, points = self._round()
+        vectors, radius, margin, points = self._vector_rows()
 
         def local(points: FloatArray) -> FloatArray:
             """Convert rows of control points of ds² on each cell to rows of the unknowns."""
@@ -230,7 +230,7 @@ class MeshRows:
         square = third * raised(basis, last)
         return [first * slope + x + y for x in (-rate, rate) for y in (-square, square)]
 
-    def _motion(self) -> tuple[FloatArray, FloatArray]:
+    def _motion_rows(self) -> tuple[FloatArray, FloatArray]:
         """Rows of the accelerations and jerks of the limited joints, in the order of the joints."""
         grid, degree = self.mesh.grid, self.degree
         n, joints = len(grid), self.joints
@@ -245,7 +245,7 @@ class MeshRows:
         )
         return rows
 
-    def _plain(self, acceleration: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _plain_rows(self, acceleration: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rows with fixed bounds: ds², accelerations, and the rows of other constraints."""
         n, bounds, basis = len(self.mesh.grid), self.bounds, self.basis
         none = np.full((n, 3), np.inf)
@@ -275,7 +275,7 @@ class MeshRows:
         self._bound_next_to_ramps(top)
         return np.concatenate(rows, axis=1), bottom, top
 
-    def _round(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+    def _vector_rows(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
         """Vector rows, (m, l, 3, 3), radii and margins, (m, l) each, and tangent points, (l,)."""
         n, rounds = len(self.mesh.grid), self.limits.rounds
         products = rounds.products

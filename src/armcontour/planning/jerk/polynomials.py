@@ -143,10 +143,10 @@ def motion_rows(
 DEGREE = 4
 # Positions of the samples on a part. Parabolas pass through every second sample, and are compared
 # with the other samples.
-PLACES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+SAMPLES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 PARABOLA = np.array([[1.0, 0.0, 0.0], [-3.0, 4.0, -1.0], [2.0, -4.0, 2.0]])
 # Tool speed at ds = 1 below which the tool nearly rotates in place
-LEAST_SPEED = 0.5
+MIN_SPEED = 0.5
 # Safety factor of the measured distance from the parabolas
 MARGIN = 2.0
 
@@ -206,7 +206,7 @@ def arc_length_bounds(grid: Grid, arm: Arm) -> FloatArray:
     # rotates in place, s is not an arc length, and the limit applies to s.
     p = _derivatives(grid, arm)
     speed = np.linalg.norm(p[0], axis=2)
-    moving = (speed > LEAST_SPEED).all(axis=0)
+    moving = (speed > MIN_SPEED).all(axis=0)
     safe = np.where(moving, speed, 1.0)
     rate = np.where(moving, np.sum(p[0] * p[1], axis=2) / safe, 0.0)
     second = np.sum(p[0] * p[2] + p[1] * p[1], axis=2) - rate**2
@@ -216,13 +216,13 @@ def arc_length_bounds(grid: Grid, arm: Arm) -> FloatArray:
 
 def _derivatives(grid: Grid, arm: Arm) -> FloatArray:
     """First to third derivative of the tool's position at the samples of parts, (3, 5, n, 3)."""
-    s = grid.s[:-1] + PLACES[:, None] * grid.width
+    s = grid.s[:-1] + SAMPLES[:, None] * grid.width
     piece = np.broadcast_to(grid.piece, s.shape).ravel()
     path = grid.joint_path
     q, *rates = (path.on_interval(piece, s.ravel(), order) for order in range(4))
     derivatives = [arm.tool_velocity(q, *rates[:1]), arm.tool_acceleration(q, *rates[:2])]
     derivatives.append(arm.tool_jerk(q, *rates))
-    values = np.zeros((3, len(PLACES), len(grid), 3))
+    values = np.zeros((3, len(SAMPLES), len(grid), 3))
     for k, derivative in enumerate(derivatives):
         values[k, ..., : derivative.shape[1]] = derivative.reshape(*s.shape, -1)
     return values
@@ -231,7 +231,7 @@ def _derivatives(grid: Grid, arm: Arm) -> FloatArray:
 def _parabolas(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Powers of parabolas through values at the samples, their errors, and largest norms."""
     powers = np.einsum("mp,kpnc->kmnc", PARABOLA, values[:, ::2])
-    parabola = np.einsum("pm,kmnc->kpnc", PLACES[1::2, None] ** np.arange(3), powers)
+    parabola = np.einsum("pm,kmnc->kpnc", SAMPLES[1::2, None] ** np.arange(3), powers)
     deviation = MARGIN * np.linalg.norm(values[:, 1::2] - parabola, axis=3).max(axis=1)
     points = np.einsum("cm,kmnx->kcnx", to_bernstein(2), powers)
     return powers, deviation, np.linalg.norm(points, axis=3).max(axis=1) + deviation

@@ -28,7 +28,7 @@ SHARPEST = 0.35
 # Positions on each quintic at which arcs are compared with the curve.
 PLACES = np.linspace(0.1, 0.9, 9)
 # Safety factor of the largest distance at these positions.
-SURE = 1.25
+SAFETY = 1.25
 # Points, unit tangents, and derivatives of the tangents along the arc length
 Ends: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -52,7 +52,7 @@ def draw(
     # share of the tolerance.
     count = _count_parts(spline)
     drawn = _draw(spline, arm, objective, s_objective, count)
-    factor = _lack(drawn.segments, drawn.curve.spreads, count, tolerance)
+    factor = _refinement_factor(drawn.segments, drawn.curve.spreads, count, tolerance)
     if not (factor > 1).any():
         return drawn
     spans = np.arange(len(count))
@@ -61,13 +61,15 @@ def draw(
         count[spans] *= np.clip(np.ceil(factor), 2, MAX_PARTS).astype(np.intp)
         if not (rounds_left and len(spans)):
             break
-        span, share = _parts(spans, count[spans])
-        arcs, breaks, quintics = _fit(*(_points(spline, arm, span, x) for x in share.T))
-        factor = _lack(arcs, _spreads(arcs, breaks, quintics), count[spans], tolerance[spans])
+        span, share = _divide_spans(spans, count[spans])
+        arcs, breaks, quintics = _fit(*(_evaluate_spline(spline, arm, span, x) for x in share.T))
+        factor = _refinement_factor(
+            arcs, _spreads(arcs, breaks, quintics), count[spans], tolerance[spans]
+        )
     return _draw(spline, arm, objective, s_objective, count)
 
 
-def _lack(
+def _refinement_factor(
     arcs: Segments, spreads: FloatArray, count: IntArray, tolerance: FloatArray
 ) -> FloatArray:
     """Factor by which the number of parts of each span must increase, (m,); 1 or less if enough."""
@@ -82,14 +84,14 @@ def _lack(
     return np.asarray(np.maximum(np.cbrt(deviation), turn))
 
 
-def _parts(spans: IntArray, count: IntArray) -> tuple[IntArray, FloatArray]:
+def _divide_spans(spans: IntArray, count: IntArray) -> tuple[IntArray, FloatArray]:
     """Span of each part, (p,), and shares of the span time at its start and end, (p, 2)."""
     span, number = number_parts(count)
     return spans[span], np.stack([number, number + 1], axis=1) / count[span][:, None]
 
 
 def _fit(begin: Ends, end: Ends) -> tuple[Segments, FloatArray, FloatArray]:
-    """Fit two arcs and a quintic to each part, whose ends are given as by `_points`."""
+    """Fit two arcs and a quintic to each part, whose ends are given as by `_evaluate_spline`."""
     # Returns the arcs; the arc lengths of the ends of the parts [m]; coefficients of the quintics.
     with np.errstate(divide="ignore", invalid="ignore"):
         # Straight parts have no normal.
@@ -103,9 +105,9 @@ def _fit(begin: Ends, end: Ends) -> tuple[Segments, FloatArray, FloatArray]:
 def _draw(
     spline: JointSpline, arm: Arm, objective: Path, s_objective: FloatArray, count: IntArray
 ) -> DrawnPath:
-    span, share = _parts(np.arange(len(count)), count)
-    begin = _points(spline, arm, span, share[:, 0])
-    end = _points(spline, arm, span, share[:, 1])
+    span, share = _divide_spans(np.arange(len(count)), count)
+    begin = _evaluate_spline(spline, arm, span, share[:, 0])
+    end = _evaluate_spline(spline, arm, span, share[:, 1])
     rests = np.flatnonzero((share[:, 1] == 1) & spline.rest[span + 1])
     # The end of a part is the start of the next part, but the tangent may jump at a stop.
     points = np.concatenate([begin[0], end[0][-1:]])
@@ -136,7 +138,7 @@ def _count_parts(spline: JointSpline) -> IntArray:
     return np.asarray(count)
 
 
-def _points(spline: JointSpline, arm: Arm, span: IntArray, share: FloatArray) -> Ends:
+def _evaluate_spline(spline: JointSpline, arm: Arm, span: IntArray, share: FloatArray) -> Ends:
     """Points, unit tangents and their derivatives along the arc length, (m, dimension) each."""
     # `share`: time since the start of the span, divided by the span time, (m,).
     e, knots, h = spline.velocities, spline.knots, spline.h
@@ -183,4 +185,4 @@ def _spreads(segments: Segments, breaks: FloatArray, coefficients: FloatArray) -
     row = 2 * np.arange(len(width))[:, None] + second
     arc_points = segments.evaluate(row.ravel(), np.where(second, u - half, u).ravel())
     deviation = np.linalg.norm(arc_points.reshape(points.shape) - points, axis=2)
-    return np.asarray(SURE * deviation.max(axis=1))
+    return np.asarray(SAFETY * deviation.max(axis=1))

@@ -40,7 +40,7 @@ MAX_NODES = 4000
 SAMPLES, PER_NODE = 32, 8
 # Largest offset in tolerances, and search step as a share of the tolerance.
 FARTHEST = 2.5
-MARCH = 1 / 24
+SEARCH_STEP = 1 / 24
 HALVINGS = 24
 # Share of the tolerance that offsets must not use
 INSIDE = 1e-3
@@ -129,12 +129,12 @@ def _farthest(
 ) -> FloatArray:
     """Largest offsets along directions, so that all smaller offsets are inside [m], (n,)."""
     low, inside = np.zeros(len(tolerance)), np.ones(len(tolerance), dtype=bool)
-    for share in np.arange(MARCH, FARTHEST, MARCH):
+    for share in np.arange(SEARCH_STEP, FARTHEST, SEARCH_STEP):
         inside &= is_inside(share * tolerance, direction)
         if not inside.any():
             break
         low = np.where(inside, share * tolerance, low)
-    high = low + MARCH * tolerance
+    high = low + SEARCH_STEP * tolerance
     for _ in range(HALVINGS):
         middle = (low + high) / 2
         good = is_inside(middle, direction)
@@ -146,7 +146,7 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
     """Nodes along a start, dense at corners and rests; None if they are too many."""
     path, matches, joint_path = start.path, start.places, start.joint_path
     marks = _Marks.from_path(path, matches, tube)
-    spread = _spread(start, arm, tube, marks)
+    spread = _distribute_nodes(start, arm, tube, marks)
     if spread is None:
         return None
     s, index = spread
@@ -169,13 +169,13 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
         sides=_sides(tangents.shape[1] - 1),
         # On a line, the curve is in the hull of its control points, except for the curvature of the
         # tool path at constant joint velocities.
-        sag=wide**2 * _bend(joint_path, arm, s) / 8,
+        sag=wide**2 * _tool_curvature(joint_path, arm, s) / 8,
         tolerance=tolerance,
         smallest=_least_nearby(tolerance),
         reach=REACH * tolerance + 2 * wide,
         fixed=resting | (tolerance == 0),
         rest=doubled | np.isin(np.arange(len(s) + 1), [0, len(s)]),
-        vertex=np.where(resting, -1, _beside_corners(corner)),
+        vertex=np.where(resting, -1, _adjacent_corners(corner)),
         group=np.searchsorted((marks.s[1:] + marks.s[:-1]) / 2, s),
         times=start.trajectory.time_at(np.concatenate([s[:1], (s[1:] + s[:-1]) / 2, s[-1:]])),
         near=NearPath.along(joint_path(s), arm, configuration, path, s),
@@ -200,7 +200,7 @@ class _Marks:
         gaps = np.diff(np.concatenate([[0.0], s_corners, [path.length]]))
         tolerances = _tolerance_at(tube, tube.objective.breaks[tube.vertex])
         dense = (turns < SHALLOW) & (np.minimum(gaps[1:], gaps[:-1]) < DENSE * tolerances)
-        corner = np.flatnonzero(~_near(s_corners, stops) & ~dense)
+        corner = np.flatnonzero(~_equals_any(s_corners, stops) & ~dense)
         marks = np.concatenate([stops, s_corners[corner]])
         order = np.argsort(marks, kind="stable")
         corner_index = np.concatenate([np.full(len(stops), -1), corner])[order]
@@ -211,7 +211,7 @@ class _Marks:
         return cls(marks[order], order < len(stops), corner_index, first)
 
 
-def _beside_corners(corner: IntArray) -> IntArray:
+def _adjacent_corners(corner: IntArray) -> IntArray:
     """Index of the corner at or next to each node, (n,); -1 for none."""
     nearest = corner.copy()
     indices = np.flatnonzero(corner >= 0)
@@ -233,7 +233,7 @@ def path_turns(tube: Tube) -> FloatArray:
     return np.asarray(tube.objective.turns[tube.vertex - 1])
 
 
-def _near(s: FloatArray, others: FloatArray) -> BoolArray:
+def _equals_any(s: FloatArray, others: FloatArray) -> BoolArray:
     """Mask of arc lengths that are equal to one of `others`."""
     i = np.clip(np.searchsorted(others, s), 1, len(others) - 1)
     return np.asarray(np.minimum(np.abs(s - others[i - 1]), np.abs(s - others[i])) < 1e-9)
@@ -247,14 +247,14 @@ def _tolerance_at(tube: Tube, s_objective: FloatArray) -> FloatArray:
     return np.asarray(np.minimum(tube.tolerance[before], tube.tolerance[after]))
 
 
-def _bend(joint_path: JointPath, arm: Arm, s: FloatArray) -> FloatArray:
+def _tool_curvature(joint_path: JointPath, arm: Arm, s: FloatArray) -> FloatArray:
     """Curvature of the tool path at constant joint velocities [1/m], (n,)."""
     slope = joint_path(s, 1)
     even = np.einsum("nij,nj->ni", arm.tool_jacobian_rate(joint_path(s), slope), slope)
     return np.asarray(np.linalg.norm(even, axis=1))
 
 
-def _spread(
+def _distribute_nodes(
     start: Candidate, arm: Arm, tube: Tube, marks: _Marks
 ) -> tuple[FloatArray, IntArray] | None:
     """Arc lengths of nodes, and the mark at each node or -1; None if there are too many nodes."""
@@ -262,12 +262,12 @@ def _spread(
     path, matches, joint_path = start.path, start.places, start.joint_path
     rests = marks.s[marks.rest]
     samples, _ = _divide(marks.s, marks.s, np.full(len(marks.s) - 1, SAMPLES))
-    median = max(float(np.median(_bend(joint_path, arm, samples))), 1e-3)
+    median = max(float(np.median(_tool_curvature(joint_path, arm, samples))), 1e-3)
     for parts in (SAMPLES, PER_NODE, PER_NODE, 0):
         tolerances = np.maximum(
             _tolerance_at(tube, np.interp(samples, matches[:, 1], matches[:, 0])), 1e-9
         )
-        curvature = _bend(joint_path, arm, samples)
+        curvature = _tool_curvature(joint_path, arm, samples)
         curved = curvature + np.linalg.norm(path(samples, 2), axis=1)
         step = np.minimum(
             np.sqrt(8 * SAG * tolerances / np.maximum(curved, 1e-6)), LONGEST / median

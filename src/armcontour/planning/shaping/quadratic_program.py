@@ -21,7 +21,7 @@ GAP = 1e-8
 VIOLATION = 1e-8
 MAX_ITERATIONS = 60
 # Largest step, as a share of the step to the boundary.
-WAY = 0.995
+STEP_SHARE = 0.995
 # Smallest initial slack.
 FIRST_SLACK = 0.1
 
@@ -86,7 +86,7 @@ def solve_program(
             target = (after / max(count, 1) / gap) ** 3 * gap
             for r in range(count):
                 complement[r] += d_slack[r] * d_dual[r] - target
-        step_length = min(1.0, WAY * step_length)
+        step_length = min(1.0, STEP_SHARE * step_length)
         for a in range(n * k):
             x[a] += step_length * step[a]
         for r in range(count):

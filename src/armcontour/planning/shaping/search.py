@@ -25,14 +25,14 @@ from armcontour.planning.shaping.spline_rows import LEAST_SPAN, JointSpline, ass
 from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, match, prove
 
 # A path with more corners and rests than this is optimized in chunks.
-LONG = 40
+LONG_PATH = 40
 # Number of corners of a chunk, and number of corners by which cuts move in each iteration
 CORNERS, SHIFT = 8, 3
 
 
 def is_long(group: IntArray) -> bool:
     """Test whether a path is optimized in chunks; `group`: as in `place_cuts`."""
-    return bool(group[-1] >= LONG)
+    return bool(group[-1] >= LONG_PATH)
 
 
 def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntArray:
@@ -87,15 +87,15 @@ IDLE, LEAST_GAIN = 4, 1e-5
 # The search also ends after this many consecutive iterations in which the path leaves the tube.
 MAX_TIGHTENED = 12
 # Each consecutive rejection multiplies the proposed change by this factor.
-LESS = 0.6
+REJECTION_FACTOR = 0.6
 # Corners of a long path revert to the best shape at most this many times in an iteration.
-MAX_MENDED = 4
+MAX_REVERSIONS = 4
 # Weights of the squares of offsets and span times; they make the quadratic program definite.
 WEIGHT = (1e-3, 1e-9)
 # Offsets outside the tube are reduced by their excess distance times this factor.
-SPARE = 1.5
+EXCESS_FACTOR = 1.5
 # Share of the tolerance to which the corners of starts are rounded
-SHARE = 0.7
+START_SHARE = 0.7
 
 
 @dataclass(slots=True)
@@ -108,7 +108,7 @@ class _State:
     trust: FloatArray  # Largest change of the offsets of each node, over the tolerance, (n,)
     inside: FloatArray  # Share of the tolerance that offsets must not use, (n,)
     limits: FloatArray  # Largest offsets along every side [m], (n, m)
-    refused: int = 0  # Number of consecutive rejections
+    rejections: int = 0  # Number of consecutive rejections
     proposals: int = 0  # Number of proposals
 
 
@@ -156,8 +156,8 @@ class ShapeSearch:
         # Returns false if the path left the tube; the limits of the offsets are then reduced.
         state, nodes = self.state, self.nodes
         try:
-            offsets, h, drawn = self._draw_most(*self._propose())
-            judged = None if drawn is None else self._judge(drawn)
+            offsets, h, drawn = self._draw_or_revert(*self._propose())
+            judged = None if drawn is None else self._time_drawn(drawn)
         except (ArmContourError, np.linalg.LinAlgError):
             state.trust *= SHRINK
             return True
@@ -170,22 +170,22 @@ class ShapeSearch:
         # The first spline is accepted even if it is slower than its start.
         better = state.best is self.start or candidate.duration < state.best.duration
         if not better and self._keep_faster_parts(offsets, h, slower):
-            state.refused = 0
+            state.rejections = 0
             factor = np.where(slower, SHRINK, 1.0)
         elif better:
             state.best, state.offsets, state.h = candidate, offsets, times
-            self._keep_near(candidate, drawn.knots)
-            state.refused = 0
+            self._update_near(candidate, drawn.knots)
+            state.rejections = 0
             factor = np.where(slower, EASE, GROW)
         else:
-            state.refused += 1
+            state.rejections += 1
             # Neighbouring corners share the line between them.
             wide = slower | np.append(slower[1:], False) | np.append(False, slower[:-1])
             factor = np.where(wide if slower.any() else True, SHRINK, 1.0)
         state.trust = np.clip(state.trust * factor[nodes.group], LEAST_TRUST, MAX_TRUST)
         return True
 
-    def _keep_near(self, candidate: Candidate, knots: FloatArray) -> None:
+    def _update_near(self, candidate: Candidate, knots: FloatArray) -> None:
         """Use a candidate's tool orientations and redundant joints for the control points."""
         # `knots` are the arc lengths of the knots on its path [m], (n + 1,).
         if self.nodes.near.poses is None:
@@ -201,7 +201,7 @@ class ShapeSearch:
         near = NearPath.along(q, self.timer.arm, self.timer.configuration, candidate.path, s)
         self.nodes = replace(self.nodes, near=near, q=q)
 
-    def _judge(self, drawn: DrawnPath) -> tuple[Candidate, FloatArray, BoolArray] | None:
+    def _time_drawn(self, drawn: DrawnPath) -> tuple[Candidate, FloatArray, BoolArray] | None:
         """Time the drawn path; returns it with its span times [s] and a mask of slower corners."""
         # Returns None if the arm cannot follow the path.
         path = self._path(drawn)
@@ -212,19 +212,19 @@ class ShapeSearch:
         before, after = (np.bincount(self.nodes.group, x) for x in (self.state.h, times))
         return candidate, times, after > before
 
-    def _draw_most(
+    def _draw_or_revert(
         self, offsets: FloatArray, h: FloatArray
     ) -> tuple[FloatArray, FloatArray, DrawnPath | None]:
         """Draw a proposal; on a long path, corners outside the tube revert to the best shape."""
         # Returns the offsets, the span times and their path, or None for a path that leaves the
         # tube.
-        for _ in range(MAX_MENDED if is_long(self.nodes.group) else 1):
+        for _ in range(MAX_REVERSIONS if is_long(self.nodes.group) else 1):
             before = self.state.inside
             drawn = self._draw(offsets, h)
             if drawn is not None:
                 return offsets, h, drawn
             outside = np.bincount(self.nodes.group, self.state.inside > before) > 0
-            offsets, h = self._back(offsets, h, outside)
+            offsets, h = self._revert_corners(offsets, h, outside)
         return offsets, h, None
 
     def _keep_faster_parts(self, offsets: FloatArray, h: FloatArray, slower: BoolArray) -> bool:
@@ -232,17 +232,17 @@ class ShapeSearch:
         if not is_long(self.nodes.group) or slower.all():
             return False
         try:
-            offsets, h, drawn = self._draw_most(*self._back(offsets, h, slower))
-            judged = None if drawn is None else self._judge(drawn)
+            offsets, h, drawn = self._draw_or_revert(*self._revert_corners(offsets, h, slower))
+            judged = None if drawn is None else self._time_drawn(drawn)
         except ArmContourError:
             return False
         if drawn is None or judged is None or judged[0].duration >= self.state.best.duration:
             return False
         self.state.best, self.state.offsets, self.state.h = judged[0], offsets, judged[1]
-        self._keep_near(judged[0], drawn.knots)
+        self._update_near(judged[0], drawn.knots)
         return True
 
-    def _back(
+    def _revert_corners(
         self, offsets: FloatArray, h: FloatArray, corners: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
         """Offsets and span times of a proposal whose masked corners revert to the best shape."""
@@ -270,7 +270,7 @@ class ShapeSearch:
         n, k = state.offsets.shape
         unit = np.where(nodes.fixed, 0.0, np.maximum(nodes.tolerance, 1e-12))
         rows, bounds = self._limit_rows(state.offsets, state.h, unit)
-        node_rows, node_bounds = self._own_rows(unit)
+        node_rows, node_bounds = self._node_rows(unit)
         cost = np.zeros((n, k + 1))
         cost[:, k] = state.h / state.h.mean()
         # Offsets without a gain return to zero.
@@ -288,9 +288,9 @@ class ShapeSearch:
         if not np.isfinite(unknowns).all():
             raise np.linalg.LinAlgError("The quadratic program has no solution.")
         # The trust region limits offsets only; after rejections all changes are reduced.
-        unknowns *= LESS**state.refused
+        unknowns *= REJECTION_FACTOR**state.rejections
         offsets = state.offsets + unknowns[:, :k] * unit[:, None]
-        return self._clip(offsets), state.h * (1 + np.maximum(unknowns[:, k], -LEAST_SPAN))
+        return self._limit_offsets(offsets), state.h * (1 + np.maximum(unknowns[:, k], -LEAST_SPAN))
 
     def _limit_rows(
         self, offsets: FloatArray, h: FloatArray, unit: FloatArray
@@ -305,7 +305,7 @@ class ShapeSearch:
         assigned = np.where(np.isnan(assigned), np.inf, assigned)
         return assemble(spline, span_rows(spline, self.timer.arm, limits, assigned), steps, unit)
 
-    def _own_rows(self, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _node_rows(self, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rows of single nodes: tube, trust region, and smallest span time."""
         state, nodes = self.state, self.nodes
         n, k = state.offsets.shape
@@ -324,7 +324,7 @@ class ShapeSearch:
         bounds[:, -1] = LEAST_SPAN
         return rows, bounds
 
-    def _clip(self, offsets: FloatArray) -> FloatArray:
+    def _limit_offsets(self, offsets: FloatArray) -> FloatArray:
         """Scale offsets down until they are within their limits, (n, k)."""
         along = offsets @ self.nodes.sides.T
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -379,12 +379,12 @@ class ShapeSearch:
         # Control points determine their own span and both neighbours.
         wide = np.maximum(np.append(lacking[1:], 0.0), np.append(0.0, lacking[:-1]))
         lacking = np.maximum(lacking, wide)
-        reduction = SPARE * np.maximum(lacking, 0.0) / np.maximum(nodes.smallest, 1e-12)
+        reduction = EXCESS_FACTOR * np.maximum(lacking, 0.0) / np.maximum(nodes.smallest, 1e-12)
         # `inside` is at least doubled, so that few reductions are sufficient.
         increased = np.maximum(2 * state.inside, state.inside + reduction)
         state.inside = np.where(lacking > 0, np.minimum(increased, 1.0), state.inside)
         state.limits = nodes.bounds(self.tube, state.inside)
-        state.offsets = self._clip(state.offsets)
+        state.offsets = self._limit_offsets(state.offsets)
 
     def _nearly_stops(self, drawn: DrawnPath) -> bool:
         """Test whether the tool nearly stops, and reduce the trust region there."""
@@ -420,7 +420,7 @@ class ShapeSearch:
         return path
 
 
-def why_not(objective: Path, tube: Tube) -> str | None:
+def explain_unshaped(objective: Path, tube: Tube) -> str | None:
     """Reason why a path cannot be shaped, as a clause; None if it can."""
     if (tube.tolerance == 0).any():
         # Splines of the joints do not follow a line exactly.
@@ -435,7 +435,7 @@ def make_searches(
 ) -> Iterator[ShapeSearch | None]:
     """Yield the searches from parabolas and from arcs, beginning with the faster start."""
     # Yields None instead of a search with too many nodes.
-    starts = make_starts(objective, tube, options, SHARE)
+    starts = make_starts(objective, tube, options, START_SHARE)
     candidates = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
     for start in sorted((x for x in candidates if x is not None), key=lambda x: x.duration):
         nodes = place_nodes(start, tube, timer.arm, timer.configuration)

@@ -24,7 +24,7 @@ from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.options import Optimal, Shaped
 from armcontour.planning.program_timing import Timing, check_jerk_support, time_program
 from armcontour.planning.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
-from armcontour.planning.shaping.search import make_searches, why_not
+from armcontour.planning.shaping.search import explain_unshaped, make_searches
 from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, tube_of
 from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs, put_on_path
 from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
@@ -33,9 +33,9 @@ from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
 # any distance from each other.
 SHARP = np.radians(30)
 # No further start is searched once this share of the duration is saved.
-ENOUGH = 0.01
+ENOUGH_SAVED = 0.01
 # From this number of contours on, other processes shape them; processes start in a few seconds.
-MANY = 24
+MANY_CONTOURS = 24
 # Largest number of control point values in all iterations, for each corner or rest. Tolerances of
 # about 1 µm (six joints) and 0.1 µm (two joints) need more.
 WORK = 30_000
@@ -126,7 +126,9 @@ class Shaping:
         for i, x in enumerate(moves):
             if isinstance(x, Contour):
                 contour = draw_with_arcs(x)
-                moves[i] = replace(contour, path=_cap(contour.path, self.options.tolerance))
+                moves[i] = replace(
+                    contour, path=_cap_tolerances(contour.path, self.options.tolerance)
+                )
         program = replace(program, moves=tuple(moves))
         arcs, traced = self._trace(program)
         tasks: list[tuple[int, Contour, _Task]] = []
@@ -142,9 +144,9 @@ class Shaping:
         shaped = replace(program, moves=tuple(moves))
         if arcs is None or seed is not None or self.arm.dimension == 2:
             return shaped
-        return self._faster(program, arcs, shaped, ends_of(traced.joint_paths[0])[0])
+        return self._choose_faster(program, arcs, shaped, ends_of(traced.joint_paths[0])[0])
 
-    def _faster(
+    def _choose_faster(
         self, program: Program, arcs: Tracing, shaped: Program, first: FloatArray
     ) -> Program:
         """Shaped program with the faster start, or the program with arcs if it is faster."""
@@ -244,7 +246,7 @@ class Shaping:
         return Timer(self.arm, limits, None, start, intervals)
 
 
-def _cap(path: Path, tolerance: float) -> Path:
+def _cap_tolerances(path: Path, tolerance: float) -> Path:
     """Limit the tolerances of a path to half of its stretches between two sharp corners."""
     # For example, the end of a line that is drawn twice, a micrometre apart, is such a stretch.
     sharp = np.flatnonzero(path.turns > SHARP) + 1
@@ -279,7 +281,7 @@ def _shape_all(tasks: list[_Task], progress: Progress | None) -> Callable[[int],
         if progress is not None:
             progress(Step(("shaping",), done / count))
 
-    if count < MANY:
+    if count < MANY_CONTOURS:
         return lambda i: _shape(tasks[i], lambda share: report(i + share))
     from armcontour.core.pool import map_in_processes
 
@@ -313,7 +315,7 @@ def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
     durations = {x.name: x.duration for x in candidates}
     first = min(candidates, key=lambda x: x.duration)
     best, history = first, [first.duration]
-    note = why_not(objective, tube)
+    note = explain_unshaped(objective, tube)
     searches = make_searches(objective, tube, timer, options) if note is None else iter(())
     unfinished, work = False, float(WORK)
     for search in searches:
@@ -330,7 +332,7 @@ def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
         work -= (len(history) - before) * search.size
         unfinished |= len(history) - before == allowed < remaining
         # Another start usually leads to the same shape.
-        if best.duration < (1 - ENOUGH) * first.duration:
+        if best.duration < (1 - ENOUGH_SAVED) * first.duration:
             break
     durations[SHAPED] = best.duration
     outcome = ShapingOutcome(

@@ -21,7 +21,7 @@ from armcontour.robot import Arm, Limits
 # Angle between matched points along arcs [rad].
 TURN = 0.05
 # Allowed distance of a point from its matching point along the objective, over the tolerance
-BESIDE = 0.05
+MATCH_TOLERANCE = 0.05
 
 
 def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float) -> FloatArray:
@@ -57,7 +57,7 @@ def prove(tube: Tube, path: Path, matches: FloatArray) -> Proof:
     """Prove that every point of a path is within the tolerance of its matching point."""
     last = len(tube) - 1
     piece = np.clip(np.searchsorted(tube.breaks, matches[:, 0], side="right") - 1, 0, last)
-    return tube.prove(path, matches, BESIDE * tube.tolerance[piece])
+    return tube.prove(path, matches, MATCH_TOLERANCE * tube.tolerance[piece])
 
 
 # Number of bisections for the tolerances of corners that leave the tube, and factor of these

@@ -18,20 +18,20 @@ from armcontour.core.kernels import FUSED, compiled
 from armcontour.core.simd import LANES, choose, higher, highest, load, lower, lowest, size, store
 from armcontour.motion.kernels import interval_time
 from armcontour.planning.topp.limit_forms import (
-    ALONE,
-    BACK,
+    BACKWARD,
+    BY_CONSTANT,
     BY_SLOPE,
     BY_U,
     BY_X,
-    FORTH,
+    DEVIATION,
+    FORWARD,
     HIGH,
     HIGHEST,
-    KEPT,
     LANE,
     LARGEST,
     LOW,
     LOWEST,
-    OFF,
+    PADDED_PIECES,
     ROWS,
     SIGN,
     A,
@@ -58,13 +58,15 @@ TINY = 1e-14  # a coefficient below this share of its terms is zero
 NEAR = 0.01  # u is at its bound within this share of its range
 BELOW_CEILING = 1 - 1e-6  # above this share of its ceiling, x is limited by the ceiling only
 LARGEST_TURN = 0.25  # largest change of u by a slope, as a share of its range
-NO_WAY = 4e-2  # margin reported for intervals without a plan, because a finer grid may have a plan
-AROUND = 10  # number of refined neighbours of an interval without a plan
+NO_PLAN_MARGIN = (
+    4e-2  # margin reported for intervals without a plan, because a finer grid may have a plan
+)
+REFINED_NEIGHBOURS = 10  # number of refined neighbours of an interval without a plan
 # largest share of the limit at rest that the offset of a line above friction uses
-SHARE_AT_REST = 0.5
-NOTHING = 1e-150  # coefficients below this are zero
+MAX_OFFSET_SHARE = 0.5
+NEGLIGIBLE = 1e-150  # coefficients below this are zero
 BLOCK = 1 << 13  # number of stored intervals, which limits the memory
-LEAST = 1e-300  # lower bound of divisors; its root is far below any path speed
+MIN_DIVISOR = 1e-300  # lower bound of divisors; its root is far below any path speed
 # positions in the result of `_linear_row`: coefficients at the end, and the rise
 AT_END, RISE = 4, 8
 
@@ -135,11 +137,11 @@ class LimitLines(NamedTuple):
 def _margin(rise: FloatArray, i: int, r: int, bounds: MotionBounds) -> float:
     """Margin of row r on interval i for the bounds."""
     by = rise[i, r, BY_U] * bounds.u[i] + rise[i, r, BY_X] * bounds.x[i]
-    return float(by + rise[i, r, BY_SLOPE] * abs(bounds.k[i]) + rise[i, r, ALONE])
+    return float(by + rise[i, r, BY_SLOPE] * abs(bounds.k[i]) + rise[i, r, BY_CONSTANT])
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _half_plane(
+def _write_half_plane(
     lines: LimitLines,
     location: tuple[int, int, int],
     motion: tuple[float, float],
@@ -155,23 +157,25 @@ def _half_plane(
     magnitude, threshold = size(by_mean), TINY * (size(a) + bends)
     alone = size(a) - TINY * bends
     if lowest(lower(magnitude - threshold, alone)) <= 0.0:
-        largest = choose(NOTHING, size(b), higher(low / b, high / b), math.inf)
+        largest = choose(NEGLIGIBLE, size(b), higher(low / b, high / b), math.inf)
         ceiling = higher(choose(threshold, magnitude, math.inf, largest), 0.0)
         lines.cap[i, 0] = min(lines.cap[i, 0], lowest(ceiling))
         ceiling = higher(choose(0.0, alone, math.inf, largest), 0.0)
         lines.cap[i, end] = min(lines.cap[i, end], lowest(ceiling))
         magnitude = choose(threshold, magnitude, choose(0.0, alone, magnitude, 0.0), 0.0)
-    inverse = 1.0 / choose(NOTHING, magnitude, by_mean, 1.0)
+    inverse = 1.0 / choose(NEGLIGIBLE, magnitude, by_mean, 1.0)
     low, high = low * inverse, high * inverse
     first = 3 * lines.width * (i & (len(lines.drawn) - 1)) + line
     last = first + 2 * lines.width
-    store(lines.table, first, choose(NOTHING, magnitude, b * inverse, 0.0))
-    store(lines.table, first + lines.width, choose(NOTHING, magnitude, lower(low, high), -math.inf))
-    store(lines.table, last, choose(NOTHING, magnitude, higher(low, high), math.inf))
+    store(lines.table, first, choose(NEGLIGIBLE, magnitude, b * inverse, 0.0))
+    store(
+        lines.table, first + lines.width, choose(NEGLIGIBLE, magnitude, lower(low, high), -math.inf)
+    )
+    store(lines.table, last, choose(NEGLIGIBLE, magnitude, higher(low, high), math.inf))
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _half_planes(
+def _write_half_planes(
     lines: LimitLines,
     i: int,
     line: int,
@@ -188,8 +192,8 @@ def _half_planes(
         # The share is 1 if rest may violate a limit.
         share = choose(0.0, room, choose(remaining, used, 1.0, room / remaining), 0.0)
         lines.lost[i] = max(lines.lost[i], highest(share))
-    _half_plane(lines, (i, 0, line), motion, (a0, b0, low0 + room, high0 - room))
-    _half_plane(lines, (i, 1, line + LANES), motion, (a1, b1, low1 + room, high1 - room))
+    _write_half_plane(lines, (i, 0, line), motion, (a0, b0, low0 + room, high0 - room))
+    _write_half_plane(lines, (i, 1, line + LANES), motion, (a1, b1, low1 + room, high1 - room))
 
 
 class Bracket(NamedTuple):
@@ -203,7 +207,7 @@ class Bracket(NamedTuple):
 @compiled(inner=True)
 def bracket(smallest: float, largest: float) -> Bracket:
     """Make the bracket from the smallest to the largest x."""
-    return Bracket(smallest, math.sqrt(smallest), math.sqrt(max(largest, LEAST)))
+    return Bracket(smallest, math.sqrt(smallest), math.sqrt(max(largest, MIN_DIVISOR)))
 
 
 @compiled(inner=True)
@@ -227,8 +231,8 @@ def friction_row(
         slope = 1 / total
         return 0.0, within.low * within.high * slope, slope
     offset = total / 4
-    if offset * largest > SHARE_AT_REST * room:
-        offset = max(SHARE_AT_REST * room / largest, LEAST)
+    if offset * largest > MAX_OFFSET_SHARE * room:
+        offset = max(MAX_OFFSET_SHARE * room / largest, MIN_DIVISOR)
     if offset >= within.low / 2:
         return 0.0, offset, 1 / (4 * offset)
     return 0.0, offset, (within.low - offset) / within.smallest
@@ -244,7 +248,7 @@ def friction_rise(
     v0, v1, deviation = (
         friction.viscous[i, 0, j],
         friction.viscous[i, 1, j],
-        friction.within[i, j, OFF],
+        friction.within[i, j, DEVIATION],
     )
     by_slope = slope * max(abs(v0), abs(v1)) * w * w / 4
     return slope * abs(v1 - v0) * w / 2, slope * deviation, by_slope, offset * deviation
@@ -261,7 +265,7 @@ def _products(ends: FloatArray, i: int, end: int, r: int) -> tuple[float, float,
 
 
 @compiled(inner=True)
-def _conic(
+def _write_conic(
     lines: LimitLines,
     i: int,
     r: int,
@@ -329,7 +333,7 @@ def _linear_row(
         ends[i, 1, j, HIGH],
     )
     by_u, by_x = rise[i, j, BY_U], rise[i, j, BY_X]
-    by_slope, alone = rise[i, j, BY_SLOPE], rise[i, j, ALONE]
+    by_slope, alone = rise[i, j, BY_SLOPE], rise[i, j, BY_CONSTANT]
     if side < 2:
         towards, remaining = (1.0, min(high0, high1)) if side == 0 else (-1.0, min(-low0, -low1))
         friction_bound, offset, slope = friction_row(friction, i, j, towards, remaining, within)
@@ -347,7 +351,7 @@ def _linear_row(
             high0, high1 = math.inf, math.inf
         rise_by_line = friction_rise(friction, i, j, offset, slope, w)
         by_u, by_x = by_u + rise_by_line[BY_U], by_x + rise_by_line[BY_X]
-        by_slope, alone = by_slope + rise_by_line[BY_SLOPE], alone + rise_by_line[ALONE]
+        by_slope, alone = by_slope + rise_by_line[BY_SLOPE], alone + rise_by_line[BY_CONSTANT]
     return a0, b0, low0, high0, a1, b1, low1, high1, by_u, by_x, by_slope, alone
 
 
@@ -371,7 +375,7 @@ def rows_with_friction(
 
 
 @compiled(inner=True)
-def _count_margin(lines: LimitLines, i: int, room: float, turn: float, remaining: float) -> None:
+def _record_margin(lines: LimitLines, i: int, room: float, turn: float, remaining: float) -> None:
     """Record the share of a limit at rest that `room` takes; 1 if rest may violate the limit."""
     if room + turn > remaining:
         lines.lost[i] = max(lines.lost[i], 1.0)
@@ -380,10 +384,10 @@ def _count_margin(lines: LimitLines, i: int, room: float, turn: float, remaining
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _ceilings(
+def _write_ceilings(
     lines: LimitLines, limits: GridLimits, bounds: MotionBounds, i: int, w: float, margins: bool
 ) -> None:
-    """Write the ceilings of x on interval i; arguments as in `_interval_limits`."""
+    """Write the ceilings of x on interval i; arguments as in `_write_interval_limits`."""
     squares, cap0, cap1 = limits.squares, limits.ceiling[i, 0], limits.ceiling[i, 1]
     lowest, steepest = min(cap0, cap1), 0.0
     for r in range(squares.largest.shape[1]):
@@ -412,7 +416,7 @@ def _ceilings(
 def _coefficients(grid: Intervals, i: int, joint: int, power: int) -> Vector:
     """Coefficients of x^power of LANES joints on the piece of an interval."""
     k = grid.piece[i]
-    k_last = k - (len(grid.breaks) - 1 - KEPT)
+    k_last = k - (len(grid.breaks) - 1 - PADDED_PIECES)
     if k_last >= 0:
         return load(grid.last, (6 * k_last + power) * grid.dof + joint)
     return load(grid.coefficients, (6 * k + power) * grid.dof + joint)
@@ -454,7 +458,7 @@ def next_joint(grid: Intervals, joint: int) -> int:
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _joint_half_planes(
+def _write_joint_half_planes(
     lines: LimitLines,
     grid: Intervals,
     limits: GridLimits,
@@ -475,7 +479,7 @@ def _joint_half_planes(
     certain = share * q3
     q1 = higher(size(a0), size(a1)) + certain
     # A joint that may reverse must satisfy both bounds.
-    back, forth = load(table, offset + BACK), load(table, offset + FORTH)
+    back, forth = load(table, offset + BACKWARD), load(table, offset + FORWARD)
     by = choose(higher(a0, a1), 0.0 - certain, back, higher(forth, back))
     by = choose(certain, lower(a0, a1), forth, by)
     room, e0, e1 = 0.0 * q1, a0 * a0 * by, a1 * a1 * by
@@ -503,11 +507,11 @@ def _joint_half_planes(
     lines.cap[i, 1] = min(lines.cap[i, 1], 1.0 / highest(e1) - sag)
     low, high = load(table, offset + LOWEST), load(table, offset + HIGHEST)
     rows = (a0, b0, low, high), (a1, b1, low, high)
-    _half_planes(lines, i, 2 * LANES * group, (w, slope * w / 2), rows, room, margins)
+    _write_half_planes(lines, i, 2 * LANES * group, (w, slope * w / 2), rows, room, margins)
 
 
 @compiled(inner=True)
-def _row_half_planes(
+def _write_row_half_planes(
     lines: LimitLines,
     limits: GridLimits,
     bounds: MotionBounds,
@@ -532,7 +536,7 @@ def _row_half_planes(
                 + row[RISE + BY_X] * bounds.x[i]
                 + row[RISE + BY_SLOPE] * abs(bounds.k[i])
             )
-            by_lane[RISE * LANES + lane] = room + row[RISE + ALONE] if margins else 0.0
+            by_lane[RISE * LANES + lane] = room + row[RISE + BY_CONSTANT] if margins else 0.0
         else:
             for k in range(RISE + 1):
                 by_lane[k * LANES + lane] = 0.0
@@ -551,11 +555,11 @@ def _row_half_planes(
         load(by_lane, (AT_END + HIGH) * LANES),
     )
     room = load(by_lane, RISE * LANES)
-    _half_planes(lines, i, line, (w, bounds.k[i] * w / 2), (start, end), room, margins)
+    _write_half_planes(lines, i, line, (w, bounds.k[i] * w / 2), (start, end), room, margins)
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _interval_limits(
+def _write_interval_limits(
     grid: Intervals,
     limits: GridLimits,
     bounds: MotionBounds,
@@ -569,23 +573,23 @@ def _interval_limits(
     w = grid.s[i + 1] - grid.s[i]
     turn, line = bounds.k[i] * w / 2, 2 * LANES * groups
     lines.drawn[i & (len(lines.drawn) - 1)] = i
-    _ceilings(lines, limits, bounds, i, w, margins)
+    _write_ceilings(lines, limits, bounds, i, w, margins)
     joint = 0
     for group in range(groups):
-        _joint_half_planes(lines, grid, limits, bounds, i, (group, joint), margins)
+        _write_joint_half_planes(lines, grid, limits, bounds, i, (group, joint), margins)
         joint = next_joint(grid, joint)
     for r in range(0, count, LANES):
-        _row_half_planes(lines, limits, bounds, i, r, line + 2 * r, w, margins)
+        _write_row_half_planes(lines, limits, bounds, i, r, line + 2 * r, w, margins)
     for r in range(rounds.radius.shape[1]):
         radius, room = rounds.radius[i, r], 0.0
         if margins:
             room = _margin(rounds.rise, i, r, bounds)
             first, _, _ = _products(rounds.ends, i, 0, r)
             last, _, _ = _products(rounds.ends, i, 1, r)
-            _count_margin(lines, i, room, math.sqrt(max(first, last)) * abs(turn), radius)
+            _record_margin(lines, i, room, math.sqrt(max(first, last)) * abs(turn), radius)
         square = max(radius - room, 0.0) ** 2
         for end in range(2):
-            _conic(lines, i, r, rounds.ends, square, (w, turn), end)
+            _write_conic(lines, i, r, rounds.ends, square, (w, turn), end)
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -602,7 +606,7 @@ def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
     low, high = highest(bottom), lowest(top)
     for k in range(lines.conics.shape[1]):
         p, q, d0, d1, d2 = lines.conics[slot, k]
-        root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), LEAST))
+        root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), MIN_DIVISOR))
         low, high = max(low, -p * x - q - root), min(high, -p * x - q + root)
     return low, high
 
@@ -624,7 +628,7 @@ def _mean_range_slopes(
     low_tilt, high_tilt = table[below] if below >= 0 else 0.0, table[above] if above >= 0 else 0.0
     for k in range(lines.conics.shape[1]):
         p, q, d0, d1, d2 = lines.conics[slot, k]
-        root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), LEAST))
+        root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), MIN_DIVISOR))
         tilt = (d1 - d2 * x) / root
         bottom, top = -p * x - q - root, -p * x - q + root
         if top < high:
@@ -635,7 +639,7 @@ def _mean_range_slopes(
 
 
 @compiled(inner=True)
-def _free_start(lines: LimitLines, w: float, ceiling: FloatArray) -> float:
+def _fastest_start(lines: LimitLines, w: float, ceiling: FloatArray) -> float:
     """ds² with the fastest motion on the first interval, if joints rest at the start at any ds."""
     # A ds² slightly below the largest one may allow a far larger u, because dq_ds is rounded.
     best, fastest = ceiling[0], 0.0
@@ -676,7 +680,7 @@ def _backward_forward_pass(
         trial = math.inf
         if i > 0:
             if changed[i - 1] or lines.drawn[(i - 1) & slots] != i - 1:
-                _interval_limits(grid, limits, bounds, i - 1, margins, lines)
+                _write_interval_limits(grid, limits, bounds, i - 1, margins, lines)
             trial = lines.cap[i - 1, 1]
         if i < n:
             trial = min(trial, lines.cap[i, 0])
@@ -727,12 +731,12 @@ def _backward_forward_pass(
         return stuck
     x[0] = min(rules.start, reachable[0])
     if rules.start == math.inf:
-        x[0] = _free_start(lines, grid.s[1] - grid.s[0], reachable)
+        x[0] = _fastest_start(lines, grid.s[1] - grid.s[0], reachable)
     for i in range(n):
         w, high = grid.s[i + 1] - grid.s[i], mean[i]
         if x[i] < reachable[i]:
             if lines.drawn[i & slots] != i:
-                _interval_limits(grid, limits, bounds, i, margins, lines)
+                _write_interval_limits(grid, limits, bounds, i, margins, lines)
             low, high = _mean_range(lines, i, x[i])
             steep = 0.5 / w
             high = min(high, (reachable[i + 1] - x[i]) * steep)
@@ -765,17 +769,17 @@ def _joint_acceleration_range(
     offset = ROWS * group
     a, b = path_slopes(grid, i, joint, end)
     magnitude = size(a)
-    inverse = 1.0 / choose(NOTHING, magnitude, a, 1.0)
+    inverse = 1.0 / choose(NEGLIGIBLE, magnitude, a, 1.0)
     smallest, largest = load(limits.joints, offset + LOWEST), load(limits.joints, offset + HIGHEST)
     one, other = (smallest - x * b) * inverse, (largest - x * b) * inverse
-    bottom = choose(NOTHING, magnitude, lower(one, other), -math.inf)
-    top = choose(NOTHING, magnitude, higher(one, other), math.inf)
+    bottom = choose(NEGLIGIBLE, magnitude, lower(one, other), -math.inf)
+    top = choose(NEGLIGIBLE, magnitude, higher(one, other), math.inf)
     low, high = highest(bottom), lowest(top)
     # The active bounds are coded as twice the joint, plus one for an upper bound.
     lane = load(limits.joints, offset + LANE)
     below = highest(choose(bottom, low, -1.0, lane + choose(a, 0.0, 1.0, 0.0)))
     above = highest(choose(high, top, -1.0, lane + choose(a, 0.0, 0.0, 1.0)))
-    wide = lowest(choose(NOTHING, magnitude, size((largest - smallest) * inverse), math.inf))
+    wide = lowest(choose(NEGLIGIBLE, magnitude, size((largest - smallest) * inverse), math.inf))
     return low, high, wide, int(below) + 2 * LANES * group, int(above) + 2 * LANES * group
 
 
@@ -932,7 +936,7 @@ def _duration(width: FloatArray, x: FloatArray, k: FloatArray) -> float:
 
 
 @compiled(inner=True)
-def _recentre(x: FloatArray, bounds: MotionBounds, near: float) -> bool:
+def _linearize_friction(x: FloatArray, bounds: MotionBounds, near: float) -> bool:
     """Linearize friction about a plan, and test whether the plan is close to the previous one."""
     is_near = True
     for i in range(len(bounds.x)):
@@ -1027,12 +1031,12 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
                 # A finer grid is needed around the failure, or everywhere if the speed at an end is
                 # too high.
                 for i in range(n):
-                    if stuck < 0 or abs(i - stuck) < AROUND:
-                        lines.lost[i] = max(lines.lost[i], NO_WAY)
+                    if stuck < 0 or abs(i - stuck) < REFINED_NEIGHBOURS:
+                        lines.lost[i] = max(lines.lost[i], NO_PLAN_MARGIN)
                 return GridPlan(x, bounds.k, lines.lost, FINER, max(stuck, 0), 0.0)
             return GridPlan(x, bounds.k, lines.lost, outcome, stuck, allowed)
         if kind < 2:
-            near = _recentre(x, bounds, rules.near)
+            near = _linearize_friction(x, bounds, rules.near)
             kind = 1
             if rubbing and not near and tangents < rules.tangents:
                 tangents += 1
@@ -1059,6 +1063,6 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     if lines.lost[worst] <= rules.max_margin:
         for i in range(n):
             if changed[i]:
-                lines.lost[i] = NO_WAY
+                lines.lost[i] = NO_PLAN_MARGIN
         worst = _largest_margin(lines.lost)
     return GridPlan(x, bounds.k, lines.lost, FINER, worst, 0.0)

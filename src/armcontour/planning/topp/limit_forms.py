@@ -20,16 +20,16 @@ from armcontour.core.simd import LANES
 # Last axis of `LinearRows.ends`; A and B are also the axis of the two vectors in `Rounds.ends`.
 A, B, LOW, HIGH = range(4)
 # Last axis of every `rise`: factors of U, X, K and 1.
-BY_U, BY_X, BY_SLOPE, ALONE = range(4)
+BY_U, BY_X, BY_SLOPE, BY_CONSTANT = range(4)
 # Offsets in a group of `JointBounds`, which has LANES joints: lower and upper bounds of
 # accelerations, inverse squares of lower and upper bounds of velocities, and twice the lane index.
 # ROWS is the length of a group.
-LOWEST, HIGHEST, BACK, FORTH, LANE, ROWS = range(0, 6 * LANES, LANES)
+LOWEST, HIGHEST, BACKWARD, FORWARD, LANE, ROWS = range(0, 6 * LANES, LANES)
 # Number of last pieces in the padded copy, because loads of LANES numbers read beyond a piece
-KEPT = 2
+PADDED_PIECES = 2
 LANE_CODES = 2.0 * np.arange(LANES)
 # Columns of `Friction.within`: largest absolute value, deviation from the chord, sign
-LARGEST, OFF, SIGN = range(3)
+LARGEST, DEVIATION, SIGN = range(3)
 
 
 class Intervals(NamedTuple):
@@ -39,15 +39,15 @@ class Intervals(NamedTuple):
     piece: IntArray  # Piece of the joint path for each interval, (n,)
     breaks: FloatArray  # Breaks of the joint path [m], (pieces + 1,)
     coefficients: FloatArray  # Coefficients of the joint path, flat
-    last: FloatArray  # Coefficients of the last KEPT pieces, padded by LANES numbers
+    last: FloatArray  # Coefficients of the last PADDED_PIECES pieces, padded by LANES numbers
     dof: int
 
 
 class JointBounds(NamedTuple):
     """Bounds of joint velocities and accelerations; the planner converts them to rows."""
 
-    # LOWEST, HIGHEST, BACK, FORTH and LANE of each group of LANES joints, flat. Lanes without a
-    # joint are unbounded.
+    # LOWEST, HIGHEST, BACKWARD, FORWARD and LANE of each group of LANES joints, flat. Lanes without
+    # a joint are unbounded.
     bounds: FloatArray
 
     @classmethod
@@ -149,7 +149,7 @@ def check_form(form: Form, n: int, name: str) -> Form:
     return type(form)(*(kernel_array(x) for x in form))
 
 
-def collect(forms: Iterable[Form], n: int) -> GridLimits:
+def combine_forms(forms: Iterable[Form], n: int) -> GridLimits:
     """Combine the forms of all constraints on a grid of n intervals."""
     tables: dict[type, list[tuple[FloatArray, ...]]] = {}
     for form in forms:
@@ -160,16 +160,16 @@ def collect(forms: Iterable[Form], n: int) -> GridLimits:
     else:
         lowest = ceiling[0][0] if len(ceiling) == 1 else np.min([x[0] for x in ceiling], axis=0)
     return GridLimits(
-        LinearRows(*_joined(tables.get(LinearRows), (n, 2, 0, 4), (n, 0, 4))),
-        Squares(*_joined(tables.get(Squares), (n, 2, 0), (n, 0), (n, 0, 4))),
-        Rounds(*_joined(tables.get(Rounds), (n, 2, 0, 2, 3), (n, 0), (n, 0, 4))),
-        Friction(*_joined(tables.get(Friction), (n, 2, 0), (n, 0, 3))),
+        LinearRows(*_concatenate(tables.get(LinearRows), (n, 2, 0, 4), (n, 0, 4))),
+        Squares(*_concatenate(tables.get(Squares), (n, 2, 0), (n, 0), (n, 0, 4))),
+        Rounds(*_concatenate(tables.get(Rounds), (n, 2, 0, 2, 3), (n, 0), (n, 0, 4))),
+        Friction(*_concatenate(tables.get(Friction), (n, 2, 0), (n, 0, 3))),
         lowest,
         np.concatenate([*(x[0] for x in tables.get(JointBounds, [])), np.empty(0)]),
     )
 
 
-def _joined(
+def _concatenate(
     tables: list[tuple[FloatArray, ...]] | None, *empty: tuple[int, ...]
 ) -> Iterable[FloatArray]:
     if tables is None:
@@ -195,4 +195,4 @@ def margins_of(rise: FloatArray, bounds: tuple[FloatArray, ...]) -> FloatArray:
     """Margins of rows, (n, rows), for the bounds x, x_min, u and k of a plan, (n,) each."""
     x, _, u, slope = (y[:, None] for y in bounds)
     by = rise[..., BY_U] * u + rise[..., BY_X] * x
-    return np.asarray(by + rise[..., BY_SLOPE] * np.abs(slope) + rise[..., ALONE])
+    return np.asarray(by + rise[..., BY_SLOPE] * np.abs(slope) + rise[..., BY_CONSTANT])

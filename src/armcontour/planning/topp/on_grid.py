@@ -12,13 +12,13 @@ from armcontour.core.kernels import FUSED, compiled
 from armcontour.core.simd import LANES
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import (
-    ALONE,
+    BY_CONSTANT,
     BY_SLOPE,
     BY_U,
     BY_X,
     HIGH,
-    KEPT,
     LOW,
+    PADDED_PIECES,
     A,
     B,
     Intervals,
@@ -110,7 +110,7 @@ def write_sampled(
             rows.rise[i, r, BY_U] = by_u + abs(b1 - b0) * w / 2
             rows.rise[i, r, BY_X] = by_x + ROUNDING * max(abs(a0), abs(a1)) / w
             rows.rise[i, r, BY_SLOPE] = w / 4 * (abs(a1 - a0) + w * max(abs(b0), abs(b1)))
-            rows.rise[i, r, ALONE] = alone
+            rows.rise[i, r, BY_CONSTANT] = alone
 
 
 Terms = tuple[FloatArray, FloatArray, FloatArray]
@@ -132,9 +132,9 @@ class OnGrid:
         """Arrays of the grid and the joint path for kernels."""
         path = self.grid.joint_path
         flat, dof = path.coefficients.ravel(), path.dof
-        last = np.zeros(6 * dof * KEPT + LANES)
-        tail = flat[-6 * dof * KEPT :]
-        last[6 * dof * KEPT - len(tail) : -LANES] = tail
+        last = np.zeros(6 * dof * PADDED_PIECES + LANES)
+        tail = flat[-6 * dof * PADDED_PIECES :]
+        last[6 * dof * PADDED_PIECES - len(tail) : -LANES] = tail
         return Intervals(self.grid.s, self.grid.piece, path.breaks, flat, last, dof)
 
     @cached_property
@@ -194,21 +194,21 @@ class OnGrid:
             ends[:, :, 0, column, : a.shape[1]] = self.at_ends(vectors)
         change = _length(ends[:, 1, 0] - ends[:, 0, 0])
         size = _length(ends[:, :, 0]).max(axis=1)
-        rise[:, 0, BY_U] = self._bend(a) + change[:, B] * w / 2
-        rise[:, 0, BY_X] = self._bend(b) + ROUNDING * size[:, A] / w
+        rise[:, 0, BY_U] = self._chord_deviations(a) + change[:, B] * w / 2
+        rise[:, 0, BY_X] = self._chord_deviations(b) + ROUNDING * size[:, A] / w
         rise[:, 0, BY_SLOPE] = w / 4 * (change[:, A] + w * size[:, B])
         return Rounds(ends, np.full((len(self), 1), radius), rise)
 
     def square(self, b: FloatArray) -> Squares:
         """Limit `b x <= 1` for one b >= 0 at all samples, (samples,)."""
         w, ends = self.grid.width, self.at_ends(b)
-        deviation, rise = self._bend(b[:, None]), np.zeros((len(self), 1, 4))
+        deviation, rise = self._chord_deviations(b[:, None]), np.zeros((len(self), 1, 4))
         rise[:, 0, BY_U] = np.abs(ends[:, 1] - ends[:, 0]) * w / 2
         rise[:, 0, BY_X] = deviation
         rise[:, 0, BY_SLOPE] = w * w / 4 * ends.max(axis=1)
         return Squares(ends[..., None], (ends.max(axis=1) + deviation)[:, None], rise)
 
-    def _bend(self, values: FloatArray) -> FloatArray:
+    def _chord_deviations(self, values: FloatArray) -> FloatArray:
         """Bounds of the distances of vectors at all samples from their chords, (n,)."""
         n, square, piece = len(self), self.grid.width**2, self.grid.piece
         middle = values[n : 2 * n] - self.at_ends(values).mean(axis=1)

@@ -18,7 +18,7 @@ from armcontour.planning.tracing.knots import (
     Knots,
     poses_at,
     row_of_poses,
-    what_helps,
+    suggest_remedy,
 )
 from armcontour.planning.tracing.ranges import out_of_range
 from armcontour.planning.tracing.redundancy import null_space, smooth
@@ -36,9 +36,9 @@ from armcontour.robot.limit_use import use_of
 T = TypeVar("T")
 R = TypeVar("R")
 
-# From MANY poses on, threads share the work, because starting them takes as long as 100 poses.
-# PARTS is the number of groups of branches; some branches end early.
-MANY, PARTS = 2000, 16
+# From THREADED_POSES poses on, threads share the work, because starting them takes as long as 100
+# poses. PARTS is the number of groups of branches; some branches end early.
+THREADED_POSES, PARTS = 2000, 16
 # Number of parts of smoothed joint paths; NumPy processes a part at once.
 SMOOTHED_PARTS = 4
 # Largest last correction of the joint positions at a followed pose [rad]. Branches of equal cost
@@ -119,7 +119,7 @@ def find_solutions(
     if redundant:
         followed = _rank(arm, s, knot_poses, task, followed, seed)
     solutions: list[Solution] = []
-    different = _Different(arm, knot_poses, task)
+    different = _DistinctSolutions(arm, knot_poses, task)
     candidates = _with_costs(arm, s, knot_poses, task, followed, seed)
     for count, (q, cost) in enumerate(candidates, start=1):
         in_range = _turn_into_range(arm, q, seed)
@@ -189,7 +189,7 @@ def follow_branches(
 
 def _in_threads(work: Callable[[T], R], items: Sequence[T], poses: int) -> list[R]:
     """Do compiled work on several items, in threads if they have many poses."""
-    return map_in_threads(work, items) if poses >= MANY else [work(x) for x in items]
+    return map_in_threads(work, items) if poses >= THREADED_POSES else [work(x) for x in items]
 
 
 def _rank(
@@ -214,7 +214,7 @@ def _rank(
     ranked.sort(key=lambda x: x[0])
     distinct: list[FloatArray] = []
     repeated: list[FloatArray] = []
-    different = _Different(arm, poses, task)
+    different = _DistinctSolutions(arm, poses, task)
     for _, q in ranked:
         (distinct if different.add(q) else repeated).append(q)
     return distinct + repeated
@@ -239,7 +239,7 @@ def _smooth(
     return [(q, float(cost)) for part in done for q, cost in zip(*part, strict=True)]
 
 
-class _Different:
+class _DistinctSolutions:
     """Collection of solutions that differ by more than null-space motion."""
 
     def __init__(self, arm: SerialArm, poses: FloatArray, task: int) -> None:
@@ -356,7 +356,7 @@ def _refuse_start(
     raise Unreachable(
         f"At 0 m along the path the arm {arm.name} cannot reach the position "
         f"{tuple(np.round(point, 6).tolist())} m with the required tool orientation. The tool "
-        f"stays {gap:.3g} m away{farthest}: {what_helps(path)}{unit_hint(gap)}.",
+        f"stays {gap:.3g} m away{farthest}: {suggest_remedy(path)}{unit_hint(gap)}.",
         point=point.tolist(),
         s=0.0,
         limit="reach",
@@ -426,7 +426,7 @@ def _refuse(
             f"From {first:.6g} m of {path.length:.6g} m along the path, the path is out of reach "
             f"of the arm {arm.name}. At {tuple(np.round(worst, 6).tolist())} m, "
             f"{s[i + farthest]:.6g} m along the path, the tool stays {gap:.3g} m away: "
-            f"{what_helps(path)}{unit_hint(gap)}.",
+            f"{suggest_remedy(path)}{unit_hint(gap)}.",
             s=first,
             point=worst.tolist(),
             limit="reach",
@@ -446,7 +446,7 @@ def _refuse_singularity(
     raise Unreachable(
         f"After {s:.6g} m of {path.length:.6g} m along the path the arm {arm.name} reaches a "
         f"singularity, at which joint {joint + 1} would need an unlimited velocity (smallest "
-        f"singular value {sizes[task - 1]:.2g}): {what_helps(path)}.",
+        f"singular value {sizes[task - 1]:.2g}): {suggest_remedy(path)}.",
         s=s,
         point=pose[:, 3].tolist(),
         joint=joint,

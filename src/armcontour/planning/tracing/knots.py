@@ -219,7 +219,7 @@ def _bends_out_of_plane(path: Path, s: float) -> bool:
     return bool(path.corners.reason[nearest] == OUT_OF_PLANE)
 
 
-def what_helps(path: Path | None) -> str:
+def suggest_remedy(path: Path | None) -> str:
     """Advice for users whose arm cannot follow a path, as the end of a sentence."""
     orientation = None if path is None else path.orientation
     if orientation is None or orientation.axis_only:
@@ -227,7 +227,7 @@ def what_helps(path: Path | None) -> str:
     return "move the path or the arm, or leave the rotation about the tool axis free"
 
 
-def turning_too_fast(path: Path, s: float) -> str:
+def describe_fast_rotation(path: Path, s: float) -> str:
     """Message if the path rotates the tool too fast at the arc length s [m], otherwise ""."""
     if path.orientation is None:
         return ""

@@ -10,7 +10,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
-from armcontour.planning.tracing.knots import what_helps
+from armcontour.planning.tracing.knots import suggest_remedy
 from armcontour.robot import Limits
 
 # Tolerance of joint ranges [rad], above rounding errors and below the resolution of robots.
@@ -66,7 +66,7 @@ def out_of_range(
     return Unreachable(
         f"At {s:.6g} m along the path joint {joint + 1} would be at {q:.6g} rad, "
         f"{abs(q - edge):.3g} rad beyond its {name} limit of {edge:.6g} rad{also}: "
-        f"{what_helps(path)}.",
+        f"{suggest_remedy(path)}.",
         s=s,
         point=None if path is None else path(s).tolist(),
         joint=joint,

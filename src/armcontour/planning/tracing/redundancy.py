@@ -35,7 +35,7 @@ SETTLED = 1e-4
 # is singular if no cost depends on a null-space motion.
 DAMPING = 1e-6
 # Largest number of iterations of smoothing.
-ROUNDS = 25
+MAX_ROUNDS = 25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,7 +158,7 @@ def smooth(
     q: FloatArray,
     *,
     start_stays: bool = False,  # True if the first joint position is fixed
-    rounds: int = ROUNDS,
+    rounds: int = MAX_ROUNDS,
 ) -> tuple[FloatArray, FloatArray]:
     """Shorten joint paths by null-space motion, with unchanged tool poses."""
     # Gauss-Newton iterations reduce the sum of squares of the joint steps, weighted by the largest

@@ -31,7 +31,7 @@ ANGULAR_TOLERANCE = 1e-9
 SINGULAR = 1e-9
 
 
-class Numeric(Solver[SerialArm]):
+class NumericSolver(Solver[SerialArm]):
     """Exact joint positions and derivatives at knots, by Newton's method from nearby guesses."""
 
     def __init__(

@@ -11,7 +11,13 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, quintic
-from armcontour.planning.tracing.knots import MIDDLE, PLACES, Knots, turning_too_fast, what_helps
+from armcontour.planning.tracing.knots import (
+    MIDDLE,
+    PLACES,
+    Knots,
+    describe_fast_rotation,
+    suggest_remedy,
+)
 from armcontour.robot import Arm, PlanarTwoLink
 
 # Length below which an interval outside the tolerance indicates a singularity [m].
@@ -81,7 +87,7 @@ def largest_errors(errors: FloatArray, n: int) -> FloatArray:
     return np.asarray(errors.reshape(-1, n).max(axis=0))
 
 
-class Analytic(Solver[PlanarTwoLink]):
+class AnalyticSolver(Solver[PlanarTwoLink]):
     """Exact joint positions and derivatives at knots, by (3)-(4), (28) and (27) of the paper."""
 
     def __init__(
@@ -188,10 +194,10 @@ def raise_singular(solver: Solver[Any], s: float, state: str) -> NoReturn:
     # singular".
     path, point = solver.path, solver.path(s).tolist()
     raise Unreachable(
-        turning_too_fast(path, s)
+        describe_fast_rotation(path, s)
         or f"At {s:.6g} m of {path.length:.6g} m along the path, at "
         f"{tuple(round(x, 6) for x in point)} m, the arm {solver.arm.name} {state}: "
-        f"{what_helps(path)}.",
+        f"{suggest_remedy(path)}.",
         point=point,
         s=s,
         limit="singularity",

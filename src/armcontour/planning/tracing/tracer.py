@@ -22,7 +22,7 @@ from armcontour.planning.tracing.knots import (
     task_dimension,
 )
 from armcontour.planning.tracing.ranges import check_joint_range, turn_into_range
-from armcontour.planning.tracing.solver import Analytic, refine
+from armcontour.planning.tracing.solver import AnalyticSolver, refine
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm
 
 if TYPE_CHECKING:
@@ -174,7 +174,7 @@ def _trace_planar(
     path: Path, arm: PlanarTwoLink, configuration: str, tolerance: float
 ) -> JointPath:
     joint_path = refine(
-        Analytic(path, arm, configuration, tolerance), first_knots(path, arm.span), path.stops
+        AnalyticSolver(path, arm, configuration, tolerance), first_knots(path, arm.span), path.stops
     )
     joint_path = turn_into_range(joint_path, arm.limits)
     check_joint_range(joint_path, arm.limits)
@@ -186,14 +186,14 @@ def _trace_serial(
 ) -> list[JointPath]:
     """Joint paths of a serial arm in its configurations, the shortest first."""
     from armcontour.planning.tracing.configurations import find_solutions
-    from armcontour.planning.tracing.serial_solver import Numeric
+    from armcontour.planning.tracing.serial_solver import NumericSolver
 
     task = task_dimension(path, arm)
     knots = first_knots(path, arm.span, FINER if task < arm.dof else 1)
     first = FirstPoses.at_knots(path, knots)
 
     def refine_solution(solution: Solution) -> JointPath:
-        numeric = Numeric(path, arm, task, first, solution, tolerance)
+        numeric = NumericSolver(path, arm, task, first, solution, tolerance)
         joint_path = refine(numeric, knots, first.stops)
         check_joint_range(joint_path, arm.limits)
         return joint_path
