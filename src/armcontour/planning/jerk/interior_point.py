@@ -81,6 +81,15 @@ class _Duals(NamedTuple):
     positive: FloatArray
 
 
+class _Iterate(NamedTuple):
+    """Arrays of one iterate, changed in place."""
+
+    d: FloatArray  # Control points of a [m²/s²], (n + 2,)
+    tangents: FloatArray  # Tangent of the current part, see `_write_tangents`, (j, 4)
+    slack: _Duals
+    dual: _Duals
+
+
 @compiled(inner=True, allocates=True)
 def _new_duals(p: JerkSection) -> _Duals:
     n = len(p.cell)
@@ -304,16 +313,9 @@ def _add_durations(p: JerkSection, d: FloatArray, bands: FloatArray, right: Floa
 
 @compiled(inner=True)
 def _add_bounds(
-    p: JerkSection,
-    d: FloatArray,
-    tangents: FloatArray,
-    slack: _Duals,
-    dual: _Duals,
-    mu: float,
-    bands: FloatArray,
-    right: FloatArray,
+    p: JerkSection, iterate: _Iterate, mu: float, bands: FloatArray, right: FloatArray
 ) -> None:
-    n = len(p.width)
+    n, (d, tangents, slack, dual) = len(p.width), iterate
     for c in range(len(p.cell)):
         i = p.cell[c]
         _write_tangents(p, c, d, tangents)
@@ -407,17 +409,10 @@ def _longest_round_step(bound: float, rise: float, vector: Any, change: Any, sla
 
 @compiled(inner=True)
 def _dual_changes(
-    p: JerkSection,
-    d: FloatArray,
-    step: FloatArray,
-    tangents: FloatArray,
-    slack: _Duals,
-    dual: _Duals,
-    mu: float,
-    change: _Duals,
+    p: JerkSection, iterate: _Iterate, step: FloatArray, mu: float, change: _Duals
 ) -> tuple[float, float]:
     """Write the changes of all multipliers; returns the longest steps of slacks and multipliers."""
-    n = len(p.width)
+    n, (d, tangents, slack, dual) = len(p.width), iterate
     reach = (1.0, 1.0)
     for c in range(len(p.cell)):
         i = p.cell[c]
@@ -596,6 +591,7 @@ def improve(
     n = len(p.width)
     slack, dual, change = _new_duals(p), _new_duals(p), _new_duals(p)
     tangents = np.empty((p.raised.shape[1], 4))
+    iterate = _Iterate(d, tangents, slack, dual)
     bands, right, trial = np.zeros((3, n + 2)), np.zeros(n + 2), np.empty(n + 2)
     end = 0 if goal == START else n + 1
     _write_slacks(p, d, goal, tangents, slack)
@@ -609,14 +605,14 @@ def improve(
         size = _add_durations(p, d, bands, right)
         if goal != DURATION:
             right[end] += pull
-        _add_bounds(p, d, tangents, slack, dual, mu, bands, right)
+        _add_bounds(p, iterate, mu, bands, right)
         _fix_ends(bands, right, goal)
         trial[:] = right
         _solve_bands(bands, right)
         decrement = 0.0
         for i in range(n + 2):
             decrement += trial[i] * right[i]
-        reach = _dual_changes(p, d, right, tangents, slack, dual, mu, change)
+        reach = _dual_changes(p, iterate, right, mu, change)
         share = reach[0]
         landed = goal != DURATION and d[end] + share * right[end] >= target
         if landed:

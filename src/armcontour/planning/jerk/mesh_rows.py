@@ -239,10 +239,7 @@ class MeshRows:
             np.empty((n, len(joints[1]) * degree, 3)),
         )
         powers = to_bernstein(degree), to_bernstein(degree - 1)
-        path, basis = grid.joint_path, self.basis
-        motion_rows(
-            path.coefficients, path.breaks, grid.piece, grid.s, basis, degree, powers, joints, rows
-        )
+        motion_rows(self.path.intervals, self.basis, degree, powers, joints, rows)
         return rows
 
     def _plain_rows(self, acceleration: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

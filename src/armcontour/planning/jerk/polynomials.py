@@ -12,6 +12,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernels import compiled
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.kernels import MotionBounds
+from armcontour.planning.topp.limit_forms import Intervals
 from armcontour.robot import Arm
 
 # Highest degree of a joint path.
@@ -72,10 +73,7 @@ def elevated(powers: FloatArray, degree: int) -> FloatArray:
 
 @compiled()
 def motion_rows(
-    coefficients: FloatArray,  # Coefficients of the joint path, (pieces, 6, dof)
-    breaks: FloatArray,  # Breaks of the joint path, (pieces + 1,)
-    piece: IntArray,  # Piece of each part, (n,)
-    s: FloatArray,  # Ends of the parts, (n + 1,)
+    grid: Intervals,
     basis: Basis,
     degree: int,
     of_powers: tuple[FloatArray, FloatArray],
@@ -84,17 +82,17 @@ def motion_rows(
 ) -> None:
     """Write control points of acceleration, and of jerk over ds, as rows of those of ds²."""
     # The acceleration is `q'' a + q' dds`, and the jerk over ds is `q''' a + 3 q'' dds + q' slope`.
-    # `of_powers`: `to_bernstein` of the degrees of acceleration, `degree`, and jerk, one less;
+    # `grid`: the n parts of cells; `of_powers`: `to_bernstein` of the degrees of acceleration, `degree`, and jerk, one less;
     # `joints`: joints with rows of acceleration, and joints with rows of jerk; `rows`: output,
     # joint after joint, (n, joints (degree + 1), 3) and (n, joints degree, 3).
     taylor = np.empty((3, HIGHEST + 1))
     powers = np.empty(2 * HIGHEST)
     t = np.empty(HIGHEST + 1)
-    for i in range(len(piece)):
-        k = piece[i]
-        scale = 1.0 / (breaks[k + 1] - breaks[k])
-        x0 = (s[i] - breaks[k]) * scale
-        h = s[i + 1] - s[i]
+    for i in range(len(grid.piece)):
+        k = grid.piece[i]
+        scale = 1.0 / (grid.breaks[k + 1] - grid.breaks[k])
+        x0 = (grid.s[i] - grid.breaks[k]) * scale
+        h = grid.s[i + 1] - grid.s[i]
         dx = h * scale
         for kind in range(2):
             count = degree + 1 - kind
@@ -108,7 +106,7 @@ def motion_rows(
                         choose = 1.0
                         for c in range(m):
                             choose *= (n - c) / (c + 1.0)
-                        total = total * x0 + choose * coefficients[k, n, j]
+                        total = total * x0 + choose * grid.coefficients[(6 * k + n) * grid.dof + j]
                     t[m] = total * factor
                     factor *= dx
                 for m in range(HIGHEST + 1):

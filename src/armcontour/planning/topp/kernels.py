@@ -115,6 +115,14 @@ class GridPlan(NamedTuple):
     allowed: float  # With START and END: the largest feasible ds² at this end [m²/s²]
 
 
+class PassSquares(NamedTuple):
+    """Results of a backward and a forward pass: ds² at the grid points [m²/s²], (n + 1,) each."""
+
+    cap: FloatArray  # Lower cap of both sides of a point
+    reachable: FloatArray  # Largest value from which the end can be reached
+    x: FloatArray  # The plan
+
+
 class LimitLines(NamedTuple):
     """Limits in the plane of x at the start and the mean u, m, of each interval."""
 
@@ -517,11 +525,10 @@ def _write_row_half_planes(
     bounds: MotionBounds,
     i: int,
     first: int,
-    line: int,
     w: float,
     margins: bool,
 ) -> None:
-    """Write LANES rows of interval i from row `first` on, as half-planes from line `line` on."""
+    """Write LANES rows of interval i from row `first` on, as half-planes."""
     # `by_lane` has LANES numbers for each coefficient of a row at both ends, then for its margin.
     # Lanes without a row have no limit.
     by_lane, count = lines.scratch, limits.rows.rise.shape[1] + limits.friction.within.shape[1]
@@ -555,6 +562,8 @@ def _write_row_half_planes(
         load(by_lane, (AT_END + HIGH) * LANES),
     )
     room = load(by_lane, RISE * LANES)
+    # The lines of the joint bounds come first.
+    line = 2 * (LANES * (len(limits.joints) // ROWS) + first)
     _write_half_planes(lines, i, line, (w, bounds.k[i] * w / 2), (start, end), room, margins)
 
 
@@ -571,7 +580,7 @@ def _write_interval_limits(
     rounds, groups = limits.rounds, len(limits.joints) // ROWS
     count = limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     w = grid.s[i + 1] - grid.s[i]
-    turn, line = bounds.k[i] * w / 2, 2 * LANES * groups
+    turn = bounds.k[i] * w / 2
     lines.drawn[i & (len(lines.drawn) - 1)] = i
     _write_ceilings(lines, limits, bounds, i, w, margins)
     joint = 0
@@ -579,7 +588,7 @@ def _write_interval_limits(
         _write_joint_half_planes(lines, grid, limits, bounds, i, (group, joint), margins)
         joint = next_joint(grid, joint)
     for r in range(0, count, LANES):
-        _write_row_half_planes(lines, limits, bounds, i, r, line + 2 * r, w, margins)
+        _write_row_half_planes(lines, limits, bounds, i, r, w, margins)
     for r in range(rounds.radius.shape[1]):
         radius, room = rounds.radius[i, r], 0.0
         if margins:
@@ -661,19 +670,16 @@ def _backward_forward_pass(
     state: tuple[BoolArray, bool],
     lines: LimitLines,
     rules: Rules,
-    cap: FloatArray,
-    reachable: FloatArray,
-    x: FloatArray,
+    squares: PassSquares,
 ) -> int:
     """Write the limits and the largest feasible x, by a backward and a forward pass."""
     # Backward pass: the range of the mean u is concave in x and not empty for x = 0, so Newton
     # steps from the cap converge to the largest x with a range. `state`: mask of the intervals to
-    # write, (n,), and true for limits with margins. Outputs, (n + 1,) each: `cap`, the lower cap of
-    # both sides of every point; `reachable`, the largest x from which the end can be reached; `x`,
-    # the plan.
+    # write, (n,), and true for limits with margins; `squares`: output.
     # Returns -1 if a plan was found, the index of an interval on which no motion is allowed, or n
     # plus the index of an interval without limits.
-    (changed, margins), n, below, stuck = state, len(grid.piece), -1, -1
+    (changed, margins), (cap, reachable, x) = state, squares
+    n, below, stuck = len(grid.piece), -1, -1
     mean, slots = np.empty(n), len(lines.drawn) - 1
     # Interval i - 1 is written before interval i is planned, while the processor waits for data.
     for i in range(n, -1, -1):
@@ -979,7 +985,8 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     """Plan without margins, then with margins of bounds around the plan, until they contain it."""
     # If `rules.tries` is 1, the result is the plan without margins, with the outcome FINER.
     n, rubbing = len(grid.piece), limits.friction.within.shape[1]
-    width, x, reachable, cap = np.empty(n), np.zeros(n + 1), np.empty(n + 1), np.empty(n + 1)
+    width, squares = np.empty(n), PassSquares(np.empty(n + 1), np.empty(n + 1), np.zeros(n + 1))
+    cap, reachable, x = squares
     bounds = MotionBounds(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
     changed, slots = np.ones(n, np.bool_), 1
     while slots < min(n, BLOCK):
@@ -1014,7 +1021,7 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     for _ in range(rules.tries):
         drawn = limits if kind > 0 else free
         stuck = _backward_forward_pass(
-            grid, drawn, bounds, (changed, kind == 2), lines, rules, cap, reachable, x
+            grid, drawn, bounds, (changed, kind == 2), lines, rules, squares
         )
         if stuck >= n:
             return GridPlan(x, bounds.k, lost, UNLIMITED, stuck - n, 0.0)
