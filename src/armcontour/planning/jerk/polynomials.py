@@ -82,9 +82,10 @@ def motion_rows(
 ) -> None:
     """Write control points of acceleration, and of jerk over ds, as rows of those of ds²."""
     # The acceleration is `q'' a + q' dds`, and the jerk over ds is `q''' a + 3 q'' dds + q' slope`.
-    # `grid`: the n parts of cells; `of_powers`: `to_bernstein` of the degrees of acceleration, `degree`, and jerk, one less;
-    # `joints`: joints with rows of acceleration, and joints with rows of jerk; `rows`: output,
-    # joint after joint, (n, joints (degree + 1), 3) and (n, joints degree, 3).
+    # `grid`: the n parts of cells; `of_powers`: `to_bernstein` of the degrees of acceleration,
+    # `degree`, and of jerk, one less; `joints`: joints with rows of acceleration, and joints with
+    # rows of jerk; `rows`: output in the order of the joints, (n, joints (degree + 1), 3) and
+    # (n, joints degree, 3).
     taylor = np.empty((3, HIGHEST + 1))
     powers = np.empty(2 * HIGHEST)
     t = np.empty(HIGHEST + 1)
