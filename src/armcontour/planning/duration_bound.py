@@ -111,7 +111,7 @@ def least_duration(
 ) -> float:
     """Lower bound of the duration of any motion along a joint path [s]; 0 if it is not limited."""
     # The result is a lower bound, because limits are evaluated at points only, and between two
-    # points ds² may change at the larger of their rates.
+    # points ds² may change at the larger of the rates at both points.
     # `bounds`: lower and upper bounds of the velocities [rad/s] and accelerations [rad/s²] of the
     # joints, (4, dof).
     n, dof = len(coefficients), coefficients.shape[2]

@@ -32,7 +32,7 @@ BISECTIONS = 12
 class EndSpeeds:
     """Requested speeds at both ends of a path, and the planner that tests other speeds."""
 
-    # Plans with a start and an end speed [m/s]; raises NotRealizable
+    # Function that plans with a start and an end speed [m/s]; raises NotRealizable if infeasible
     plan: Callable[[float, float], object]
     start: float  # The requested start speed [m/s]
     end: float  # The requested end speed [m/s]

@@ -30,7 +30,7 @@ ACTIVE = 0.99
 # active from the share ACTIVE_ADJACENT on, if it is the most used limit on more than MAX_TRANSITION
 # intervals in a row. A transition takes at most MAX_TRANSITION intervals.
 ACTIVE_ADJACENT, MAX_TRANSITION = 0.9, 2
-# Replaces ACTIVE with limits of jerk, because intervals are then longer, and the used share of a
+# Value of ACTIVE for plans with limits of jerk. Their intervals are longer, so the used share of a
 # limit changes more along an interval.
 ACTIVE_WITH_JERK = 0.9
 # The assigned velocity counts as reached from this share of it on.

@@ -18,7 +18,7 @@ from armcontour.robot.limits import UNITS
 # Samples per smooth piece of a law. A piece turns by half a radian at most, so the sampled peak is
 # less than 1e-4 below the true peak.
 PEAK_SAMPLES = 33
-# A law may exceed a limit by this share, its rounding error.
+# Rounding error by which a law may exceed a limit, as a share of the limit
 ROUNDING = 1e-6
 # Words that follow a unit in messages if the unit alone is ambiguous, by field of `Limits`
 UNIT_SUFFIXES = {"angular_speed": " of turning", "angular_acceleration": " of turning"}

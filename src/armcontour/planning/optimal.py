@@ -64,8 +64,9 @@ MAX_REFINEMENTS = 12
 # accurate within a factor of about three.
 LARGEST_LOSS = 1e-4
 MAX_PARTS_AT_ONCE = 8
-# Largest number of refined intervals, about 1 GB, unless twice the first grid is more. Close to it,
-# a refinement for loss must add at least the factor LEAST_GROWTH.
+# Largest number of intervals of a refined grid (about 1 GB), unless twice the number of the first
+# grid is larger. Close to this number, a refinement for loss must increase the number of intervals
+# at least by the factor LEAST_GROWTH.
 MAX_REFINED, LEAST_GROWTH = 300_000, 1.1
 
 
@@ -73,8 +74,8 @@ def plan_optimal(
     joint_path: JointPath, arm: Arm, limits: Limits, options: Optimal = FASTEST
 ) -> Trajectory:
     """Plan the fastest motion along a path, without a given duration."""
-    # `joint_path`: A traced path, or a joint path without a tool path (then without tool limits);
-    # `limits`: the limits. Joint ranges are ignored; the speed of each path segment applies too;
+    # `joint_path`: a traced path, or a joint path without a tool path (then without limits of the
+    # tool). `limits`: joint ranges are ignored; the speed of each path segment applies, too.
     # `options`: grid, speeds at the ends, and additional constraints. If a joint path needs another
     # parameter than s, grid points keep their relative positions in the pieces.
     points, intervals, constraints = options.grid, options.intervals, options.constraints

@@ -215,7 +215,7 @@ class Paper(PlanOptions):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Conventional(PlanOptions):
-    """Options of the method "conventional", uniform speed on the raw path: only `PlanOptions`.
+    """Options of the method "conventional", uniform tool speed: those of `PlanOptions`.
 
     >>> straight = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20)])
     >>> ac.plan(straight, arm, limits, ac.Conventional()).method

@@ -26,7 +26,7 @@ from armcontour.planning.options import FEWEST_LAPS, MAX_LAPS, Paper
 from armcontour.planning.paper_line import PaperLine, RulePart, parts_by_rule
 from armcontour.robot import Arm, Limits
 
-# Number of parts of a lap next to a rest, because the speed changes by a large factor there.
+# A lap next to a rest is divided into this many parts, because the speed changes much in it.
 PARTS_AT_REST = 10
 # Limits that are checked on every part, because the method does not guarantee them.
 CHECKED = (
@@ -49,8 +49,8 @@ class Junction:
 
 def plan_paper(joint_path: JointPath, arm: Arm, limits: Limits, options: Paper) -> Trajectory:
     """Plan a path of lines and arcs by the paper's method."""
-    # `joint_path`: A traced path of lines and arcs; `limits`: limits with joint accelerations and
-    # an assigned velocity; the centripetal acceleration sets the corner speed (16).
+    # `joint_path`: a traced path of lines and arcs; `limits`: limits with joint accelerations and
+    # an assigned velocity. The centripetal acceleration determines the corner speed (16).
     path = tool_path_of(joint_path, "paper")
     assigned = np.fmin(path.speeds, require_speed(limits, "paper"))
     _refuse_limits(limits)

@@ -30,18 +30,18 @@ def run_laps(
     q: FloatArray, dq_ds: FloatArray, speed: float, limit: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, int, float]:
     """Move from the first knot towards the last as fast as (18)-(20) of the paper allow."""
-    # The paper does not state the velocity at the start of a lap. Plain `dq + ddq h` is not damped:
-    # a velocity error of a joint that does not determine the lap time alternates from lap to lap,
-    # and the acceleration it causes grows as 1 / h. Therefore the joint that determines the lap
-    # time keeps its velocity, and the other joints take theirs from the path, (28); the step in
-    # their velocity is of second order in h.
+    # The paper does not state the velocity at the start of a lap. If every joint continued with `dq
+    # + ddq h`, a velocity error of a joint that does not determine the lap time would alternate
+    # from lap to lap, and the acceleration that it causes would grow as 1 / h. Therefore only the
+    # joint that determines the lap time continues with its velocity. The other joints get their
+    # velocities from the path by (28); the step in these velocities is of second order in h.
     # `q`: joint positions at the knots [rad], (n + 1, dof); `dq_ds`: derivatives of q along the
     # path, of the same shape; `speed`: tool speed at the first knot [m/s]; `limit`: largest joint
     # accelerations [rad/s²], (dof,).
-    # Returns lap times (n,); tool speed at the knots (n + 1,), NaN beyond the last valid lap; joint
-    # velocities at the start of the laps and joint accelerations in them, (n, dof); the number of
-    # valid laps; and for the first invalid lap the joint (from 0; -1 if none) and the acceleration
-    # that it would need.
+    # Returns lap times [s], (n,); tool speeds at the knots [m/s], (n + 1,), NaN beyond the last
+    # valid lap; joint velocities at the start of the laps and joint accelerations in them, (n, dof)
+    # each; the number of valid laps; and for the first invalid lap the joint, from 0 (-1 if none),
+    # and the acceleration that this joint would need.
     n = len(q) - 1
     dof = q.shape[1]
     h = np.empty(n)
@@ -248,8 +248,9 @@ class PaperLine:
         self, low: int, high: int, forward: FloatArray, backward: FloatArray
     ) -> tuple[int, int]:
         """Indices of the knots at which the passes are joined, so that the limit is satisfied."""
-        # One lap is usual. If the passes meet close to an end of the lap, uniform acceleration of
-        # the tool would need slightly more joint acceleration than the limit, so two laps are used.
+        # Usually one lap joins the passes. If they meet close to an end of the lap, uniform
+        # acceleration of the tool would need slightly more joint acceleration than the limit, so
+        # two laps join them.
         for start, end in ((low, high), (low - 1, high), (low, high + 1)):
             if start < 0 or end >= len(self.s) or np.isnan([forward[start], backward[end]]).any():
                 continue

@@ -84,7 +84,7 @@ def plan(
     if not isinstance(arm, Arm):
         arm = _JointSpace(arm.dof, arm.limits)
     if not isinstance(path, Tracing) and (warning := compare_limits(bounds, arm)):
-        # Jobs plan tracings, and warn themselves.
+        # Only jobs plan tracings, and they issue their own warnings.
         warnings.warn(capitalise(warning), stacklevel=3)
     check_jerk_support(options.method, bounds)
     traced: Tracing | JointPath
@@ -178,8 +178,8 @@ def _require_arm(
         return _JointSpace(path.dof, Limits())
     if arm is None:
         raise InvalidInput(
-            "plan needs an Arm, such as load_arm('ur5e'), not None; only a joint path without a "
-            "tool path can be planned with limits alone."
+            "plan needs an Arm, such as load_arm('ur5e'). Only a joint path without a tool path "
+            "can be planned with limits alone."
         )
     return arm
 
@@ -211,7 +211,7 @@ def check_duration(program: Program, limits: Limits) -> None:
     if not total <= LONGEST_MOTION:
         raise InvalidInput(
             f"At its assigned velocities, and with its dwells, the path takes {total:.3g} s, but a "
-            f"motion lasts {LONGEST_MOTION:g} s at most: raise speed, or shorten the dwells.",
+            f"motion may last at most {LONGEST_MOTION:g} s: raise speed, or shorten the dwells.",
             limit="speed",
             needed=total,
             allowed=LONGEST_MOTION,
@@ -231,7 +231,7 @@ def _refuse_endless_motion(trajectory: Trajectory) -> None:
     if not trajectory.duration <= LONGEST_MOTION:
         raise NotRealizable(
             f"The motion would take {trajectory.duration:.3g} s, but it may last "
-            f"{LONGEST_MOTION:g} s at most: raise the active limits.",
+            f"at most {LONGEST_MOTION:g} s: raise the active limits.",
             needed=trajectory.duration,
             allowed=LONGEST_MOTION,
         )
@@ -244,7 +244,7 @@ def _check_traced(
     # A joint path with a tool path is returned as a tracing.
     if isinstance(options, Shaped):
         raise InvalidInput(
-            "The method shaped changes the tool path, but this path is traced already: give it "
+            "The method shaped changes the tool path, but this path is already traced: give plan "
             "the Path or Program."
         )
     if not (options.configuration is None and options.seed is None):
@@ -260,7 +260,7 @@ def _check_traced(
         if step.joint_path.dof != arm.dof:
             raise InvalidInput(
                 f"The joint path has {step.joint_path.dof} joints, but the arm {arm.name} has "
-                f"{arm.dof}."
+                f"{arm.dof}: plan the joint path with its own arm."
             )
         with step.named():
             check_joint_range(step.joint_path, limits)

@@ -251,8 +251,8 @@ def _switch_position(event: Event, length: float, called: str) -> float:
         leads = event.lead_distance > 0
         raise InvalidInput(
             f"{called}: the event {event.name} at {event.s:g} m {'leads' if leads else 'lags'} by "
-            f"{abs(event.lead_distance):g} m, which is outside the contour of {length:g} m: give "
-            f"the contour a lead-{'in' if leads else 'out'} of that length.",
+            f"{abs(event.lead_distance):g} m, so it would be switched outside the contour of "
+            f"{length:g} m: give the contour a lead-{'in' if leads else 'out'} of that length.",
             s=event.s,
             needed=abs(event.lead_distance),
             allowed=event.s if leads else length - event.s,

@@ -227,7 +227,7 @@ class _Tracer:
         configuration: str | None = None,
         seed: npt.ArrayLike | None = None,
     ) -> JointPath:
-        """Trace a move in its fastest accepted configuration; if several are equal, look ahead."""
+        """Trace a move in its fastest accepted configuration; the next moves decide ties."""
         accept = self.accept if self.looks_ahead else None
         first: JointPath | None = None
         for group in trace_by_duration(path, self.limited, configuration=configuration, seed=seed):

@@ -89,7 +89,7 @@ def _next_rest(trajectory: Trajectory, t: float) -> float:
 
 
 def _cut_at(trajectory: Trajectory, t: float) -> Trajectory:
-    """The trajectory until a time, without spans and events."""
+    """Cut a trajectory at a time; the result has no spans and no events."""
     plain = replace(trajectory, stretches=(), spans=(), events=())
     if t >= trajectory.duration:
         return plain
@@ -195,7 +195,7 @@ def _smooth_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> Law | None:
 
 
 def _slow_down(joint_path: JointPath, duration: float) -> JointPath:
-    """The stop in a duration [s], as a joint path whose parameter is the time.
+    """Stop in a given duration [s], as a joint path whose parameter is the time.
 
     `dtau/dt = 1 - S(t / duration)` with `S(x) = 10 x³ - 15 x⁴ + 6 x⁵`, so tau has no jerk at both
     ends.

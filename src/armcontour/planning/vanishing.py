@@ -104,7 +104,7 @@ def resting_breaks(coefficients: FloatArray, vanished: float) -> BoolArray:
     return resting
 
 
-# dq_ds counts as zero below this share of the sum of its terms; a double root is accurate to 1e-8.
+# dq_ds counts as zero below this share of the sum of its terms. A double root is accurate to 1e-8.
 VANISHED = 1e-9
 # dq_ds of a straight piece nearly vanishes if it is below this share of the sum of its terms.
 NEARLY_VANISHED = 1e-2

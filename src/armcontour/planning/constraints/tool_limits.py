@@ -58,7 +58,7 @@ class ToolMetric:
         return cls(joint_path=joint_path, arm=arm, speed=speed, curvature=curvature, uneven=uneven)
 
     def curvature_on(self, grid: Grid) -> FloatArray:
-        """Curvatures c [1/m], (2, n), with which `c x <= limit` at the ends bounds an interval."""
+        """Curvatures c at interval ends [1/m], (2, n); `c ds² <= limit` there bounds intervals."""
         # If `c x <= a` holds at both ends of an interval, then the curvature times x is at most a
         # on the whole interval, because x is linear in s. If the curvature k is linear too, a / k
         # is convex, so a tangent of a / k is a lower bound. The values of the tangent at the ends
@@ -107,7 +107,7 @@ def _speed_and_acceleration(
 
 
 class ToolSpeed(Constraint):
-    """`tool speed <= assigned velocity`."""
+    """Limit `tool speed <= assigned velocity`."""
 
     name = "assigned velocity"
 
@@ -117,14 +117,14 @@ class ToolSpeed(Constraint):
         self._ceiling: FloatArray = (speed / metric.speed) ** 2
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Upper bound of x on each interval, the same as on its piece of the joint path."""
+        """Upper bound of ds² on each interval, the same as on its piece of the joint path."""
         ceiling = np.empty((len(path), 2))
         ceiling[:] = self._ceiling[path.grid.piece, None]
         return (Ceiling(ceiling),)
 
 
 class RapidSpeed(Constraint):
-    """`tool speed <= limit` along a joint path without a tool path."""
+    """Limit `tool speed <= limit` along a joint path without a tool path."""
 
     name = "rapid speed"
 
@@ -133,7 +133,7 @@ class RapidSpeed(Constraint):
         self.limit, self._arm = limit, arm
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Upper bound of x on each interval, from the speed samples."""
+        """Upper bound of ds² on each interval, from samples of the tool speed."""
         # The speed is at most the largest sample plus the spread of the samples.
         grid = path.grid
         s = grid.s[:-1] + INTERVAL_SAMPLES * grid.width
@@ -146,7 +146,7 @@ class RapidSpeed(Constraint):
 
 
 class CentripetalAcceleration(Constraint):
-    """`curvature ds² <= limit`, the paper's bound in corners."""
+    """Limit `curvature ds² <= limit`, which the paper uses in corners."""
 
     name = "centripetal acceleration"
 
@@ -155,14 +155,14 @@ class CentripetalAcceleration(Constraint):
         self.limit, self.metric = limit, metric
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Upper bounds of x at both interval ends; x stays below the chord between them."""
+        """Upper bounds of ds² at both interval ends; ds² stays below the chord between them."""
         with np.errstate(divide="ignore"):
             ceiling = self.limit / self.metric.curvature_on(path.grid)
         return (Ceiling(np.ascontiguousarray(ceiling.T)),)
 
 
 class ToolAcceleration(Constraint):
-    """`|p' u + p'' x| <= limit` for the position p of the tool."""
+    """Limit `|p' dds + p'' ds²| <= limit` of the acceleration of the tool position p."""
 
     name = "tool acceleration"
     limit: float  # Largest length of the acceleration vector [m/s²]
@@ -178,7 +178,7 @@ class ToolAcceleration(Constraint):
 
 
 class AngularSpeed(Constraint):
-    """`|w|² x <= limit²` for the angular velocity w of the tool at ds = 1."""
+    """Limit `|w|² ds² <= limit²`, where w is the angular velocity of the tool at ds = 1."""
 
     name = "angular speed"
 
@@ -194,7 +194,7 @@ class AngularSpeed(Constraint):
 
 
 class AngularAcceleration(Constraint):
-    """`|w u + w' x| <= limit` for the angular velocity w of the tool at ds = 1."""
+    """Limit `|w dds + w' ds²| <= limit`, where w is the angular velocity of the tool at ds = 1."""
 
     name = "angular acceleration"
     limit: float  # Largest length of the angular acceleration vector [rad/s²]

@@ -242,7 +242,7 @@ def least_slacks(p: JerkSection, d: FloatArray) -> FloatArray:
 
 @compiled(inner=True, inline="always")
 def _add_cell(bands: FloatArray, right: FloatArray, i: int, h: Any, g: Any) -> None:
-    """Add second derivatives and right sides of cell i to the bands of the system."""
+    """Add second derivatives and right-hand sides of cell i to the bands of the system."""
     bands[0, i] += h[0]
     bands[1, i] += h[1]
     bands[2, i] += h[2]
@@ -262,7 +262,7 @@ def _accumulate(
     weight: float,
     push: float,
 ) -> Any:
-    """Add one row to the second derivatives and right sides of a cell."""
+    """Add one row to the second derivatives and right-hand sides of a cell."""
     x, y, z = row
     squares = (
         h[0] + weight * x * x,
@@ -381,7 +381,7 @@ def _round_slope(p: JerkSection, c: int, r: int, radius: Any, vector: Any) -> An
 
 @compiled(inner=True, inline="always")
 def _longest_steps(slack: float, dual: float, rise: float, change: float, reach: Any) -> Any:
-    """Reduce the longest steps of slacks and multipliers so that they suit one more bound."""
+    """Reduce the longest steps of slacks and multipliers so that one more bound is satisfied."""
     one, other = reach
     if -rise * one > NEAREST * slack:
         one = -NEAREST * slack / rise
@@ -585,9 +585,9 @@ def improve(
     max_iterations: int,
 ) -> int:
     """Improve a strictly feasible d in place until its gap is small; returns the iterations."""
-    # `d`: control points of a [m²/s²], (n + 2,); the ends are fixed except that of the goal;
-    # `weight`: weight of the target against the duration, which is also minimized and keeps the
-    # rest of the path away from rest.
+    # `d`: control points of a [m²/s²], (n + 2,); the ends are fixed except the end of the goal.
+    # `weight`: weight of the target relative to the duration, which is also minimized, so that the
+    # remaining path does not slow down to rest.
     n = len(p.width)
     slack, dual, change = _new_duals(p), _new_duals(p), _new_duals(p)
     tangents = np.empty((p.raised.shape[1], 4))

@@ -147,7 +147,7 @@ def _make_rows(
 
 
 def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
-    """Default number of cells, from the time of non-uniform motion over the build-up time."""
+    """Default number of cells, in proportion to non-uniform motion over build-up time."""
     acceleration, jerk = np.median([(x.acceleration, x.jerk) for y in ends for x in y], axis=0)
     times, (_, dds, slope, _) = np.diff(law.breaks), law.rates
     largest = np.maximum(np.abs(dds), np.abs(dds + slope * np.diff(law.s)))

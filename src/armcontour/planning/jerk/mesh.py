@@ -17,11 +17,11 @@ from armcontour.planning.topp.limit_forms import combine_forms, largest_u
 # Shares of the cells that are distributed over time, over arc length, and like the grid of the plan
 # without limits of jerk, which is finer where the joints turn
 OVER_TIME, OVER_LENGTH, OVER_TURNS = 0.5, 0.3, 0.2
-# Length of the cell at a rest, as a share of the distance in which the acceleration builds up
+# Length of the cell at a rest, as a share of the build-up distance, in which acceleration builds up
 FIRST_CELL = 0.3
-# Up to this multiple of that distance from a rest, cells have equal durations.
+# Up to this multiple of the build-up distance from a rest, cells have equal durations.
 RAMPS = 8.0
-# Beyond, the length of a cell increases by this share of the distance from the rest.
+# Farther away, the length of a cell increases by this share of the distance from the rest.
 GROWTH = 0.3
 # Largest and smallest length of the first cell, as shares of a section.
 LONGEST_FIRST, SHORTEST_FIRST = 0.02, 1e-9
@@ -314,8 +314,8 @@ def find_ends(
         edge = section_ends[side : len(section_ends) - 1 + side]
         j = np.clip(np.searchsorted(law.s, edge, side="right") - 1 - side, 0, len(grid) - 1)
         straight = np.nan_to_num(np.fmin(even[i], even[j]), nan=np.inf)
-        # If dq_ds vanishes at the end, its direction changes there, so `even` is a share of the
-        # section.
+        # If dq_ds vanishes at the end, `even` is not defined there, and a share of the section is
+        # used.
         standing = size[j] < VANISHED * size[i]
         straight = np.where(standing, FIRST_AT_VANISHED * np.diff(section_ends), straight)
         rows = zip(at_rest[:, side], acceleration[i], jerk[i], speed, straight, strict=True)

@@ -228,7 +228,7 @@ def _derivatives(grid: Grid, arm: Arm) -> FloatArray:
 
 
 def _parabolas(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Powers of parabolas through values at the samples, their errors, and largest norms."""
+    """Coefficients of parabolas through values at samples, their errors, and largest norms."""
     powers = np.einsum("mp,kpnc->kmnc", PARABOLA, values[:, ::2])
     parabola = np.einsum("pm,kmnc->kpnc", SAMPLES[1::2, None] ** np.arange(3), powers)
     deviation = MARGIN * np.linalg.norm(values[:, 1::2] - parabola, axis=3).max(axis=1)

@@ -31,7 +31,7 @@ class NearPath:
     def along(
         cls, q: FloatArray, arm: Arm, configuration: str | None, path: Path, s: FloatArray
     ) -> NearPath:
-        """Inverse kinematics near joint positions q [rad], (n, dof), at arc lengths s of a path."""
+        """Prepare inverse kinematics near joint positions q [rad], (n, dof), at s of a path [m]."""
         if isinstance(arm, PlanarTwoLink):
             return cls(arm=arm, configuration=configuration, q=q)
         assert isinstance(arm, SerialArm)

@@ -280,8 +280,8 @@ class ShapeSearch:
             np.concatenate([rows, node_rows], axis=1),
             np.concatenate([bounds, node_bounds], axis=1),
             np.tile([*[WEIGHT[0]] * k, WEIGHT[1]], (n, 1)),
-            # The start is not a spline. With fixed nodes, the program may therefore have no
-            # solution.
+            # Until the first spline is accepted, a single chunk is used: the start is not a spline,
+            # so fixed nodes may leave no solution.
             place_cuts(nodes.group, state.proposals, whole=state.best is self.start),
         )
         state.proposals += 1

@@ -236,7 +236,8 @@ class Shaping:
 
     def _timer(self, joint_path: JointPath, seed: FloatArray | None = None) -> Timer:
         """Timer in the configuration of a joint path; an equal `seed` replaces its start."""
-        # The knots of a redundant arm depend on the rounding of the start.
+        # The knots of a redundant arm depend on the rounding of the start, so `seed` itself is
+        # used.
         start, intervals = ends_of(joint_path)[0], self.options.intervals
         limits = with_reserve(self.limits, self.options.reserve)
         if isinstance(self.arm, PlanarTwoLink):

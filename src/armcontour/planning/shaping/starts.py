@@ -1,4 +1,4 @@
-"""Starts of the search: paths with stops, arcs or parabolas. A shaped path is never slower."""
+"""Starts of the search (stops, arcs, parabolas); a shaped path is never slower than its start."""
 
 from __future__ import annotations
 
@@ -60,11 +60,11 @@ def prove(tube: Tube, path: Path, matches: FloatArray) -> Proof:
     return tube.prove(path, matches, MATCH_TOLERANCE * tube.tolerance[piece])
 
 
-# Number of bisections for the tolerances of corners that leave the tube, and factor of these
-# tolerances while neighbours still make the corners leave
+# Number of bisections of the tolerance of corners that leave the tube; factor of this tolerance
+# while neighbours still make the corners leave
 HALVINGS, LESS = 14, 0.9
-# The tool stops at corners with smaller tolerances or radii [m]: no arm resolves such arcs, and
-# rounding errors would exceed limits.
+# The tool stops at corners with smaller tolerances or radii [m], because no arm resolves such arcs,
+# and rounding errors would exceed limits.
 FINEST, SHARPEST = 1e-8, 1e-10
 # Largest distance of a point of a start from its matching point along the objective, in tolerances
 REACH = 6.0

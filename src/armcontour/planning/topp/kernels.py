@@ -124,7 +124,7 @@ class PassSquares(NamedTuple):
 
 
 class LimitLines(NamedTuple):
-    """Limits in the plane of x at the start and the mean u, m, of each interval."""
+    """Limits in the plane of x at the start and m, the mean of u, of each interval."""
 
     # Tilts, bottoms and tops of the lines `bottom <= m + tilt x <= top` of the stored intervals,
     # flat. Every group of LANES joints or rows has LANES lines for the start of an interval and
@@ -143,7 +143,7 @@ class LimitLines(NamedTuple):
 
 @compiled(inner=True, fastmath=FUSED)
 def _margin(rise: FloatArray, i: int, r: int, bounds: MotionBounds) -> float:
-    """Margin of row r on interval i for the bounds."""
+    """Margin of row r on interval i that is valid within the bounds."""
     by = rise[i, r, BY_U] * bounds.u[i] + rise[i, r, BY_X] * bounds.x[i]
     return float(by + rise[i, r, BY_SLOPE] * abs(bounds.k[i]) + rise[i, r, BY_CONSTANT])
 
@@ -405,8 +405,8 @@ def _write_ceilings(
             room -= _margin(squares.rise, i, r, bounds)
         if largest == 0.0 or room >= largest * max(cap0, cap1):
             continue
-        # The less strict of two sufficient conditions: both ends have the margin, or both ends
-        # satisfy the largest b of the interval.
+        # The less strict of two sufficient conditions applies: both ends have the margin, or both
+        # ends satisfy the largest b of the interval.
         tight = 1.0 / largest
         at0, at1 = (room / b0, room / b1) if room > 0.0 else (0.0, 0.0)
         if margins and at0 + at1 < 2 * tight:
@@ -501,8 +501,8 @@ def _write_joint_half_planes(
         room = room + (rounding * u) * q2 + (rounding * x) * q3
         second = (8 * u) * (q1 * q2) + (2 * x) * (q2 * q2 + q1 * q3) + (2 * k) * (q1 * q1)
         remaining, largest, plain = 1.0 - share * by * second, q1 * q1 * by, higher(e0, e1)
-        # The less strict of two sufficient conditions: both ends have the margin, or both ends
-        # satisfy the largest h / x of the interval.
+        # The less strict of two sufficient conditions applies: both ends have the margin, or both
+        # ends satisfy the largest h / x of the interval.
         chord = choose(2.0 * e0 * e1, remaining * (e0 + e1) * largest, 1.0, 0.0)
         chord = choose(0.0, remaining, chord, 0.0)
         over = choose(0.0, chord, remaining, 1.0)
@@ -982,7 +982,7 @@ def _drop_slopes(
 
 @compiled()
 def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
-    """Plan without margins, then with margins of bounds around the plan, until they contain it."""
+    """Plan without margins, then with margins for bounds of x and u that contain the plan."""
     # If `rules.tries` is 1, the result is the plan without margins, with the outcome FINER.
     n, rubbing = len(grid.piece), limits.friction.within.shape[1]
     width, squares = np.empty(n), PassSquares(np.empty(n + 1), np.empty(n + 1), np.zeros(n + 1))

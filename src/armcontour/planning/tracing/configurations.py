@@ -41,16 +41,16 @@ R = TypeVar("R")
 THREADED_POSES, PARTS = 2000, 16
 # Number of parts of smoothed joint paths; NumPy processes a part at once.
 SMOOTHED_PARTS = 4
-# Largest last correction of the joint positions at a followed pose [rad]. Branches of equal cost
-# are distinguished by the last digit. With a seed there is a single branch, which the solver
-# corrects again; its error is about the square of this value times the condition number of the
-# Jacobian.
+# Largest correction of joint positions in the last iteration at a followed pose [rad]. EXACTLY
+# distinguishes branches whose costs differ in the last digit. NEARLY is for the single branch of a
+# seed, which the solver corrects again; the error is about the square of this value times the
+# condition number of the Jacobian.
 EXACTLY, NEARLY = 1e-9, 1e-7
 # Largest number of start configurations to follow.
 MAX_STARTS = 48
 # Largest number of different solutions of a redundant arm.
 MAX_SOLUTIONS = 8
-# Largest difference of equal solutions outside the null space [rad].
+# Largest difference outside the null space between solutions that count as equal [rad]
 SAME_SOLUTION = 0.05
 # Number of knots at which solutions are compared first.
 FEW_KNOTS = 16
@@ -174,7 +174,7 @@ def follow_branches(
     max_correction: float = EXACTLY,
 ) -> tuple[FloatArray, IntArray]:
     """Follow poses from several starts in parallel."""
-    # `max_correction`: A pose is reached if the correction of every joint is below this [rad].
+    # `max_correction`: a pose is reached if the correction of every joint is below this [rad].
     # Returns joint positions at the reached poses [rad], (starts, n, dof), and the number of
     # reached poses, including the first, (starts,).
     q, reached = np.empty((len(starts), len(poses), arm.dof)), np.empty(len(starts), np.intp)
@@ -188,7 +188,7 @@ def follow_branches(
 
 
 def _in_threads(work: Callable[[T], R], items: Sequence[T], poses: int) -> list[R]:
-    """Do compiled work on several items, in threads if they have many poses."""
+    """Apply compiled work to several items, in threads if they have many poses in total."""
     return map_in_threads(work, items) if poses >= THREADED_POSES else [work(x) for x in items]
 
 
@@ -262,7 +262,8 @@ class _DistinctSolutions:
         else:
             few = self._few
             if self._known:
-                # `_is_known` accepts at most SAME_SOLUTION times half a turn, pi.
+                # `_is_known` accepts at most SAME_SOLUTION times half a turn, pi, so only solutions
+                # within this distance are compared exactly.
                 apart = q[few] - np.array([x[few] for x in self._known])
                 near = _outside(np.array(self._rough), apart)[0] < SAME_SOLUTION * np.pi
                 if any(self._is_known(k, q) for k in np.flatnonzero(near).tolist()):

@@ -32,7 +32,7 @@ A = TypeVar("A", bound=Arm, covariant=True)
 
 
 class Solver(ABC, Generic[A]):
-    """Computes joint positions and their derivatives along a tool path."""
+    """Computes joint positions and their derivatives along a tool path, for one kind of arm."""
 
     def __init__(self, path: Path, arm: A) -> None:
         self.path = path
@@ -45,18 +45,17 @@ class Solver(ABC, Generic[A]):
     @abstractmethod
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
         """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots."""
-        # `knots`: the knot intervals, n of them; `u`: distance along the segment of each interval
-        # [m], (n,); `guess`: joint positions near the solution, (n, dof); None for the first knots.
+        # `knots`: the n knot intervals; `u`: distance along the segment of each interval [m], (n,);
+        # `guess`: joint positions near the solution, (n, dof); None for the first knots.
 
     def guess(
         self, knots: Knots, u: FloatArray, middle: FloatArray, halfway: FloatArray
     ) -> FloatArray | None:
         """Joint positions near the solutions within intervals, (n, dof); None if not needed."""
-        # `knots`: the knot intervals, n of them; `u`: distance along the segment of each interval
-        # [m], (n,); `middle`: joint positions in the middle of the quintics of the intervals, (n,
-        # dof); `halfway`: means of the joint positions at both ends, (n, dof).
-        # Near a singularity the quintic may overshoot, and the mean of the ends is the better
-        # guess.
+        # `knots`: the n knot intervals; `u`: distance along the segment of each interval [m], (n,);
+        # `middle`: joint positions in the middle of the quintics of the intervals, (n, dof);
+        # `halfway`: means of the joint positions at both ends, (n, dof). Near a singularity the
+        # quintic may overshoot, and `halfway` is the better guess.
         nearer = self.tool_errors(knots, u, halfway) < self.tool_errors(knots, u, middle)
         return np.where(nearer[:, None], halfway, middle)
 
