@@ -82,9 +82,9 @@ def _largest_u(
 def _shortest_time(
     width: float, first: float, last: float, up: float, down: float, ceiling: float
 ) -> float:
-    """Shortest time [s] along `width` [m] from x = first to x = last: x rises, stays, and falls."""
-    # `first`, `last`, `ceiling`: x at the ends and its upper bound [m²/s²]; `up`, `down`: largest
-    # acceleration and deceleration [m/s²].
+    """Shortest time [s] along `width` [m] from x = first to x = last."""
+    # x rises, is constant, and falls. `first`, `last`, `ceiling`: x at the ends and its upper bound
+    # [m²/s²]; `up`, `down`: largest acceleration and deceleration [m/s²].
     top = max(first, last)
     if up > 0.0 and down > 0.0:
         met = (up * last + down * first + 2.0 * up * down * width) / (up + down)

@@ -59,8 +59,8 @@ FIRST_MARGIN, COARSE = 1e-2, 500
 MARGIN_GROWTH = 2.0
 LAST_MARGIN = 0.2
 MAX_REFINEMENTS = 12
-# The grid is also refined while the estimated loss of time exceeds this share of the duration. The
-# share holds for DEFAULT_INTERVALS, and is smaller if more intervals are requested. The estimate is
+# The grid is also refined while the estimated loss of time exceeds this share of the duration. This
+# is the share for DEFAULT_INTERVALS; it is smaller if more intervals are requested. The estimate is
 # accurate within a factor of about three.
 LARGEST_LOSS = 1e-4
 MAX_PARTS_AT_ONCE = 8

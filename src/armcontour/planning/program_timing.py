@@ -48,8 +48,8 @@ class Timing:
 
 def time_program(traced: Tracing, timing: Timing, progress: Progress | None = None) -> Trajectory:
     """Time all moves of a program, with the arm at rest between two moves."""
-    # Contours satisfy the limits of the tool and of the joints; rapids satisfy those of the joints
-    # only. Moves are planned independently, in other processes if that saves time.
+    # Contours satisfy the limits of the tool and of the joints; rapids satisfy the limits of the
+    # joints only. Moves are planned independently, in other processes if that saves time.
     # `traced`: the program with its joint paths; `progress`: called after every contour with the
     # step "timing" and the share done.
     number, count = 0, len(traced.program.contours)
@@ -107,7 +107,7 @@ def time_contour(joint_path: JointPath, timing: Timing) -> Trajectory:
 def time_rapid(
     joint_path: JointPath, arm: Arm, limits: Limits, speed: float | None = None
 ) -> Trajectory:
-    """Plan the fastest rapid within the limits of the joints, without those of the tool."""
+    """Plan the fastest rapid within the limits of the joints; limits of the tool are ignored."""
     # If the joint path has a tool path, the speeds of its segments apply, too.
     # `joint_path`: the joint path of the rapid; `limits`: limits of the arm, one value per joint;
     # `speed`: largest tool speed along a joint path without a tool path [m/s].

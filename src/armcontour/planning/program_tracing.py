@@ -288,7 +288,7 @@ def configuration_of(arm: Arm, q: FloatArray) -> dict[str, Any]:
 
 
 def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) -> Path:
-    """Turn the tool along a rapid from the orientation of the last contour to that of the next."""
+    """Turn the tool along a rapid from the previous to the next orientation of contours."""
     # `before`: the contour before the rapid, if any; `after`: the contour after the rapid, if any.
     # Returns the path with an orientation; the same path if it has one, or if none is required.
     if path.orientation is not None or path.dimension == 2:
@@ -391,7 +391,7 @@ def _by_duration(
 def find_starts(path: Path, arm: SerialArm, limits: Limits | None = None) -> list[FloatArray]:
     """Joint positions at the start of a path, one for each configuration [rad], (dof,) each."""
     # A long path is checked at a few points only, so a configuration may not complete it.
-    # `limits`: limits with the joint ranges; by default those of the arm.
+    # `limits`: limits with the joint ranges; by default the limits of the arm.
     if len(path) > LONG_PATH:
         try:
             return [x[0] for x in sketch_all(path, arm, limits=limits)[1]]

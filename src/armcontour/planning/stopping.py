@@ -36,7 +36,7 @@ PRECISION = 1e-3
 # A plan is at rest if no joint is faster than this [rad/s].
 REST_SPEED = 1e-6
 # Share of the limits that a stop uses of the plan's reserve at first, because the grid of the stop
-# has other margins than that of the plan.
+# has other margins than the grid of the plan.
 MARGIN = 0.01
 # Number of grid intervals of a stop without limits of jerk
 INTERVALS = 200
@@ -144,7 +144,7 @@ def _path_over_time(trajectory: Trajectory, begin: float, end: float) -> JointPa
 
 
 class _PlanSpeed(Constraint):
-    """Limit of the speed to that of the plan, dtau/dt <= 1."""
+    """Limit of the speed to the speed of the plan, dtau/dt <= 1."""
 
     name = "speed of the plan"
 

@@ -117,7 +117,7 @@ ROUNDING = 4e-15
 # quintics is at most 1e-12 of the size of the piece.
 LAST, FIRST, RATIO = 0.05, 1e-3, 0.8
 
-# Converts coefficients in x to those in 1 - x.
+# Converts coefficients in x to coefficients in 1 - x.
 REVERSED = np.array([[comb(k, m) * (-1.0) ** m for k in range(6)] for m in range(6)])
 
 Polynomials = tuple[FloatArray, FloatArray]  # Lengths, (n,), and coefficients, (n, 6, dof)

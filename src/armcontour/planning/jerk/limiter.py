@@ -307,7 +307,8 @@ def _make_law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
             np.sum(x[cells] * around, axis=1) for x in (begin, end)
         )
         square[1, cells] = d[1:-1]
-        # ds² at the moving end of a cell of uniform jerk is that of the adjacent cell.
+        # ds² at the moving end of a cell of uniform jerk equals ds² at the end of the adjacent
+        # cell.
         if start:
             square[2, first] = square[0, first + 1]
         if stop:

@@ -139,7 +139,7 @@ class _CellDistribution:
 def place_mesh(
     law: PathLaw,
     turns: FloatArray,  # Arc lengths from start to end, denser where the joints turn [m]
-    cells: int,  # Approximate number of cells, without those next to rests
+    cells: int,  # Approximate number of cells, without the cells next to rests
     section_ends: FloatArray,  # Arc lengths of the ends of the sections [m], (sections + 1,)
     ends: list[tuple[End, End]],  # Start and stop of the motion in each section
 ) -> JerkMesh:

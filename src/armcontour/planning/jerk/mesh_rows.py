@@ -161,7 +161,7 @@ class MeshRows:
 
     def allowed_slopes(self, k: int) -> tuple[FloatArray, FloatArray]:
         """Slopes of ds^1.5 and ds² that use half of the limits of jerk and acceleration."""
-        # The slopes assume a straight path. They are those of the cells of a section, without its
+        # The slopes assume a straight path. They are returned for the cells of a section except its
         # cells of uniform jerk, (n,) each.
         mesh, slopes_by_cell = self.mesh, []
         first = int(mesh.sections[k]) + int(mesh.at_rest[k, 0])

@@ -80,7 +80,7 @@ def motion_rows(
     joints: tuple[IntArray, IntArray],
     rows: tuple[FloatArray, FloatArray],
 ) -> None:
-    """Write control points of acceleration, and of jerk over ds, as rows of those of ds²."""
+    """Write acceleration, and jerk over ds, as rows of the control points of ds²."""
     # The acceleration is `q'' a + q' dds`, and the jerk over ds is `q''' a + 3 q'' dds + q' slope`.
     # `grid`: the n parts of cells; `of_powers`: `to_bernstein` of the degrees of acceleration,
     # `degree`, and of jerk, one less; `joints`: joints with rows of acceleration, and joints with

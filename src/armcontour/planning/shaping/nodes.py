@@ -101,8 +101,8 @@ class Nodes:
             return np.asarray((tube.margin(points, windows) >= margin) & (deviation <= allowed))
 
         offsets = np.zeros((len(self), len(self.sides)))
-        # The bounds are those of an inscribed polygon, because the tube is not evaluated between
-        # the directions of the sides.
+        # The bounds form an inscribed polygon, because the tube is not evaluated between the
+        # directions of the sides.
         share = np.cos(np.pi / len(self.sides)) if self.sides.shape[1] > 1 else 1.0
         for j, side in enumerate(self.sides):
             direction = self.frames @ side
@@ -127,7 +127,7 @@ def _farthest(
     direction: FloatArray,
     tolerance: FloatArray,
 ) -> FloatArray:
-    """Largest offsets along directions, so that all smaller offsets are inside [m], (n,)."""
+    """Largest offsets along directions for which all smaller offsets are inside [m], (n,)."""
     low, inside = np.zeros(len(tolerance)), np.ones(len(tolerance), dtype=bool)
     for share in np.arange(SEARCH_STEP, FARTHEST, SEARCH_STEP):
         inside &= is_inside(share * tolerance, direction)

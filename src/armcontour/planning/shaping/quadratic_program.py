@@ -32,9 +32,9 @@ def solve_program(
 ) -> tuple[FloatArray, int]:
     """Solve the program; without convergence the result is the last iterate."""
     # `cost`: cost of the unknowns, (n, k); `rows`: coefficients of the rows of each node, for the
-    # unknowns of the previous node, its own and those of the next node, (n, m, 3 k); rows of zeros
-    # are ignored; `bounds`: upper bounds of the rows, (n, m); `weight`: positive weights of the
-    # squares of the unknowns, (n, k).
+    # unknowns of the previous node, of the node itself and of the next node, (n, m, 3 k); rows of
+    # zeros are ignored; `bounds`: upper bounds of the rows, (n, m); `weight`: positive weights of
+    # the squares of the unknowns, (n, k).
     # Returns the unknowns, (n, k), and the number of iterations; negative if they did not converge.
     n, k = cost.shape
     first, ends, values, bound = _pack(rows, bounds)

@@ -190,8 +190,8 @@ class ShapeSearch:
         # `knots` are the arc lengths of the knots on its path [m], (n + 1,).
         if self.nodes.near.poses is None:
             return
-        # `s`: control points of the arc length as a quadratic spline of time; those next to a rest
-        # are at the rest.
+        # `s`: control points of the arc length as a quadratic spline of time; control points next
+        # to a rest are at the rest.
         s_knots = np.clip(knots, 0.0, candidate.path.length)
         speed = candidate.trajectory.speed_at(s_knots)
         speed[self.nodes.rest] = 0.0
@@ -398,7 +398,7 @@ class ShapeSearch:
         return True
 
     def _path(self, drawn: DrawnPath) -> ShapedPath | None:
-        """Make the drawn path, without its outcome; None if the tool turns away too far."""
+        """Make the shaped path of a drawing; None if its tool orientation deviates too much."""
         options, objective = self.options, self.tube.objective
         path = ShapedPath(
             segments=drawn.segments,
@@ -411,8 +411,8 @@ class ShapeSearch:
             curve=drawn.curve,
         )
         if objective.orientation is not None:
-            # The orientation is that of the matching objective point, even if it follows the
-            # tangent.
+            # Each point has the orientation of its matching objective point, even if the
+            # orientation follows the tangent.
             plain = replace(objective, orientation=replace(objective.orientation, follows=False))
             path, angle = orient_shaped(path, plain, drawn.places, options.angular_tolerance)
             if angle > (np.inf if options.angular_tolerance is None else options.angular_tolerance):

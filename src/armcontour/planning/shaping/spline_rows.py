@@ -49,7 +49,7 @@ class JointSpline:
         return self.at_knots(self.q)
 
     def at_knots(self, values: FloatArray) -> FloatArray:
-        """Values at the knots from those at the control points, (n, k) to (n + 1, k)."""
+        """Interpolate values at the control points, (n, k), to values at the knots, (n + 1, k)."""
         h = self.h[:, None]
         inner = (h[1:] * values[:-1] + h[:-1] * values[1:]) / (h[1:] + h[:-1])
         return np.concatenate([values[:1], inner, values[-1:]])
@@ -231,7 +231,7 @@ def _torque(
 def _by_both_ends(
     by_change: FloatArray, by_end: FloatArray, last: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Derivatives for both velocities, from those for their change and for one velocity."""
+    """Derivatives for both velocities, from derivatives for their change and for one velocity."""
     return (-by_change, by_change + by_end) if last else (by_end - by_change, by_change)
 
 

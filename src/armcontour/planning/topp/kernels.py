@@ -367,7 +367,7 @@ def _linear_row(
 def rows_with_friction(
     width: FloatArray, limits: GridLimits, bounds: MotionBounds, margins: bool
 ) -> LinearRows:
-    """Linear rows; those with friction come first, as upper limits, then as lower limits."""
+    """Linear rows: upper limits with friction, lower limits with friction, other rows."""
     # `width`: lengths of the intervals, (n,); `bounds`: bounds of the plan, which include the range
     # of x; `margins`: true to add the friction of joints that may reverse.
     n, count = len(width), limits.rows.rise.shape[1] + limits.friction.within.shape[1]

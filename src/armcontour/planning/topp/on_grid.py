@@ -183,7 +183,7 @@ class OnGrid:
         return rows
 
     def at_ends(self, values: FloatArray) -> FloatArray:
-        """Values at starts and ends of the intervals, (n, 2, ...), from those at all samples."""
+        """Select the starts and ends of the intervals, (n, 2, ...), from values at all samples."""
         return np.stack([values[: len(self)], values[self.after]], axis=1)
 
     def round(self, a: FloatArray, b: FloatArray, radius: float) -> Rounds:

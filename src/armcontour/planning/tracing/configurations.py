@@ -104,8 +104,8 @@ def find_solutions(
 ) -> list[Solution]:
     """Solutions that complete the path inside the joint ranges, the shortest first."""
     # `knot_poses`: tool poses at the starts of the knot intervals and at the end of the last one,
-    # (n + 1, 3, 4); `seed`: joint positions near those at the start of the path [rad], (dof,); None
-    # for all configurations.
+    # (n + 1, 3, 4); `seed`: approximate joint positions at the start of the path [rad], (dof,);
+    # None for all configurations.
     fine, knot_index = subdivide(path, knots, knot_poses)
     poses = knot_poses if len(fine) == len(knots) else row_of_poses(path, fine)
     starts = configurations(arm, poses[0], task, seed)

@@ -78,8 +78,8 @@ class Knots:
 
     def ends(self) -> tuple[IntArray, FloatArray, IntArray]:
         """Points at the starts of all intervals, and at ends that are not another start."""
-        # Returns the interval of each of these points, (m,); the distances along the segments there
-        # [m], (m,); and the index of the end of every interval, (n,).
+        # Returns the interval of each of these points, (m,); the distances of the points along
+        # their segments [m], (m,); and the index of the end of every interval, (n,).
         knots, n = self, len(self)
         alone = np.append((np.diff(knots.segment) != 0) | (np.diff(knots.piece) != 0), True)
         alone[:-1] |= knots.u0[1:] != knots.u1[:-1]
@@ -91,7 +91,8 @@ class Knots:
 
     def places(self) -> tuple[Knots, FloatArray]:
         """The intervals repeated for each of `PLACES`, and distances along their segments [m]."""
-        # All intervals at the first fraction come before those at the second, (len(PLACES) n,).
+        # All intervals at the first fraction come before all intervals at the second fraction,
+        # (len(PLACES) n,).
         columns = {x: [getattr(self, x)] * len(PLACES) for x in Knots.__slots__}
         repeated = Knots(**{name: np.concatenate(x) for name, x in columns.items()})
         u = self.u0 + PLACES[:, None] * (self.u1 - self.u0)

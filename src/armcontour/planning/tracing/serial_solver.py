@@ -63,7 +63,7 @@ class NumericSolver(Solver[SerialArm]):
         return (q, dq_ds, d2q_ds2), (end_q, end_dq_ds, end_d2q_ds2)
 
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
-        """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots."""
+        """q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each."""
         assert guess is not None
         return self._solve(knots, u, np.array(guess, order="C"), *motion_at(self.path, knots, u))
 

@@ -44,7 +44,7 @@ class Solver(ABC, Generic[A]):
 
     @abstractmethod
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
-        """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots."""
+        """q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each."""
         # `knots`: the n knot intervals; `u`: distance along the segment of each interval [m], (n,);
         # `guess`: joint positions near the solution, (n, dof); None for the first knots.
 
@@ -110,7 +110,7 @@ class AnalyticSolver(Solver[PlanarTwoLink]):
         return (q[:n], dq_ds[:n], d2q_ds2[:n]), (q[n:], dq_ds[n:], d2q_ds2[n:])
 
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
-        """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots."""
+        """q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each."""
         try:
             q = self.arm.joint_position(self.path.on_segment(knots.segment, u), self.configuration)
         except Unreachable as error:

@@ -123,7 +123,7 @@ def trace_all(
     if configuration is not None:
         raise InvalidInput(
             f"The arm {arm.name} has no named branches: instead of a configuration, give a seed "
-            "with joint positions near those at the start of the path."
+            "with approximate joint positions at the start of the path."
         )
     _refuse_flat(arm)
     near = None if seed is None else _check_seed(arm, seed)
