@@ -21,7 +21,8 @@ DIGITS = 6
 # Largest number of estimates. After a failed estimate, the speed is reduced by at least the share
 # MIN_REDUCTION.
 MAX_ESTIMATES = 8
-# Relative rounding error of a speed; the planner tolerates it, see `PLAY` in `topp/kernels.py`.
+# Relative rounding error of a speed; the planner tolerates it, see END_TOLERANCE in
+# `topp/kernels.py`.
 ROUNDING = 1e-9
 MIN_REDUCTION = 1e-3
 # Number of bisections of the speed if the estimates fail.

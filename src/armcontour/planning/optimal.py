@@ -195,7 +195,7 @@ def time_optimal(
     shortest, max_intervals = math.inf, max(MAX_REFINED, 2 * len(grid))
     for k in range(MAX_REFINEMENTS):
         path = OnGrid(grid)
-        limits = _with_stops(limits_on(path, active), grid)
+        limits = _add_stops(limits_on(path, active), grid)
         grid_plan = plan_on_grid(path.intervals, limits, rules)
         if grid_plan.outcome == kernels.FOUND:
             if math.isinf(largest_loss):
@@ -247,7 +247,7 @@ def _round_parts(parts: FloatArray, max_parts: int) -> FloatArray:
         parts = parts / 2
 
 
-def _with_stops(limits: GridLimits, grid: Grid) -> GridLimits:
+def _add_stops(limits: GridLimits, grid: Grid) -> GridLimits:
     """Add the bound x = 0 at the stops of the joint path."""
     stops = grid.joint_path.stops
     if not len(stops):

@@ -75,7 +75,7 @@ class MeshRows:
                     self.bounded = np.minimum(self.bounded, [-low, high])
             else:
                 sampled.append(constraint)
-        self.limits = self._with_margins(limits_on(self.path, sampled), about)
+        self.limits = self._subtract_margins(limits_on(self.path, sampled), about)
         # Indices of the joints with limits of acceleration, and of the joints with limits of jerk
         self.joints = (
             np.flatnonzero(np.isfinite(self.bounded).any(axis=(0, 1))),
@@ -83,7 +83,7 @@ class MeshRows:
         )
         self.section = self._make_section()
 
-    def _with_margins(self, limits: GridLimits, about: FloatArray) -> GridLimits:
+    def _subtract_margins(self, limits: GridLimits, about: FloatArray) -> GridLimits:
         """Limits less their margins, with lines for friction; `lost` records the margins."""
         none, bounds = np.zeros(len(about)), self.bounds
         linearized = MotionBounds(about, about, none, none) if bounds is None else bounds

@@ -171,7 +171,7 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
         # tool path at constant joint velocities.
         sag=wide**2 * _tool_curvature(joint_path, arm, s) / 8,
         tolerance=tolerance,
-        smallest=_least_nearby(tolerance),
+        smallest=_smallest_of_neighbours(tolerance),
         reach=REACH * tolerance + 2 * wide,
         fixed=resting | (tolerance == 0),
         rest=doubled | np.isin(np.arange(len(s) + 1), [0, len(s)]),
@@ -221,7 +221,7 @@ def _adjacent_corners(corner: IntArray) -> IntArray:
     return nearest
 
 
-def _least_nearby(values: FloatArray) -> FloatArray:
+def _smallest_of_neighbours(values: FloatArray) -> FloatArray:
     smallest = values.copy()
     smallest[1:] = np.minimum(smallest[1:], values[:-1])
     smallest[:-1] = np.minimum(smallest[:-1], values[1:])

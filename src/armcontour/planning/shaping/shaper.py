@@ -130,7 +130,7 @@ class Shaping:
                     contour, path=_cap_tolerances(contour.path, self.options.tolerance)
                 )
         program = replace(program, moves=tuple(moves))
-        arcs, traced = self._trace(program)
+        arcs, traced = self._trace_with_arcs(program)
         tasks: list[tuple[int, Contour, _Task]] = []
         for step in traced.steps:
             move = None if step.move is None else moves[step.move]
@@ -159,7 +159,7 @@ class Shaping:
         along_arcs = plans[0][2].contour_spans if plans else None
         for start in (None, seed):
             with suppress(ArmContourError):
-                plans.append((shaped, start, self._time(self._follow(shaped, start))))
+                plans.append((shaped, start, self._time(self._trace_from(shaped, start))))
         if not plans:
             # `plan` raises the error.
             return shaped
@@ -190,23 +190,23 @@ class Shaping:
         timing = Timing(self.arm, limits, Optimal(intervals=self.options.intervals))
         return time_program(traced, timing)
 
-    def _follow(self, program: Program, seed: npt.ArrayLike | None) -> Tracing:
+    def _trace_from(self, program: Program, seed: npt.ArrayLike | None) -> Tracing:
         configuration = self.options.configuration
         return trace_program(program, self.arm, self.limits, configuration=configuration, seed=seed)
 
-    def _trace(self, program: Program) -> tuple[Tracing | None, Tracing]:
+    def _trace_with_arcs(self, program: Program) -> tuple[Tracing | None, Tracing]:
         """Trace the program with arcs at its corners, and with sharp corners if that is faster."""
         # Returns the program with arcs and its joint paths, None if the arm cannot follow it; and
         # the tracing whose configurations are used for all starts and shapes.
         seed = self.options.seed
         try:
-            arcs = self._follow(self._with_arcs(program), seed)
+            arcs = self._trace_from(self._with_arcs(program), seed)
         except ArmContourError:
-            return None, self._follow(program, seed)
+            return None, self._trace_from(program, seed)
         if seed is not None or program.single_path is None or self.arm.dimension == 2:
             return arcs, arcs
         try:
-            sharp = self._follow(program, None)
+            sharp = self._trace_from(program, None)
         except ArmContourError:
             return arcs, arcs
         first, other = (ends_of(x.joint_paths[0])[0] for x in (arcs, sharp))

@@ -150,7 +150,7 @@ def _round_within(
 
     def outside(tolerance: FloatArray) -> tuple[RoundedPath, FloatArray, IntArray]:
         path = round_(objective, tolerance=tolerance, angular_tolerance=options.angular_tolerance)
-        matches = match(tube, path, _places(path), REACH * options.tolerance)
+        matches = match(tube, path, _matching_lengths(path), REACH * options.tolerance)
         return path, matches, _corners_outside(tube, path, matches)
 
     path, matches, outside_corners = outside(requested)
@@ -197,7 +197,7 @@ def _corners_outside(tube: Tube, path: RoundedPath, matches: FloatArray) -> IntA
     return np.unique(np.concatenate([tube.vertex[nearest], missed, tiny])) - 1
 
 
-def _places(rounded: RoundedPath) -> FloatArray:
+def _matching_lengths(rounded: RoundedPath) -> FloatArray:
     """Matching arc lengths on the objective and on its rounded path [m], (n, 2)."""
     c = rounded.corners
     s_corners = rounded.objective.breaks[c.vertex]

@@ -52,7 +52,7 @@ LARGEST_X = 1e100  # initial x of Newton's method without a ceiling
 # A Newton step from x to less than the share FAR of x has an error of the share ROUNDED of x.
 FAR, ROUNDED = 1e-3, 1e-12
 SLACK = 1e-9  # relative rounding error of the ends of a range of u
-PLAY = 1e-7  # relative tolerance of x at the start and the end of the path
+END_TOLERANCE = 1e-7  # relative tolerance of x at the start and the end of the path
 ROUNDING = 2e-15  # rounding error of differences of x, as a share of x
 TINY = 1e-14  # a coefficient below this share of its terms is zero
 NEAR = 0.01  # u is at its bound within this share of its range
@@ -132,7 +132,7 @@ class LimitLines(NamedTuple):
     table: FloatArray
     width: int  # Number of lines of an interval
     # Index of the interval in each slot, (slots,); at most BLOCK intervals are stored
-    drawn: IntArray
+    slot_interval: IntArray
     # p, q, d0, d1 and d2 of the conics `|m + p x + q|² <= d0 + 2 d1 x - d2 x²` of the stored
     # intervals, (slots, conics, 5)
     conics: FloatArray
@@ -173,7 +173,7 @@ def _write_half_plane(
         magnitude = choose(threshold, magnitude, choose(0.0, alone, magnitude, 0.0), 0.0)
     inverse = 1.0 / choose(NEGLIGIBLE, magnitude, by_mean, 1.0)
     low, high = low * inverse, high * inverse
-    first = 3 * lines.width * (i & (len(lines.drawn) - 1)) + line
+    first = 3 * lines.width * (i & (len(lines.slot_interval) - 1)) + line
     last = first + 2 * lines.width
     store(lines.table, first, choose(NEGLIGIBLE, magnitude, b * inverse, 0.0))
     store(
@@ -284,7 +284,7 @@ def _write_conic(
 ) -> None:
     """Write the conic `|a u + b x|² <= square` at one end of an interval."""
     w, turn = motion
-    out = lines.conics[i & (len(lines.drawn) - 1), 2 * r + end]
+    out = lines.conics[i & (len(lines.slot_interval) - 1), 2 * r + end]
     for d in range(5):
         out[d] = 0.0
     # The factor of m is a at the start, and a + 2 w b at the end.
@@ -325,9 +325,9 @@ def _linear_row(
     # Rows with friction come first: all upper limits, then all lower limits. `margins` adds the
     # friction of joints that may reverse.
     ends, rise, friction = limits.rows.ends, limits.rows.rise, limits.friction
-    rubbing = friction.within.shape[1]
-    side = 0 if r < rubbing else 1 if r < 2 * rubbing else 2
-    j = r - min(side, 1) * rubbing
+    friction_rows = friction.within.shape[1]
+    side = 0 if r < friction_rows else 1 if r < 2 * friction_rows else 2
+    j = r - min(side, 1) * friction_rows
     a0, b0, low0, high0 = (
         ends[i, 0, j, A],
         ends[i, 0, j, B],
@@ -581,7 +581,7 @@ def _write_interval_limits(
     count = limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     w = grid.s[i + 1] - grid.s[i]
     turn = bounds.k[i] * w / 2
-    lines.drawn[i & (len(lines.drawn) - 1)] = i
+    lines.slot_interval[i & (len(lines.slot_interval) - 1)] = i
     _write_ceilings(lines, limits, bounds, i, w, margins)
     joint = 0
     for group in range(groups):
@@ -604,7 +604,7 @@ def _write_interval_limits(
 @compiled(inner=True, fastmath=FUSED)
 def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
     """Smallest and largest mean u of interval i for x at its start."""
-    table, count, slot = lines.table, lines.width, i & (len(lines.drawn) - 1)
+    table, count, slot = lines.table, lines.width, i & (len(lines.slot_interval) - 1)
     first = 3 * count * slot
     tilted = x * load(table, first)
     bottom, top = load(table, first + count) - tilted, load(table, first + 2 * count) - tilted
@@ -625,7 +625,7 @@ def _mean_range_slopes(
     lines: LimitLines, i: int, x: float
 ) -> tuple[float, float, float, float, int]:
     """Range of the mean u at x, negative slopes of its ends in x, and line of its lower end."""
-    table, count, slot = lines.table, lines.width, i & (len(lines.drawn) - 1)
+    table, count, slot = lines.table, lines.width, i & (len(lines.slot_interval) - 1)
     low, high, below, above = -math.inf, math.inf, -1, -1
     for k in range(3 * count * slot, 3 * count * slot + count):
         moved = table[k] * x
@@ -680,12 +680,12 @@ def _backward_forward_pass(
     # plus the index of an interval without limits.
     (changed, margins), (cap, reachable, x) = state, squares
     n, below, stuck = len(grid.piece), -1, -1
-    mean, slots = np.empty(n), len(lines.drawn) - 1
+    mean, slots = np.empty(n), len(lines.slot_interval) - 1
     # Interval i - 1 is written before interval i is planned, while the processor waits for data.
     for i in range(n, -1, -1):
         trial = math.inf
         if i > 0:
-            if changed[i - 1] or lines.drawn[(i - 1) & slots] != i - 1:
+            if changed[i - 1] or lines.slot_interval[(i - 1) & slots] != i - 1:
                 _write_interval_limits(grid, limits, bounds, i - 1, margins, lines)
             trial = lines.cap[i - 1, 1]
         if i < n:
@@ -741,7 +741,7 @@ def _backward_forward_pass(
     for i in range(n):
         w, high = grid.s[i + 1] - grid.s[i], mean[i]
         if x[i] < reachable[i]:
-            if lines.drawn[i & slots] != i:
+            if lines.slot_interval[i & slots] != i:
                 _write_interval_limits(grid, limits, bounds, i, margins, lines)
             low, high = _mean_range(lines, i, x[i])
             steep = 0.5 / w
@@ -900,7 +900,7 @@ def _prove_or_widen(
     x: FloatArray,
     rules: Rules,
     bounds: MotionBounds,
-    rubs: bool,
+    has_friction: bool,
     changed: BoolArray,
 ) -> bool:
     """Test whether a plan is within its bounds, which proves it; otherwise widen the bounds."""
@@ -908,7 +908,7 @@ def _prove_or_widen(
     for i in range(len(width)):
         largest, smallest, rate = _motion_extent(width, x, bounds.k, i)
         outside = largest > bounds.x[i] or rate > bounds.u[i]
-        if rubs and smallest < bounds.x_min[i]:
+        if has_friction and smallest < bounds.x_min[i]:
             outside, bounds.x_min[i] = True, smallest / (rules.headroom * rules.headroom)
         if outside:
             bounds.x[i] = max(bounds.x[i], rules.headroom * largest)
@@ -958,11 +958,13 @@ def _pass_outcome(
 ) -> tuple[int, float]:
     """Outcome of a pass, and the largest ds² at an end whose speed is too high."""
     n = len(x) - 1
-    if rules.start < math.inf and min(rules.start, reachable[0]) < rules.start * (1 - PLAY):
+    if rules.start < math.inf and min(rules.start, reachable[0]) < rules.start * (
+        1 - END_TOLERANCE
+    ):
         return START, reachable[0]
     if stuck >= 0:
         return STUCK, 0.0
-    if rules.end < math.inf and x[n] < rules.end * (1 - PLAY):
+    if rules.end < math.inf and x[n] < rules.end * (1 - END_TOLERANCE):
         return END, x[n]
     return FOUND, 0.0
 
@@ -984,14 +986,14 @@ def _drop_slopes(
 def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     """Plan without margins, then with margins for bounds of x and u that contain the plan."""
     # If `rules.tries` is 1, the result is the plan without margins, with the outcome FINER.
-    n, rubbing = len(grid.piece), limits.friction.within.shape[1]
+    n, friction_rows = len(grid.piece), limits.friction.within.shape[1]
     width, squares = np.empty(n), PassSquares(np.empty(n + 1), np.empty(n + 1), np.zeros(n + 1))
     cap, reachable, x = squares
     bounds = MotionBounds(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
     changed, slots = np.ones(n, np.bool_), 1
     while slots < min(n, BLOCK):
         slots *= 2
-    groups = (limits.rows.rise.shape[1] + rubbing + LANES - 1) // LANES
+    groups = (limits.rows.rise.shape[1] + friction_rows + LANES - 1) // LANES
     count = 2 * LANES * max(1, len(limits.joints) // ROWS + groups)
     lines = LimitLines(
         np.empty(3 * count * slots),
@@ -1011,7 +1013,7 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     )
     for i in range(n):
         width[i] = grid.s[i + 1] - grid.s[i]
-    if rubbing > 0 or count > 2 * LANES * (len(limits.joints) // ROWS):
+    if friction_rows > 0 or count > 2 * LANES * (len(limits.joints) // ROWS):
         # Lines that are never written must not limit x or m.
         for line in range(3 * count * slots):
             lines.table[line] = 0.0
@@ -1019,9 +1021,9 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
             for line in range(3 * count * slot + count, 3 * count * slot + 2 * count):
                 lines.table[line], lines.table[line + count] = -math.inf, math.inf
     for _ in range(rules.tries):
-        drawn = limits if kind > 0 else free
+        used_limits = limits if kind > 0 else free
         stuck = _backward_forward_pass(
-            grid, drawn, bounds, (changed, kind == 2), lines, rules, squares
+            grid, used_limits, bounds, (changed, kind == 2), lines, rules, squares
         )
         if stuck >= n:
             return GridPlan(x, bounds.k, lost, UNLIMITED, stuck - n, 0.0)
@@ -1045,15 +1047,15 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
         if kind < 2:
             near = _linearize_friction(x, bounds, rules.near)
             kind = 1
-            if rubbing and not near and tangents < rules.tangents:
+            if friction_rows and not near and tangents < rules.tangents:
                 tangents += 1
                 continue
             _choose_slopes(grid, limits, cap, x, bounds)
             _bound_motion(width, x, rules, rules.headroom, bounds)
             changed[:] = True
             kind = 2
-        elif _prove_or_widen(width, x, rules, bounds, rubbing > 0, changed):
-            if not rubbing:
+        elif _prove_or_widen(width, x, rules, bounds, friction_rows > 0, changed):
+            if not friction_rows:
                 return GridPlan(x, bounds.k, lines.lost, FOUND, -1, 0.0)
             duration = _duration(width, x, bounds.k)
             better = duration < shortest * (1 - rules.gain)

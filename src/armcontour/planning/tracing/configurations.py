@@ -183,11 +183,11 @@ def follow_branches(
     def follow(branches: slice) -> None:
         newton.follow(arm.link_table, task, poses, q[branches], reached[branches], max_correction)
 
-    _in_threads(follow, split_evenly(len(starts), PARTS), len(starts) * len(poses))
+    _map_in_threads(follow, split_evenly(len(starts), PARTS), len(starts) * len(poses))
     return q, reached
 
 
-def _in_threads(work: Callable[[T], R], items: Sequence[T], poses: int) -> list[R]:
+def _map_in_threads(work: Callable[[T], R], items: Sequence[T], poses: int) -> list[R]:
     """Apply compiled work to several items, in threads if they have many poses in total."""
     return map_in_threads(work, items) if poses >= THREADED_POSES else [work(x) for x in items]
 
@@ -235,7 +235,7 @@ def _smooth(
         return smooth(arm, s, poses, task, np.array(joint_paths[part]), **options)
 
     parts = split_evenly(len(joint_paths), SMOOTHED_PARTS)
-    done = _in_threads(work, parts, len(joint_paths) * len(s))
+    done = _map_in_threads(work, parts, len(joint_paths) * len(s))
     return [(q, float(cost)) for part in done for q, cost in zip(*part, strict=True)]
 
 
@@ -265,7 +265,7 @@ class _DistinctSolutions:
                 # `_is_known` accepts at most SAME_SOLUTION times half a turn, pi, so only solutions
                 # within this distance are compared exactly.
                 apart = q[few] - np.array([x[few] for x in self._known])
-                near = _outside(np.array(self._rough), apart)[0] < SAME_SOLUTION * np.pi
+                near = _outside_null_space(np.array(self._rough), apart)[0] < SAME_SOLUTION * np.pi
                 if any(self._is_known(k, q) for k in np.flatnonzero(near).tolist()):
                     return False
             self._rough.append(null_space(self.arm, self.poses[few], self.task, q[few]))
@@ -276,11 +276,11 @@ class _DistinctSolutions:
         """Test whether joint positions differ from a known solution by null-space motion only."""
         if k not in self._spaces:
             self._spaces[k] = null_space(self.arm, self.poses, self.task, self._known[k])
-        deviation, size = _outside(self._spaces[k], q - self._known[k])
+        deviation, size = _outside_null_space(self._spaces[k], q - self._known[k])
         return bool(deviation < SAME_SOLUTION * max(1.0, float(size)))
 
 
-def _outside(w: FloatArray, difference: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _outside_null_space(w: FloatArray, difference: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Largest component of joint differences outside null spaces, and largest difference [rad]."""
     # `w`: bases of the null spaces, (..., n, free, dof); `difference`: joint differences, modulo
     # whole turns [rad].

@@ -57,7 +57,7 @@ class Guide:
         # space, (n, free, dof); `stops`: arc lengths, out of s, at which the tool stops [m].
         n, free, dof = w.shape
         turned = [np.eye(free)]
-        for turn in _turns(w):
+        for turn in _basis_rotations(w):
             turned.append(turned[-1] @ turn)
         values = np.concatenate([q, (np.array(turned) @ w).reshape(n, free * dof)], axis=1)
         cuts = [0, *np.searchsorted(s, stops).tolist(), n - 1]
@@ -79,7 +79,7 @@ class Guide:
         return w.reshape(len(s), 3, -1, self.dof), g
 
 
-def _turns(w: FloatArray) -> FloatArray:
+def _basis_rotations(w: FloatArray) -> FloatArray:
     """Smallest rotations between null-space bases at neighbouring knots, (n - 1, free, free)."""
     along = np.einsum("nik,njk->nij", w[:-1], w[1:])
     if w.shape[1] == 1:
@@ -104,7 +104,7 @@ def _spline(s: FloatArray, values: FloatArray) -> FloatArray:
     deviation = np.abs(u * (c[:, 1] + u * (c[:, 2] + u * c[:, 3])) - QUARTERS * steps).max(
         axis=(0, 2)
     )
-    return _without_swing(s, values) if (deviation > SWING * largest + SWING_FLOOR).any() else c
+    return _pchip_quintics(s, values) if (deviation > SWING * largest + SWING_FLOOR).any() else c
 
 
 def _slopes(s: FloatArray, values: FloatArray) -> FloatArray:
@@ -133,7 +133,7 @@ def _slopes(s: FloatArray, values: FloatArray) -> FloatArray:
     return right
 
 
-def _without_swing(s: FloatArray, values: FloatArray) -> FloatArray:
+def _pchip_quintics(s: FloatArray, values: FloatArray) -> FloatArray:
     """Quintics through values with zero second derivative at the knots and PCHIP slopes."""
     # Returns coefficients of powers of the distance from the previous knot, (n - 1, 6, values).
     from scipy.interpolate import PchipInterpolator
