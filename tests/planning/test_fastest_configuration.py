@@ -25,7 +25,7 @@ SEAMS = {
 
 
 def roughly(joint_path, arm, limits):
-    return plan_optimal(joint_path, arm, limits, here.ROUGHLY).duration
+    return plan_optimal(joint_path, arm, limits, here.COARSE_PLAN).duration
 
 
 @pytest.fixture(scope="module", params=SEAMS)
@@ -132,7 +132,7 @@ def test_starts_of_long_paths_are_those_of_short_ones_without_their_traces(monke
 def test_long_path_out_of_reach_is_refused_as_a_short_one(monkeypatch):
     arm, messages = ac.load_arm("ur5e"), []
     path = ac.Path.polyline([(0.4, 0.1, 0.2), (0.6, 0.1, 0.2), (1.4, 0.1, 0.2)]).oriented(DOWN)
-    for long in (here.LONG, 1):
+    for long in (here.LONG_PATH, 1):
         monkeypatch.setattr(here, "LONG_PATH", long)
         with pytest.raises(ac.Unreachable) as caught:
             trace_fastest(path, arm)

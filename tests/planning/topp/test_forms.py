@@ -192,7 +192,7 @@ def test_arrays_of_another_shape_are_refused_with_their_name(form):
             arrays[name] = np.ones((*shape[:k], shape[k] + 1, *shape[k + 1 :]))
             if name == list(RIGHT[form])[-1] and shape[k] == 3 and form is not Friction:
                 continue  # the last array says how many rows there are
-            with pytest.raises(ac.InvalidInput, match="constraint force have"):
+            with pytest.raises(ac.InvalidInput, match="constraint force has the shape"):
                 limits_on(path, [Own(form(**arrays))])
 
 
