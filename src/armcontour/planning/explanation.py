@@ -90,9 +90,9 @@ class Shortfall:
         kind: "slowest" at a minimum of the speed, "fastest" at a maximum below the assigned
             velocity.
         s: Arc length of the extreme [m].
-            speed: Tool speed at the extreme [m/s].
-            assigned: Assigned velocity at the extreme [m/s].
-            reason: Active limit at the extreme, such as "joint 2 acceleration".
+        speed: Tool speed at the extreme [m/s].
+        assigned: Assigned velocity at the extreme [m/s].
+        reason: Active limit at the extreme, such as "joint 2 acceleration".
     """
 
     kind: str
@@ -265,7 +265,7 @@ def explain(
         constraints: Additional constraints that the plan was made for.
 
     Raises:
-            InvalidInput: The trajectory is not a plan of the method "optimal" or "shaped".
+        InvalidInput: The trajectory is not a plan of the method "optimal" or "shaped".
     """
     reduced = trajectory.limits
     if reduced is not None:
