@@ -186,7 +186,7 @@ def bound_duration(joint_path: JointPath, limits: Limits) -> float:
         speed = np.inf if limits.speed is None else limits.speed
         tool_limits = [limits.centripetal_acceleration, limits.tool_acceleration]
         acceleration = min((x for x in tool_limits if x is not None), default=np.inf)
-        curvature = np.where(path.segments.bent, 0.0, path.curvatures)
+        curvature = np.where(path.segments.is_transition, 0.0, path.curvatures)
         with np.errstate(divide="ignore"):
             ceilings = np.minimum(np.fmin(path.speeds, speed) ** 2, acceleration / curvature)[
                 segment
