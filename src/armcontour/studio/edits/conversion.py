@@ -1,4 +1,4 @@
-"""Conversion of a drawing's contour to points or segments of the job."""
+"""Conversion of the contour of a drawing to points or segments of the job."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from armcontour.geometry import Path
 from armcontour.studio.handles import ANGLE, FILE, LENGTH, Handles
 
 SPEED = Quantity("m/s", "100 mm/s")
-# Arcs up to this angle are written with a via point [rad]; larger ones, whose ends may be close to
-# each other, with their centre.
+# Maximum angle of an arc that is written with a via point [rad]. Larger arcs are written with their
+# centre, because their end points can be too close to each other for a via point.
 THROUGH = 1.5 * math.pi
-# Rounding error of coordinates by the frame [m].
+# Rounding error of coordinates due to the transform to the part frame [m].
 NOISE = 1e-15
-# Largest deviation of points [m] and tool axes after the conversion.
+# Maximum deviation of points [m] and of tool orientations after the conversion.
 SAME = 1e-9
 
 Write = Callable[[FloatArray], list[Any]]
@@ -59,29 +59,35 @@ def is_convertible(handles: Handles) -> bool:
 
 
 def _only_path(handles: Handles) -> Path:
-    """The path of a drawing with a single contour, with the speeds of its layer."""
+    """Path of a drawing with one contour, with the speed and tolerance of its layer.
+
+    Raises InvalidInput if waypoints cannot represent the drawing.
+    """
     job, program = handles.job, handles.job.program
     if handles.kind != FILE:
-        raise InvalidInput("The path consists of waypoints of the job already.")
+        raise InvalidInput("The path already consists of waypoints of the job.")
     contours = program.contours
     if len(contours) != 1:
         raise InvalidInput(
-            f"{handles.file} has {len(contours)} contours, but waypoints of a job are one path: "
-            "choose one by path.names first."
+            f"{handles.file} has {len(contours)} contours, but only a single contour can be "
+            "converted to waypoints. Select one contour with path.names first."
         )
     path, layer = program.single_path, contours[0].layer
     if path is None:
         raise InvalidInput(
-            f"{handles.file} has rapids, dwells or events in addition to its contour, which "
-            "waypoints of a job do not have: draw the contour alone."
+            f"{handles.file} has rapids, dwells or events, which cannot be converted to waypoints. "
+            "Use a drawing that has only the contour."
         )
     if layer in job.process.by_layer:
         raise InvalidInput(
-            f"process.by_layer has values for the layer {layer}, which waypoints of a job do not "
-            "have: give them to the whole process first."
+            f"process.by_layer has values for the layer {layer}, but waypoints have no layer. "
+            "Specify these values for the whole process first."
         )
     if path.segments.bent.any():
-        raise InvalidInput(f"{handles.file} has transitions, which are neither lines nor arcs.")
+        raise InvalidInput(
+            f"{handles.file} has transitions (clothoids), but only lines and arcs can be converted "
+            "to waypoints."
+        )
     layer_values = job.process.layers.get(layer or "")
     if layer_values is None:
         return path
@@ -99,7 +105,7 @@ def _points(path: Path, write: Write) -> dict[str, Any]:
 
 
 def _segments(path: Path, write: Write, assigned: list[dict[str, Any]]) -> dict[str, Any]:
-    """Keys of a path of lines and arcs."""
+    """Keys `start` and `segments` of a path of lines and arcs."""
     ends = _closed([write(x) for x in path.vertices], path)
     listed: list[dict[str, Any]] = []
     for i, (to, assigned_keys) in enumerate(zip(ends[1:], assigned, strict=True)):
@@ -122,7 +128,7 @@ def _segments(path: Path, write: Write, assigned: list[dict[str, Any]]) -> dict[
 
 
 def _around(path: Path, i: int, angle: float, write: Write) -> dict[str, Any]:
-    """Keys of an arc given by its centre."""
+    """Keys of a segment that specify an arc by its centre and angle."""
     tangent, normal = path.tangents[i], path.normals[i]
     center = write(path.starts[i] + normal / path.curvatures[i])
     if path.dimension == 3:
@@ -133,7 +139,7 @@ def _around(path: Path, i: int, angle: float, write: Write) -> dict[str, Any]:
 
 
 def _closed(points: list[list[Any]], path: Path) -> list[list[Any]]:
-    """Ends of segments; a closed path ends at exactly its first point."""
+    """The points; if the path is closed, the last point is replaced by exactly the first point."""
     first, last = path.vertices[0], path.vertices[-1]
     closed = np.linalg.norm(last - first) <= SAME
     return [*points[:-1], points[0]] if closed else points
@@ -144,7 +150,7 @@ def _coordinates(point: FloatArray, like: Any) -> list[Any]:
 
 
 def _demand(path: Path, i: int) -> dict[str, Any]:
-    """Speed and tolerance of a segment, if assigned."""
+    """Keys `speed` and `tolerance` of a segment that has assigned values."""
     assigned = {}
     if not math.isnan(path.speeds[i]):
         assigned["speed"] = write_like(float(path.speeds[i]), None, SPEED)
@@ -154,15 +160,15 @@ def _demand(path: Path, i: int) -> dict[str, Any]:
 
 
 def _verify(path: Path, written: Mapping[str, Any], handles: Handles) -> None:
-    """Refuse waypoints that make another path, such as those of a file with tool orientations."""
+    """Raise InvalidInput if the path of the waypoints differs from the path of the drawing."""
     model = read_keys(MappingKeys(PathModel), written, "the waypoints")
     copy = path_of(model, FilePath(), handles.job.arm.dimension)
     assert isinstance(copy, Path)
     alike = len(copy) == len(path) and abs(copy.vertices - path.vertices).max() <= SAME
     if not alike:
         raise InvalidInput(
-            f"The contour of {handles.file} has segments that are too short to be written as "
-            "waypoints of the job."
+            f"The contour of {handles.file} cannot be converted to waypoints, because some of its "
+            "segments are too short."
         )
     copied_orientation, orientation = copy.orientation, path.orientation
     if copied_orientation is None and orientation is None:
@@ -174,6 +180,6 @@ def _verify(path: Path, written: Mapping[str, Any], handles: Handles) -> None:
         or abs(copied_orientation(s * copy.length) - orientation(s * path.length)).max() > SAME
     ):
         raise InvalidInput(
-            f"{handles.file} gives the orientation of the tool, which would be lost: write it as "
-            "path.orientation first."
+            f"{handles.file} specifies tool orientations, which the conversion to waypoints would "
+            "lose. Specify path.orientation first."
         )
