@@ -198,7 +198,7 @@ class Editor:
         return self._check_trust(Revision(change_data(self.state.data, changes), tuple(changes)))
 
     def run_of(self, data: Mapping[str, Any]) -> str:
-        """Name of the run to show: the last shown, else the first with optimal timing, else the first."""
+        """Name of the run to show: the last shown, else the first with timing `optimal` or any."""
         runs = runs_of(data)
         names = [x["name"] for x in runs]
         fast = [x["name"] for x in runs if x["timing"] == FASTEST and x["corners"] != "free"]

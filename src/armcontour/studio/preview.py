@@ -38,15 +38,15 @@ from armcontour.verification.contour_execution import ContourExecution, pieces_o
 
 # Maximum number of set-points of an exact preview.
 MAX_SET_POINTS = 200_000
-# Maximum duration of a simulated motion times the number of joints [s], so that the simulation takes
-# seconds and 150 MB.
+# Maximum duration of a simulated motion times the number of joints [s], so that the simulation
+# takes seconds and 150 MB.
 MAX_SIMULATED = 2400.0
 # If a program has more segments, its outline is shown before its plan.
 LONG_PROGRAM = 5_000
 # Minimum cycle of a preview [s].
 DEFAULT_CYCLE = 4e-3
-# Number of grid intervals per contour while a handle moves (4000 or more in a full run). The coarser
-# grid changes the duration by less than 0.1 %.
+# Number of grid intervals per contour while a handle moves (4000 or more in a full run). The
+# coarser grid changes the duration by less than 0.1 %.
 MOVING_INTERVALS = 600
 # Minimum number of samples of an execution while a handle moves.
 MOVING_SAMPLES = 1500
@@ -291,7 +291,7 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
 def _contour_errors(
     execution: Execution, path: Program, end_time: float | None
 ) -> tuple[tuple[ContourExecution, ...], ErrorProfile, float]:
-    """Execution along each contour, contour errors, and time at which the tool comes to rest [s]."""
+    """Execution along each contour, contour errors, and time at which the tool is at rest [s]."""
     settled = settling_time(execution, execution.tool_speed)
     pieces = tuple(pieces_of(execution, path, None, end_time))
     return pieces, ErrorProfile.join([x.contour_error for x in pieces]), settled

@@ -1,4 +1,4 @@
-"""Session of the Studio: a document, the pages that show it, and the execution of their messages."""
+"""Session of the Studio: a document, the pages that show it, and execution of their messages."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Session:
         return self.editor.document
 
     def confine(self, named: Iterable[FilePath]) -> None:
-        """Restrict reading to the folders of job and uploads and to the files the user has named."""
+        """Restrict reading to the folders of job and uploads, and to files named by the user."""
         self.editor.named = tuple(named)
         reading = reading_below(self.editor.folders, self.editor.named)
         self._ending.enter_context(reading)
