@@ -73,7 +73,10 @@ def learn_from_logs(request: Request) -> LearningStudy:
 
 
 def read_logs(request: Request, *, commanded: bool = False) -> list[Any]:
-    """Read the logs of a task, with joints in the order of the arm; `commanded`: need set-points."""
+    """Read the logs of a task, with joints in the order of the arm.
+
+    `commanded`: the logs must contain set-points.
+    """
     from armcontour.files.log_file import read_run_log
 
     if not request.logs:
