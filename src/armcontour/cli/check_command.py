@@ -91,7 +91,7 @@ def _check_commands(
     path: Program | None,
     allowed: Mapping[str, Any],
 ) -> CommandCheck | None:
-    """Check the commands that a controller computes from the samples; None without `--controller`."""
+    """Check the commands of a controller for the samples; None without `--controller`."""
     from armcontour.cli.inputs import read_option
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import Frequency
@@ -284,7 +284,7 @@ def _file_notes(samples: TrajectoryFile, result: Check, *, declared: bool) -> li
 
 
 def _noise(q: FloatArray) -> float:
-    """Standard deviation of the noise in positions [rad], largest of all joints; 0 without noise."""
+    """Largest standard deviation of the noise in joint positions [rad]; 0 without noise."""
     third = np.diff(q, n=3, axis=0)
     power = np.sum(third**2, axis=0)
     noise = 0.0

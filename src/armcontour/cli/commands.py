@@ -214,7 +214,7 @@ def certify(
     job_options: JobOptions,
     options: CertifyOptions,
 ) -> None:
-    """Find the fastest plan whose execution stays within a tolerance; exit code 4 if none exists."""
+    """Find the fastest plan whose execution stays within a tolerance; exit code 4 without one."""
     from armcontour.cli.certify_command import certify_file
 
     certify_file(job, job_options, options)
@@ -310,7 +310,7 @@ def learn(
 @_command(ROBOT, "play job.yaml --on linuxcnc --speed-factor '50 %' --execute --out played")
 @grouped
 def play(job: JobOrDrawing, options: PlayOptions, job_options: JobOptions) -> None:
-    """Play a run on a robot controller and record it; without --execute, the robot does not move."""
+    """Play a run on a robot controller and record it; the robot moves only with --execute."""
     from armcontour.cli.play_command import play_file
 
     raise typer.Exit(play_file(job, job_options, options))
@@ -346,7 +346,7 @@ def init(
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a file of that name.")] = False,
 ) -> None:
-    """Write a built-in cell as a job file that you can edit, with arm, limits, servo and comments."""
+    """Write a built-in cell as a job file to edit, with arm, limits, servo and comments."""
     from armcontour.cli.console import Console
     from armcontour.core import staging
     from armcontour.core.errors import InvalidInput

@@ -34,7 +34,8 @@ def main() -> None:
     os.environ.setdefault("NUMBA_CACHE_DIR", "")
     skip_exit_collection()
     reduce_garbage_collection()
-    # Without this value, MuJoCo starts a process to find a graphics library, which no command needs.
+    # Without this value, MuJoCo starts a process that looks for a graphics library, although no
+    # command needs it.
     os.environ.setdefault("MUJOCO_GL", "disable")
     # Without this value, pydantic searches all installed packages for plugins.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 # Labels of exported set-points, and of the exported plan (without compensation).
 SET_POINTS, REFERENCE = "set_points", "reference"
-# Formats whose controllers interpolate set-points with quintics, and ratio of acceleration and limit
-# above which a warning is given.
+# Formats whose controllers interpolate set-points with quintics, and ratio of acceleration and
+# limit above which a warning is given.
 JOINED_BY_QUINTICS = ("ros-yaml", "mcap")
 FAR_ABOVE = 3.0
 
@@ -70,7 +70,7 @@ class Exports:
         return bool(self.targets)
 
     def write(self, target: Target, table: SetPointTable, file: FilePath) -> None:
-        """Write a table to a file; analog outputs are omitted if the format does not support them."""
+        """Write a table to a file; without analog outputs if the format does not support them."""
         from armcontour.core.errors import error_context
         from armcontour.files.exports.formats import WITH_ANALOG
 

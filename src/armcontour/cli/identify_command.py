@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from armcontour.robot import Arm
 
 # Exit codes. DONE: every joint has a valid model and the compensation is trusted; with masses: all
-# parameters are determined. PROVISIONAL: trusted for one program only. DOUBTFUL: otherwise. No error
-# has the exit code 9.
+# parameters are determined. PROVISIONAL: trusted for one program only. DOUBTFUL: otherwise. No
+# error has the exit code 9.
 DONE, DOUBTFUL, PROVISIONAL = 0, 1, 9
 STOPPED_EARLY = "nothing was identified."
 

@@ -1,4 +1,4 @@
-"""Inputs of commands: quantities in options, and the job of a job file or of a drawing in a cell."""
+"""Inputs of commands: quantities in options, and the job of a job file or of a drawing and cell."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def is_job(file: FilePath) -> bool:
 
 
 def open_job(file: FilePath, job_options: JobOptions, progress: Progress, *groups: Any) -> Job:
-    """Read a job file, or combine a drawing with a cell; `groups`: further options that set keys."""
+    """Read a job file, or combine a drawing with a cell; `groups`: more options that set keys."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files import read_job
     from armcontour.files.cell import cell_names, read_cell
@@ -110,8 +110,8 @@ def open_job(file: FilePath, job_options: JobOptions, progress: Progress, *group
             return read_job(
                 file, patch=patch, reading=progress, trust_xacro=job_options.trust_xacro
             )
-    # `find_reader` raises an error for files that are not drawings, such as robot descriptions. This
-    # error is more helpful than the error about a missing cell.
+    # `find_reader` raises an error for files that are not drawings, such as robot descriptions.
+    # This error is more helpful than the error about a missing cell.
     find_reader(file)
     if job_options.cell is None:
         raise InvalidInput(

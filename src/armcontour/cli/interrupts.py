@@ -27,9 +27,10 @@ PULSE = 0.2
 STACK = 64 * 1024 * 1024
 
 
-# Functions that are called before a signal ends the program. They may return a message for the user.
+# Functions that are called before a signal ends the program; they may return a message for users.
 _cleanups: list[Callable[[], str | None]] = []
-# Functions that a signal calls instead of ending the program, because a moving robot must stop first.
+# Functions that a signal calls instead of ending the program, because a moving robot must stop
+# first.
 _requests: list[Callable[[], None]] = []
 
 

@@ -1,4 +1,4 @@
-"""Groups of command-line options: dataclasses whose fields are options."""
+"""Groups of command line options: dataclasses whose fields become options."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from typer.models import OptionInfo
 
 from armcontour.core.text import describe_fields
 
-# The short options, from the keys of a job; `tests/cli/test_options.py` writes the file.
+# Options that set job keys, by name; `python -m tests.cli.test_options` writes the file.
 SHORT: dict[str, dict[str, Any]] = {
     x["option"].split("/")[0].strip("-").replace("-", "_"): x
     for x in json.loads(FilePath(__file__).with_name("job_options.json").read_text("utf-8"))
 }
 KINDS = {"text": str, "texts": list[str], "flag": bool, "number": float, "whole": int}
 POSITION = "Cell and position of the drawing"
-# Topics in the help of a command, with the names of their options; others are under "Options".
+# Topics in the help, with the names of their options; other options are listed under "Options".
 TOPICS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("Drawing", "G-code"), ()),
     POSITION: ("cell",),
@@ -45,7 +45,7 @@ TOPICS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 for _name, _row in SHORT.items():
     TOPICS[_row["topic"]] += (_name,)
-# Words for types that typer names as Python does.
+# Words with which the help replaces the names of Python types.
 WORDS = {"str": "text", "int": "number", "float": "number", "path": "file"}
 _TYPE = re.compile(r"<(?:list\[)?(str|int|float|path)\]?(?: range)?>", re.IGNORECASE)
 
@@ -54,7 +54,7 @@ class Command(TyperCommand):
     """Command whose help lists the options by topic."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write sections for the arguments, the options without a topic, and each topic."""
+        """Write sections for the arguments, for options without a topic, and for each topic."""
         topics = {name: topic for topic, names in TOPICS.items() for name in names}
         sections: dict[str, list[tuple[str, str]]] = {
             x: [] for x in ("Arguments", "Options", *TOPICS)
@@ -74,7 +74,7 @@ class Command(TyperCommand):
         _write_sections(sections, formatter)
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
-        """Arguments in capitals, without the braces that some versions of typer add."""
+        """Names of arguments in capitals, without the braces that some versions of typer add."""
         pieces = super().collect_usage_pieces(ctx)
         return [x.replace("...}...", "...").strip("{}").upper() for x in pieces]
 
@@ -83,7 +83,7 @@ class CommandGroup(TyperGroup):
     """Group of commands whose help lists them by topic (`rich_help_panel`)."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write a section per topic."""
+        """Write a section with the commands of each topic."""
         sections: dict[str, list[tuple[str, str]]] = {}
         for name, command in self.commands.items():
             rows = sections.setdefault(getattr(command, "rich_help_panel", None) or "Commands", [])
@@ -92,7 +92,7 @@ class CommandGroup(TyperGroup):
 
 
 def _write_sections(sections: dict[str, list[tuple[str, str]]], formatter: Any) -> None:
-    """Write non-empty sections into a help text."""
+    """Write the non-empty sections to a help text."""
     for title, rows in sections.items():
         if rows:
             with formatter.section(title):
@@ -101,13 +101,13 @@ def _write_sections(sections: dict[str, list[tuple[str, str]]], formatter: Any) 
 
 @dataclass(frozen=True, slots=True)
 class Keys:
-    """Annotation of a mapping that takes the short options of some topics, by name."""
+    """Annotation of a mapping field that contains the options (of `SHORT`) of some topics."""
 
     topics: tuple[str, ...]
 
     @property
     def options(self) -> list[str]:
-        """Names of the options."""
+        """Names of the options of the topics."""
         return [name for name, x in SHORT.items() if x["topic"] in self.topics]
 
 
@@ -147,7 +147,7 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def options_of(group: type) -> dict[str, tuple[Any, Any]]:
-    """Annotations of typer and defaults of the options of a dataclass, by name."""
+    """Annotation for typer and default of each option of a dataclass, by name."""
     texts, defaults = describe_fields(group), inspect.signature(group).parameters
     options: dict[str, tuple[Any, Any]] = {}
     for name, (kind, named, keys) in _fields_of(group).items():
@@ -164,7 +164,7 @@ def options_of(group: type) -> dict[str, tuple[Any, Any]]:
 
 
 def _fields_of(group: type) -> dict[str, tuple[Any, OptionInfo | None, Keys | None]]:
-    """Type of each field of a dataclass, its option of typer, and its short options."""
+    """Type of each field of a dataclass, its typer option or None, and its `Keys` or None."""
     fields: dict[str, Any] = {}
     for name, hint in get_type_hints(group, include_extras=True).items():
         kind, *marks = get_args(hint) if get_origin(hint) is Annotated else (hint,)

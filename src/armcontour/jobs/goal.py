@@ -67,25 +67,25 @@ class CertificateGoal(Checked):
     def _check_together(self) -> None:
         if self.tolerance is None and self.servo_error is None:
             raise InvalidInput(
-                "A certificate needs a tolerance, the largest distance from the objective path, "
-                "or servo_error, the largest contour error of the execution, or both: give them by "
+                "A certificate requires a tolerance (largest distance from the objective path), "
+                "servo_error (largest contour error of the execution), or both. Specify them in "
                 "the key `certificate` of the job, such as certificate: {servo_error: 0.05 mm}, or "
-                "on the command line by --servo-error (certify takes --total-tolerance too)."
+                "on the command line with --servo-error (certify takes --total-tolerance too)."
             )
         if self.tolerance is not None and (self.servo_error or 0.0) >= self.tolerance:
             raise InvalidInput(
                 f"servo_error is {self.servo_error:g} m, but must be below the tolerance of "
-                f"{self.tolerance:g} m: the corners need a part of the tolerance."
+                f"{self.tolerance:g} m, because the corners need a part of the tolerance."
             )
         checks.raise_if(
             self.plant == "rigid_body" and self.saturation == "report",
-            "A certificate on rigid bodies does not allow drives to saturate: leave saturation "
-            "out, or certify with plant: servo.",
+            "A certificate with plant: rigid_body does not support saturation: report. Remove "
+            "saturation, or use plant: servo.",
         )
         if self.plant == "servo" and self.box is not None and self.box.of_bodies:
             raise InvalidInput(
-                f"The box has {', '.join(self.box.of_bodies)}, which only rigid bodies have: leave "
-                "them out, or certify with plant: rigid_body."
+                f"The box has {', '.join(self.box.of_bodies)}, which require plant: rigid_body. "
+                "Remove them from the box, or use plant: rigid_body."
             )
         if self.slowest <= 1:
             raise InvalidInput(f"slowest must be above 1, but is {self.slowest:g}.")

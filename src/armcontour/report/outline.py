@@ -89,7 +89,7 @@ def simplify(
 
 
 def _farthest(points: FloatArray, start: IntArray, end: IntArray) -> tuple[FloatArray, IntArray]:
-    """Largest squared distance of points from each chord, and indices of these points, (m,) each."""
+    """Largest squared distance of points from each chord, and index of this point, (m,) each."""
     counts = end - start - 1
     first = np.cumsum(counts) - counts
     line = np.repeat(np.arange(len(start)), counts)

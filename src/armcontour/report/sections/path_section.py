@@ -146,7 +146,7 @@ def _sticks(study: JobResult) -> list[tuple[FloatArray, str, str]]:
 
 
 def _along(result: RunResult) -> FloatArray:
-    """Joint positions at times along contours [rad], (n, dof); if many, along every k-th contour."""
+    """Joint positions at times along contours, or along every k-th of many [rad], (n, dof)."""
     spans = result.trajectory.contour_spans
     every = -(-len(spans) // STICKS)
     each = max(2, STICKS * every // len(spans))
