@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 # Minimum time between progress lines, and before the first line, without a terminal [s].
 EVERY = 10.0
-# Minimum time between updates of a step [s]. A program can have thousands of contours, and an update
-# takes as long as a contour.
+# Minimum time between updates of a step [s]. A program can have thousands of contours, and an
+# update takes as long as a contour.
 REFRESH = 0.05
 
 

@@ -62,7 +62,7 @@ class _Candidate:
 
 
 def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Advice:
-    """Find the changes of a run that save most time; after a negative verdict, changes to repair it.
+    """Find the changes of a run that save most time, or that repair a run with a negative verdict.
 
     Each change is planned and simulated.
     """
@@ -139,7 +139,7 @@ def _try(candidate: _Candidate, result: RunResult, reuse: Reuse) -> Improvement 
 
 
 def _contour_errors(job: Job, planned: Planned) -> list[float]:
-    """Largest contour error of each contour [m], simulated with the plant that evaluates the run."""
+    """Largest contour error of each contour [m], simulated with the plant that judges the run."""
     run = planned.run
     set_points = compute_set_points(job, run, planned.trajectory)
     plant = None
@@ -280,7 +280,7 @@ def _reserve(job: Job, run: Run, new: float, worth: float = 0.0) -> _Candidate:
 
 
 def _repairs(job: Job, result: RunResult) -> Iterator[Iterator[_Candidate]]:
-    """Yield groups of changes that may lead to a positive verdict; the first successful one counts."""
+    """Yield groups of changes that may repair a run; the first successful one counts."""
     run, e = result.run, result.judged
     if run.accuracy is not None and result.tolerance is not None and e is not None:
         room = OF_ACCURACY * run.accuracy - 2 * e.contour_error.max

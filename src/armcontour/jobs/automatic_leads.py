@@ -20,11 +20,11 @@ from armcontour.robot import PlanarTwoLink
 
 # Length of a lead that is tried first, minimum and maximum length [m].
 FIRST_LEAD, SHORTEST_LEAD, LONGEST_LEAD = 32e-3, 2e-3, 16.0
-# Relative increase of the speed below which a lead is not doubled again. With jerk limits, the speed
-# increases only slowly with the radius of the arc of the lead.
+# Relative increase of the speed below which a lead is not doubled again. With jerk limits, the
+# speed increases only slowly with the radius of the arc of the lead.
 LEAST_GAIN = 0.05
-# SHORT_ENOUGH: the search ends when this share of the length is not sufficient. LONGER: ratio of the
-# next tried length and its estimate. PLACES: number of points of the speed along a lead.
+# SHORT_ENOUGH: the search ends when this share of the length is not sufficient. LONGER: ratio of
+# the next tried length and its estimate. PLACES: number of points of the speed along a lead.
 SHORT_ENOUGH, LONGER, PLACES = 0.98, 1.005, 401
 # Keys of the process that are ignored while automatic leads are determined.
 UNLED = ("lead_in", "lead_out", "pierce", "kerf")
@@ -35,8 +35,8 @@ PlanOne = Callable[..., Planned]
 def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
     """Shortest leads of each contour with full speed where the process is switched on and off.
 
-    Full speed is the assigned velocity, or the largest speed that is possible with a lead within the
-    reach of the arm. Lengths of leads that are not automatic are 0.
+    Full speed is the assigned velocity, or the largest speed that is possible with a lead within
+    the reach of the arm. Lengths of leads that are not automatic are 0.
     """
     # Corners of shape free are replaced by arcs here, because several leads are tried and shaping
     # takes long.

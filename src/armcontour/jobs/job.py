@@ -277,7 +277,7 @@ class Run(Checked):
 
     @property
     def judge(self) -> Experiment | None:
-        """Experiment with which the run is evaluated; None if it is evaluated with the servo model."""
+        """Experiment with which the run is judged; None if it is judged with the servo model."""
         return self.experiment if self.for_bodies else None
 
     @property
