@@ -53,9 +53,7 @@ def _refuse_missing(options: LearnOptions) -> None:
         raise InvalidInput("--open and --force require --out, the folder for the report.")
     if options.judge_only:
         if options.log is None:
-            raise InvalidInput(
-                "--judge-only requires the log of the robot. Specify it with --log."
-            )
+            raise InvalidInput("--judge-only requires the log of the robot. Specify it with --log.")
         if options.open_report:
             raise InvalidInput(
                 "--open cannot be combined with --judge-only, which writes no report. Remove "

@@ -74,7 +74,7 @@ def _values(
     idle: float,
     t: FloatArray,
 ) -> FloatArray:
-    """Values of an output at increasing times t [s], (n,); `outputs`: its output on each contour."""
+    """Values of an output at increasing times t [s], (n,); `outputs`: the output per contour."""
     times = np.asarray(t, dtype=np.float64)
     values = np.full(len(times), float(idle))
     spans = trajectory.contour_spans
@@ -106,7 +106,7 @@ def _times_on(span: Span, process: Process) -> tuple[float, float]:
 
 
 def _tool_speeds(contour: Contour, s: FloatArray, rates: FloatArray) -> FloatArray:
-    """Tool speeds at arc lengths s of a contour [m/s], (n,); `rates`: time derivative of s [m/s]."""
+    """Tool speeds at arc lengths s of a contour [m/s], (n,); `rates`: derivatives of s [m/s]."""
     path = contour.path
     if not isinstance(path, ShapedPath) or path.curve is None:
         return rates

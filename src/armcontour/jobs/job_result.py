@@ -118,7 +118,7 @@ class RunResult(Planned, Result):
 
     @property
     def _errors(self) -> list[float] | None:
-        """Largest contour error of each contour that judges the run [m]; None without simulation."""
+        """Largest error of each contour that judges the run [m]; None without simulation."""
         return None if self.judged is None else [x.max for x in self.judged.contours]
 
     @property
@@ -133,7 +133,7 @@ class RunResult(Planned, Result):
 
     @cached_property
     def motion(self) -> Execution:
-        """Executed motion; without a simulation, the motion of joints that follow the plan exactly."""
+        """Executed motion; without a simulation, joints follow the plan exactly."""
         if self.execution is not None:
             return self.execution
         return Execution.from_plan(self.trajectory, self.arm)

@@ -22,8 +22,8 @@ from armcontour.robot.arm import FAR_OUT, unit_hint
 # Approximate number of points on each path, and on all paths; a point takes a few milliseconds.
 MAX_ALONG = 60
 MAX_PLACES = 400
-# Number of initial configurations of a search, and number of the worst points for which more initial
-# configurations are tried.
+# Number of initial configurations of a search, and number of the worst points for which more
+# initial configurations are tried.
 FEW_SEEDS = 12
 WORST = 6
 # Search for a shift of the part with which all points are in reach: maximum number of steps, number

@@ -106,7 +106,7 @@ class LearningStudy:
 
     @property
     def _verdict(self) -> str:
-        """Sentence about the next step: learning is finished, or the expected error of another run."""
+        """Sentence about the next step: learning is finished, or another run is useful."""
         lesson = self.lesson
         noise = (
             f"the repeating error is {number(lesson.repeats, 'm')} RMS, the non-repeating error "
@@ -224,7 +224,7 @@ class JudgedStudy:
 def _measured_pieces(
     job: Job, plan: RunResult, t: FloatArray, q: FloatArray
 ) -> Sequence[ContourExecution]:
-    """Measured motion along each contour until the end of the plan, without velocities and demand."""
+    """Measured motion along each contour until the end of the plan; velocities and demand are 0."""
     still = np.zeros_like(q)
     executed = Execution(
         arm=job.arm,
@@ -304,7 +304,7 @@ def learn_run(
 ) -> LearningResult:
     """Learn from an executed run, with the arm and servo of the job.
 
-    The learned set-points satisfy the limits of the run, unless the executed set-points exceed them.
+    The learned set-points satisfy the limits of the run, unless the executed ones exceed them.
     """
     try:
         lesson = learn(
@@ -316,7 +316,7 @@ def learn_run(
             tool=tool,
         )
     except InvalidInput as error:
-        # If the log has the set-points of an earlier run, `check_run` raises an error that names it.
+        # If the log has the set-points of an earlier run, `check_run` raises a clearer error.
         if error.limit == "set_points" and isinstance(executed, Log):
             check_run(set_points, executed)
         raise

@@ -36,9 +36,9 @@ COARSE = 0.1
 LOOKS = 1000
 # Minimum joint error that is reported [rad].
 UNFELT = 1e-6
-# SLOW: a contour is reported if it takes this multiple of the time of a straight line of its length.
-# ENDS: the acceleration for this line is the largest mean acceleration from an end of the contour to
-# a point that is at least this share of its length from the end.
+# SLOW: a contour is reported if it takes this multiple of the time of a line with the same length.
+# ENDS: the acceleration along this line is the largest mean acceleration between an end of the
+# contour and a point that is at least this share of the length away from the end.
 SLOW, ENDS = 2.0, 1e-3
 # Relative difference below which two speeds count as equal; it is above the margins of the timing.
 SAME_SPEED = 1e-3
@@ -71,7 +71,7 @@ def capped(program: Program, run: Run) -> Iterator[str]:
 
 
 def _at_corners(path: Path) -> FloatArray:
-    """Tolerance of each corner from its segments [m], (vertices,); NaN if not specified or smooth."""
+    """Tolerance of each vertex from its segments [m], (vertices,); NaN if it is no corner."""
     tolerances = path.tolerances
     return np.where(
         path.turns > TANGENT_TOLERANCE, np.fmin(tolerances[:-1], tolerances[1:]), np.nan
@@ -79,7 +79,7 @@ def _at_corners(path: Path) -> FloatArray:
 
 
 def slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool) -> Iterator[str]:
-    """Yield a warning for the contour or contour end that is slowest relative to its assigned speed.
+    """Yield a warning for the contour or end that is slowest relative to its assigned velocity.
 
     Contours that are too short for the assigned velocity, and stops of the path, are ignored.
     """
@@ -229,7 +229,7 @@ def unsettled(executed: Execution) -> Iterator[str]:
 
 
 def not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> Iterator[str]:
-    """Yield a warning for the joint that saturates most, or if the servo model cannot judge the run."""
+    """Yield a warning about the most saturated joint, or about a run for another model."""
     # The method "conventional" is excluded, because it does not consider joint limits.
     error = f"up to {number(evaluation.contour_error.max, 'm')}"
     joint = int(evaluation.demand_ratio.argmax())

@@ -80,8 +80,8 @@ def check_found(path: Path, program: Program, numbers: Sequence[int]) -> None:
     """Raise InvalidInput if waypoint 1 is listed but is not a corner of the prepared path."""
     if 1 in numbers and not any(1 in corner_waypoints(path, x.path) for x in program.contours):
         raise InvalidInput(
-            "corners.at: waypoint 1 cannot be rounded, because the path starts and ends there. Move "
-            "the start with process.begin, or add process.overlap."
+            "corners.at: waypoint 1 cannot be rounded, because the path starts and ends there. "
+            "Move the start with process.begin, or add process.overlap."
         )
 
 

@@ -93,7 +93,7 @@ def _simulate(
     plant: RigidBodyPlant | None,
     progress: Progress,
 ) -> dict[str, Any]:
-    """Fields of a `RunResult`: simulation with the servo model, and with `plant` if there is one."""
+    """Fields of a `RunResult`: simulation with the servo model and, if given, with `plant`."""
     run, path, objective = planned.run, planned.path, planned.objective
     progress(Step(("execution",)))
     executed = simulate_run(job, set_points)
