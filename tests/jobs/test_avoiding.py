@@ -41,7 +41,7 @@ servo: {kp: 25, kv: 150}
 cycle: 0.004
 runs: {compensated: {timing: {method: optimal}, compensation: {method: inverse}}}
 """
-OTHER = "another configuration is taken, in which the contours are collision-free"
+OTHER = "the arm uses another configuration, because the contours are collision-free in it"
 
 
 def seams(*places):

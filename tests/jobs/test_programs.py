@@ -153,7 +153,7 @@ def test_what_makes_no_job_is_refused():
     refused((lambda: run(job(auto, *TWO, far)), "Contour E7", "PMK-3s"), kind=Unreachable)
     refused(
         (lambda: run(job(auto, timing=ac.Paper())), "Run compensated", "optimal", "paper"),
-        (lambda: job(Process(), end_time=3.0), "end_time is for a job with a single path"),
+        (lambda: job(Process(), end_time=3.0), "end_time requires a job with a single path"),
         (lambda: run(job(led, Contour(path=BEND), end_time=3.0)), "end_time"),
         (lambda: run(job(Process(resume_at=1.0))), "but is 1 m"),
     )
@@ -336,7 +336,7 @@ def test_transitions_in_space(orientation, stops):
     limits = arm.limits.replace(speed=0.1, joint_jerk=100.0).for_joints(6)
     (plan,) = plans(turned, {"limits": limits, "rounding": rounding}, arm=arm)
     assert len(plan.jerk_stops) == stops
-    assert sum("does not turn" in x for x in plan.warnings) == (stops > 0)
+    assert sum("constant tool orientation" in x for x in plan.warnings) == (stops > 0)
 
 
 def test_corners_have_no_such_stops_unless_arcs_are_asked_for():

@@ -75,7 +75,7 @@ def test_a_demand_far_above_the_limit_is_warned_of_with_its_cause():
     assert ratio.max() > 1.5
     (warning,) = result.warnings
     joint = int(ratio.argmax())
-    assert f"joint {joint + 1} is commanded " in warning and "a larger reserve" in warning
+    assert f"the demand of joint {joint + 1} is " in warning and "a larger reserve" in warning
     assert f"{ratio[joint]:.3g} times its acceleration limit at " in warning
     assert f"{result.evaluation.contour_error.max * 1e3:.4g} mm off" in warning
 
@@ -218,8 +218,8 @@ def test_axes_come_in_one_order_and_a_whole_turn_has_no_direction_twice():
 
 def test_wrong_axes_and_searches_are_refused():
     axes = (
-        ({}, "over names the axes"),
-        ({"w": (0, 1, 2)}, "no axis 'w': axes are x, y, z, yaw, tilt"),
+        ({}, "over must be a mapping of the axes"),
+        ({"w": (0, 1, 2)}, "no axis 'w'. The axes are x, y, z, yaw, tilt"),
         ({"x": (0, 0.1, 0)}, "number of places along x"),
         ({"x": (0, 0.1, 1)}, "1 place along x from 0 to 0.1 m"),
         ({"x": (0, 0.1)}, "first value, the last value and the number"),
@@ -234,7 +234,7 @@ def test_wrong_axes_and_searches_are_refused():
     )
     refused(*((lambda x=x: PlaceSearch(**x), word) for x, word in searches))
     refused(
-        (lambda: read_axes({"z": (0, 1, 2)}, 2), "no axis 'z' for an arm in the plane"),
+        (lambda: read_axes({"z": (0, 1, 2)}, 2), "no axis 'z' for a planar arm"),
         (lambda: read_uncertainty({"tilt": 0.1}, 2), "uncertainty has no axis 'tilt'"),
         (lambda: PlaceSearch(over={"z": (0, 1, 2)}).check(2), "over has no axis 'z'"),
     )

@@ -117,7 +117,7 @@ def test_saving_and_reloading_respect_changes_of_others(file):
     assert [x.name for x in file.parent.iterdir()] == ["job.yaml"]
     file.write_text(THEIRS)
     assert document.changed_on_disk()
-    with pytest.raises(InvalidInput, match="was changed by another program"):
+    with pytest.raises(InvalidInput, match="Another program has changed"):
         document.save()
     assert "-name: theirs" in document.conflict()
     document.save(force=True)

@@ -156,7 +156,7 @@ def test_values_go_to_the_run_or_the_job_in_the_unit_that_was_written():
     assert set_to("servo.kp.1", 30.0)["servo"]["kp"] == ["25 1/s", "30 1/s"]
     listed = PLANE.replace("kp: 25 1/s", "kp: [25 1/s, 26.0]")
     assert set_to("servo.kp.1", 30.0, text=listed)["servo"]["kp"] == ["25 1/s", 30.0]
-    for key, words in (("servo.kp.2", "number of the joint"), ("name.1", "no values of single")):
+    for key, words in (("servo.kp.2", "number of the joint"), ("name.1", "cannot have a value per joint")):
         with pytest.raises(InvalidInput, match=words):
             set_to(key, 1.0)
     changes = set_to("timing.method", "optimal", "paper")
@@ -314,7 +314,7 @@ def test_points_are_inserted_and_removed_with_orientations_and_numbers_of_corner
     data = edited(SPACE, do="remove_waypoint", index=1)
     assert data["path"]["orientation"] == [{"rpy": ["180 deg", 0, 0]}, {"rpy": [3.1, 0, 0]}]
     two = PLANE.replace(", [0.36, 0.26]", "")
-    with pytest.raises(InvalidInput, match="A path needs two points"):
+    with pytest.raises(InvalidInput, match="a path needs two points"):
         edited(two, do="remove_waypoint", index=0)
 
 

@@ -135,10 +135,10 @@ def test_slow_places_that_are_not_listed_are_counted(shown, view):
     ]
     planned = replace(shown[0], explanation=replace(why, shortfalls=tuple(slow)))
     header = picture_frame(planned, view).header
-    assert len(header["shortfalls"]) == limit_count and f"{limit_count} more places" in " ".join(
+    assert len(header["shortfalls"]) == limit_count and f"{limit_count} further points" in " ".join(
         header["notes"]
     )
-    assert not any("more places" in x for x in shown[1].header["notes"])
+    assert not any("further points" in x for x in shown[1].header["notes"])
 
 
 def test_other_methods_have_no_colours(plans, view):

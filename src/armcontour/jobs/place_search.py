@@ -112,9 +112,7 @@ def _check_axis(name: str, names: tuple[str, ...], label: str) -> None:
     """Raise InvalidInput if an axis does not exist for this arm."""
     if name not in names:
         plane = " for a planar arm" if name in AXES else ""
-        raise InvalidInput(
-            f"Axes of {label}{plane} must be in {', '.join(names)}, but one is {name!r}."
-        )
+        raise InvalidInput(f"{label} has no axis {name!r}{plane}. The axes are {', '.join(names)}.")
 
 
 def _axis(name: str, limits: Sequence[Any]) -> Axis:

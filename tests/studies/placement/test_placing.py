@@ -256,7 +256,7 @@ def test_wrong_wishes_are_refused(square):
         (square, {"what": "base", "over": {"tilt": (0, 1, 2)}}, "A base cannot be tilted"),
         (square, {"processes": 0}, "processes"),
         (slow, {}, "specified duration of 5 s"),
-        (parse_job(CORNER), {"over": {}}, "they are the key placement.over"),
+        (parse_job(CORNER), {"over": {}}, "use the key placement.over"),
     ):
         processes = wrong.pop("processes", None)
         with pytest.raises(InvalidInput, match=words):

@@ -68,8 +68,8 @@ def test_options_that_cannot_be_used(folder):
         ({"arm": "ur5e", "drive_cycle": "1"}, "--drive-cycle: '1' has no unit"),
         ({"arm": "ur5e", "gravity": "half"}, "gravity .*must be"),
         ({"arm": "ur5e", "servo": Path("none.yaml")}, "no servo file|There is no"),
-        ({"arm": "ur5e", "package": ["a=b"], "out": Path("x")}, "cannot name packages"),
-        ({"gravity": "none"}, "--gravity goes with --arm"),
+        ({"arm": "ur5e", "package": ["a=b"], "out": Path("x")}, "cannot contain packages"),
+        ({"gravity": "none"}, "--gravity requires --arm"),
         ({"arm": "ur5e", "validate": [folder / "x"]}, "--validate is for joints without an arm"),
         ({"arm": "panda", "out": out}, "has 6 joints .* but the arm has 7"),
     ):
