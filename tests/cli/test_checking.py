@@ -127,7 +127,7 @@ def test_the_path_and_the_limits_of_one_run(folder, check, refused):
     rows = [
         ((*options, "--run", "other"), ["its runs are rounded, sharp, wide"]),
         (options, ["Choose a run with --run (rounded, wide)"]),
-        (("planned.csv", "--path", "fast.yaml"), ["have different limits. Choose a run with --run"]),
+        (("planned.csv", "--path", "fast.yaml"), ["different limits. Choose a run with --run"]),
     ]
     assert refused(folder, rows, codes=(2,), begin=("check",)) == []
     named = json.loads(

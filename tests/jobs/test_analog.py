@@ -250,7 +250,7 @@ def test_what_is_no_corner_is_refused():
         (lambda: job("3: 1 mm"), "no corner at waypoint 3"),
         (lambda: job("5: 1 mm", SQUARE), "waypoint 5 is the start", "Use the number 1"),
         (lambda: job("2: 1 mm", SQUARE, "process: {kerf: 1 mm}"), "combined with process.k"),
-        (lambda: job("{speed: 0.1, acceleration: 1, at: {2: 1 mm}}"), "at also requires corners.tolerance"),
+        (lambda: job("{speed: 0.1, acceleration: 1, at: {2: 1 mm}}"), "requires corners.tolerance"),
         (lambda: prepare_and_round(drawn, drawn.runs[0]), "waypoint 1 cannot be rounded"),
         (lambda: dataclasses.replace(one, path=two), "path with one contour, but the job has 2"),
     )

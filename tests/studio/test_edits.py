@@ -156,7 +156,7 @@ def test_values_go_to_the_run_or_the_job_in_the_unit_that_was_written():
     assert set_to("servo.kp.1", 30.0)["servo"]["kp"] == ["25 1/s", "30 1/s"]
     listed = PLANE.replace("kp: 25 1/s", "kp: [25 1/s, 26.0]")
     assert set_to("servo.kp.1", 30.0, text=listed)["servo"]["kp"] == ["25 1/s", 30.0]
-    for key, words in (("servo.kp.2", "number of the joint"), ("name.1", "cannot have a value per joint")):
+    for key, words in (("servo.kp.2", "number of the joint"), ("name.1", "a value per joint")):
         with pytest.raises(InvalidInput, match=words):
             set_to(key, 1.0)
     changes = set_to("timing.method", "optimal", "paper")

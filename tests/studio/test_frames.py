@@ -27,7 +27,7 @@ from armcontour.studio.picture import (
     picture_frame,
     refusal_header,
 )
-from armcontour.studio.preview import CONFIGURATION, MOVING_SAMPLES, CoarsePlanner, Tier
+from armcontour.studio.preview import CONFIGURATION_NOTE, MOVING_SAMPLES, CoarsePlanner, Tier
 from armcontour.studio.view import select_points
 from armcontour.verification import check, evaluate
 
@@ -418,10 +418,10 @@ class TestWhatIsDoneAgain:
 class TestDifferences:
     def test_the_arm_stays_in_its_configuration(self, previewer, square):
         first = previewer.plan(square)
-        assert CONFIGURATION not in first.differs
+        assert CONFIGURATION_NOTE not in first.differs
         square = square | {"limits": {"speed": 0.1}}
         second = previewer.plan(square)
-        assert CONFIGURATION in second.differs
+        assert CONFIGURATION_NOTE in second.differs
         np.testing.assert_allclose(second.start, first.start, atol=1e-9)
         # A full run may take another one; previews stay there from then on.
         other = first.start + [0, 0, 0, 0, 0, np.pi / 2]

@@ -67,7 +67,7 @@ def test_progress_has_the_share_and_the_time_that_is_left(monkeypatch):
 
 def test_a_check_has_a_row_per_limit(coarse):
     answer = ask("check", coarse, "optimal").header
-    assert answer["verdict"] == "kept" and answer["sentence"].startswith("The plan respects all limits.")
+    assert answer["verdict"] == "kept" and answer["sentence"].startswith("The plan respects")
     heads, *rows = answer["table"]
     (speed,) = (dict(zip(heads, x, strict=True)) for x in rows if x[0] == "speed")
     assert (speed["Used"], speed["Allowed"]) == ("100.00 %", "150 mm/s")

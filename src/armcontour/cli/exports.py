@@ -28,7 +28,7 @@ SET_POINTS, REFERENCE = "set_points", "reference"
 # Formats whose controllers interpolate set-points with quintics, and ratio of acceleration and
 # limit above which a warning is given.
 JOINED_BY_QUINTICS = ("ros-yaml", "mcap")
-FAR_ABOVE = 3.0
+MAX_ACCELERATION_RATIO = 3.0
 
 Outputs = dict[str, int | str]
 
@@ -420,7 +420,7 @@ def _warn_of_jumps(target: Target, table: SetPointTable, limits: Limits, name: s
         return []
     ratio = use_of("joint_acceleration", limits, table.ddq).largest
     joint = int(np.argmax(ratio))
-    if ratio[joint] < FAR_ABOVE:
+    if ratio[joint] < MAX_ACCELERATION_RATIO:
         return []
     smooth = limits.joint_jerk is not None and bool(np.isfinite(limits.joint_jerk[joint]))
     cause, advice = (

@@ -111,7 +111,7 @@ def run_job(
             rehearse(job, exports, folder.scratch)
         with compile_for_run(job.arm.dimension, progress):
             from armcontour.jobs import run, steps_of
-            from armcontour.jobs.advice import STEP, advised, is_small
+            from armcontour.jobs.advice import STEP, is_small, with_advice
 
             steps = [step for x in job.runs for step in steps_of(x, simulated=simulate)]
             advises = simulate and (is_small(job) if changes is None else changes)
@@ -119,7 +119,7 @@ def run_job(
             progress.expect([*steps, WRITING.names[0]])
             study = run(job, simulate=simulate, progress=progress)
             if advises:
-                study = advised(study, progress)
+                study = with_advice(study, progress)
             progress(WRITING)
             if simulate or not exports:
                 # Without simulation, the exports are written instead of the usual files.

@@ -31,15 +31,15 @@ from armcontour.verification import evaluate
 # Maximum number of listed changes, and maximum number of changes that are planned to find them.
 MAX_LISTED, MAX_PLANNED = 3, 6
 # Factors by which limits and corner tolerances are increased.
-RAISED, WIDER = 1.2, 2.0
+LIMIT_FACTOR, TOLERANCE_FACTOR = 1.2, 2.0
 # Minimum share of the duration that a listed change saves.
-LEAST = 2e-3
+MIN_SAVING = 2e-3
 # Speed factors and reserves that are tried to repair a run, the smallest change first.
-SLOWER, RESERVES = (0.8, 0.6, 0.4, 0.2), (0.1, 0.2, 0.4)
+SPEED_FACTORS, RESERVES = (0.8, 0.6, 0.4, 0.2), (0.1, 0.2, 0.4)
 # Minimum reserve for the servo, as a share of acceleration.
 LEAST_RESERVE = 0.02
 # Share of the accuracy that a repair uses, so that rounding errors do not determine the verdict.
-OF_ACCURACY = 0.98
+ACCURACY_SHARE = 0.98
 # Maximum number of segments in all runs of a job for which advice is computed by default.
 SMALL = 50
 # Conditions of changes: for limits of drives, for limits that the user has set, and for tolerances.
@@ -57,7 +57,7 @@ class _Candidate:
     edits: tuple[tuple[str, Any], ...]
     job: Job  # Changed job
     run: Run  # Changed run
-    worth: float = 0.0  # Estimated share of the duration that the change saves
+    expected_saving: float = 0.0  # Estimated share of the duration that the change saves
     condition: str = ""
 
 
@@ -66,7 +66,7 @@ def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Adv
 
     Each change is planned and simulated.
     """
-    report, steps = subprogress(progress), advising(job, result)
+    report, steps = subprogress(progress), advice_steps(job, result)
     while True:
         try:
             report(Step((STEP,), done=next(steps)))
@@ -75,7 +75,7 @@ def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Adv
             return advice
 
 
-def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
+def advice_steps(job: Job, result: RunResult) -> Generator[float, None, Advice]:
     """Compute the advice in steps of one change; yields the completed share, returns the advice."""
     reuse, helpful = Reuse(2), list[Improvement]()
     repairs = result.kept is False
@@ -86,13 +86,13 @@ def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
             "keeps its accuracy."
         )
     else:
-        likely = sorted(_savings(job, result), key=lambda x: -x[0].worth)[:MAX_PLANNED]
+        likely = sorted(_savings(job, result), key=lambda x: -x[0].expected_saving)[:MAX_PLANNED]
         groups = list(map(iter, likely))
         none = (
             "No single change of a limit, of the corners or of the contour order makes the motion "
             "faster."
         )
-    smallest = -inf if repairs else LEAST * result.trajectory.duration
+    smallest = -inf if repairs else MIN_SAVING * result.trajectory.duration
     for k, group in enumerate(groups):
         for candidate in group:
             yield k / len(groups)
@@ -104,7 +104,7 @@ def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
     return Advice(improvements=suggestions, note="" if suggestions else none)
 
 
-def advised(study: JobResult, progress: Progress | None = None) -> JobResult:
+def with_advice(study: JobResult, progress: Progress | None = None) -> JobResult:
     """Study with the advice on each of its runs."""
     runs = {
         name: replace(x, advice=advise(study.job, x, subprogress(progress, name)))
@@ -182,7 +182,7 @@ def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
                 edits=(("process.order", "shortest"),),
                 job=replace(job, process=process),
                 run=run,
-                worth=kinds.get(RAPIDS, 0.0) / 3,
+                expected_saving=kinds.get(RAPIDS, 0.0) / 3,
             )
         ]
 
@@ -192,14 +192,14 @@ def _faster_weave(job: Job, result: RunResult, share: float) -> Iterator[_Candid
     weave = job.process.weave
     if weave is None or weave.speed is None or weave_speed(result) is None:
         return
-    new = _rounded(weave.speed * RAISED)
+    new = _rounded(weave.speed * LIMIT_FACTOR)
     process = replace(job.process, weave=replace(weave, speed=new))
     yield _Candidate(
-        label=f"Raise the travel speed of the weave {_steps(weave.speed, new, 'm/s')}",
+        label=f"Raise the travel speed of the weave {_describe_change(weave.speed, new, 'm/s')}",
         edits=(("process.weave.speed", new),),
         job=replace(job, process=process),
         run=result.run,
-        worth=share * (1 - 1 / RAISED),
+        expected_saving=share * (1 - 1 / LIMIT_FACTOR),
         condition=IF_PROCESS,
     )
 
@@ -214,26 +214,28 @@ def _raised_limit(
     if name is None or value is None:
         return
     # Estimated saving: time is proportional to 1 / speed, or to 1 / sqrt(acceleration).
-    worth = share * (1 - (1 / RAISED if "speed" in name or "velocity" in name else RAISED**-0.5))
+    expected_saving = share * (
+        1 - (1 / LIMIT_FACTOR if "speed" in name or "velocity" in name else LIMIT_FACTOR**-0.5)
+    )
     words, condition = f"the {kind}", IF_PROCESS
     raised = np.array(value, dtype=np.float64)
     bounds = raised.reshape(raised.size if joint is None else len(raised), -1)
     limit = bounds[joint or 0]
     old = float(np.abs(limit).min())
-    limit[:] = [np.sign(x) * _rounded(abs(x) * RAISED) for x in limit]
+    limit[:] = [np.sign(x) * _rounded(abs(x) * LIMIT_FACTOR) for x in limit]
     if joint is not None:
         words, condition = f"joint {joint + 1} {kind}", IF_DRIVE
     yield _Candidate(
-        label=f"Raise {words} {_steps(old, float(np.abs(limit).min()), UNITS[name])}",
+        label=f"Raise {words} {_describe_change(old, float(np.abs(limit).min()), UNITS[name])}",
         edits=((f"limits.{name}", raised.tolist()),),
         job=job,
         run=replace(run, limits=run.limits.replace(**{name: raised if raised.ndim else limit[0]})),
-        worth=worth,
+        expected_saving=expected_saving,
         condition=condition,
     )
 
 
-def _steps(old: float, new: float, unit: str) -> str:
+def _describe_change(old: float, new: float, unit: str) -> str:
     """Text with both values of a change, such as "from 0.25 to 0.5 mm"."""
     (before, its), (after, unit) = split(old, unit), split(new, unit)
     return f"from {before if its == unit else f'{before} {its}'} to {after} {unit}"
@@ -244,38 +246,38 @@ def _wider_corners(job: Job, result: RunResult, share: float) -> Iterator[_Candi
     old, accuracy = result.tolerance, result.run.accuracy
     if old is None or result.rounding_error is None:
         return
-    new = old * WIDER
+    new = old * TOLERANCE_FACTOR
     if accuracy is not None:
         assert result.judged is not None
-        new = min(new, OF_ACCURACY * accuracy - 2 * result.judged.contour_error.max)
-    if new > old * (1 + LEAST):
+        new = min(new, ACCURACY_SHARE * accuracy - 2 * result.judged.contour_error.max)
+    if new > old * (1 + MIN_SAVING):
         yield _tolerance(job, result.run, _rounded(new), share / 5)
 
 
-def _tolerance(job: Job, run: Run, new: float, worth: float = 0.0) -> _Candidate:
+def _tolerance(job: Job, run: Run, new: float, expected_saving: float = 0.0) -> _Candidate:
     """Change of the corner tolerance to a new value [m]."""
     rounding = run.rounding
     assert rounding is not None and rounding.tolerance is not None
     verb = "Raise" if new > rounding.tolerance else "Lower"
     return _Candidate(
-        label=f"{verb} the corner tolerance {_steps(rounding.tolerance, new, 'm')}",
+        label=f"{verb} the corner tolerance {_describe_change(rounding.tolerance, new, 'm')}",
         edits=(("corners.tolerance", new),),
         job=job,
         run=replace(run, rounding=replace(rounding, tolerance=new)),
-        worth=worth,
+        expected_saving=expected_saving,
         condition=IF_PART if verb == "Raise" else "",
     )
 
 
-def _reserve(job: Job, run: Run, new: float, worth: float = 0.0) -> _Candidate:
+def _reserve(job: Job, run: Run, new: float, expected_saving: float = 0.0) -> _Candidate:
     """Change of the reserve for the servo to a new share."""
     old = run.timing.reserve
     return _Candidate(
-        label=f"{'Raise' if new > old else 'Lower'} the reserve {_steps(old, new, '1')}",
+        label=f"{'Raise' if new > old else 'Lower'} the reserve {_describe_change(old, new, '1')}",
         edits=(("timing.reserve", new),),
         job=job,
         run=replace(run, timing=replace(run.timing, reserve=new)),
-        worth=worth,
+        expected_saving=expected_saving,
     )
 
 
@@ -283,7 +285,7 @@ def _repairs(job: Job, result: RunResult) -> Iterator[Iterator[_Candidate]]:
     """Yield groups of changes that may repair a run; the first successful one counts."""
     run, e = result.run, result.judged
     if run.accuracy is not None and result.tolerance is not None and e is not None:
-        room = OF_ACCURACY * run.accuracy - 2 * e.contour_error.max
+        room = ACCURACY_SHARE * run.accuracy - 2 * e.contour_error.max
         if 0 < room < result.tolerance:
             yield iter([_tolerance(job, run, _rounded(room))])
     if run.compensation.method != INVERSE.method:
@@ -303,10 +305,10 @@ def _repairs(job: Job, result: RunResult) -> Iterator[Iterator[_Candidate]]:
         yield (_reserve(job, run, x) for x in RESERVES if x > run.timing.reserve)
     speed = run.limits.speed
     if speed is not None:
-        new = [_rounded(speed * x) for x in SLOWER]
+        new = [_rounded(speed * x) for x in SPEED_FACTORS]
         yield (
             _Candidate(
-                label=f"Lower the assigned velocity {_steps(speed, x, 'm/s')}",
+                label=f"Lower the assigned velocity {_describe_change(speed, x, 'm/s')}",
                 edits=(("limits.speed", x),),
                 job=job,
                 run=replace(run, limits=run.limits.replace(speed=x)),

@@ -32,9 +32,11 @@ RETRACT_POINTS = 8
 # Number of rotations about a free tool axis that are tried.
 TURNS = 8
 REST = "at rest"
-OTHER = "the arm uses another configuration, because the contours are collision-free in it"
+OTHER_CONFIGURATION = (
+    "the arm uses another configuration, because the contours are collision-free in it"
+)
 # If the tool point is nearer to the flange than this [m], the arm has no tool.
-SHORT = 1e-3
+MIN_TOOL_LENGTH = 1e-3
 # Task dimension of position and orientation, including the rotation about the tool axis.
 WHOLE_POSE = 6
 
@@ -66,19 +68,19 @@ def alternatives(
     if not _has_pairs(job):
         yield traced, ()
         return
-    notes = ((OTHER,) if traced.faster_rejected else ()) + _about_tool(job.arm)
+    notes = ((OTHER_CONFIGURATION,) if traced.faster_rejected else ()) + _about_tool(job.arm)
     yield traced, notes
     cell, others = job.cell, list[str]()
-    if (reached := _reach(traced, cell)) < np.inf:
+    if (reached := _count_clear(traced, cell)) < np.inf:
         other = _other_start(job, run, traced, reached, progress)
         if other is None:
             return
-        if _reach(other, cell) < np.inf:
+        if _count_clear(other, cell) < np.inf:
             # Other rapids cannot avoid a collision of a contour. The check of the plan reports it.
             yield other, notes
             return
         traced = other
-        others.append(OTHER)
+        others.append(OTHER_CONFIGURATION)
     around = _rapids_around(job, run, traced, cell, progress)
     count = sum(x is not y for x, y in zip(around.steps, traced.steps, strict=True))
     if count:
@@ -134,7 +136,7 @@ def _explain_unchecked(arm: Arm) -> tuple[str, ...]:
 
 def _about_tool(arm: Arm) -> tuple[str, ...]:
     """Note on a missing or assumed shape of the tool; empty if the shape is specified."""
-    if arm.chain is None or not np.linalg.norm(arm.chain.tool.position) > SHORT:
+    if arm.chain is None or not np.linalg.norm(arm.chain.tool.position) > MIN_TOOL_LENGTH:
         return ()
     tools = [] if arm.shapes is None else [x for x in arm.shapes.shapes if x.tool]
     if not tools:
@@ -187,9 +189,9 @@ def _rapids_around(job: Job, run: Run, traced: Tracing, cell: Cell, progress: Pr
 def _other_start(
     job: Job, run: Run, traced: Tracing, reached: float, progress: Progress
 ) -> Tracing | None:
-    """Joint paths from another start that are collision-free, or have the largest `_reach`.
+    """Joint paths from another start that are collision-free, or have the largest `_count_clear`.
 
-    None if no start has a larger `_reach` than the first joint paths (`reached`).
+    None if no start has a larger `_count_clear` than the first joint paths (`reached`).
     """
     if job.seed is not None or not isinstance(job.arm, SerialArm):
         return None
@@ -198,7 +200,7 @@ def _other_start(
     bounds = run.limits.for_joints(job.arm.dof)
     for starts in _starts(job.arm.with_limits(bounds), first):
         best: tuple[float, Tracing | None] = (np.inf, None)
-        clear = [x for x in starts if cell.keeps(_rest(x))]
+        clear = [x for x in starts if cell.keeps(_rest_at(x))]
         for k, q in enumerate(clear):
             progress(Step(("clearance",), k / len(clear)))
             try:
@@ -208,7 +210,7 @@ def _other_start(
             bound = sum(bound_duration(x, bounds) for x in tracing.joint_paths)
             if bound >= best[0]:
                 continue
-            reach = _reach(tracing, cell)
+            reach = _count_clear(tracing, cell)
             if reach == np.inf:
                 best = bound, tracing
             elif reach > reached:
@@ -218,7 +220,7 @@ def _other_start(
     return farthest
 
 
-def _reach(traced: Tracing, cell: Cell) -> float:
+def _count_clear(traced: Tracing, cell: Cell) -> float:
     """Number of collision-free contours before the first collision, infinite without a collision.
 
     The collision-free share of the contour with the collision is added.
@@ -257,7 +259,7 @@ def _rapid_around(arm: Arm, run: Run, cell: Cell, path: JointPath) -> JointPath 
     from armcontour.verification.clearance.clear_path import connect, path_through
 
     first, last = ends_of(path)
-    if not (cell.keeps(_rest(first)) and cell.keeps(_rest(last))):
+    if not (cell.keeps(_rest_at(first)) and cell.keeps(_rest_at(last))):
         return None
     if isinstance(arm, SerialArm):
         for height in RETRACTS:
@@ -270,7 +272,7 @@ def _rapid_around(arm: Arm, run: Run, cell: Cell, path: JointPath) -> JointPath 
     return connect(cell, first, last, ranges)
 
 
-def _rest(q: FloatArray) -> Trajectory:
+def _rest_at(q: FloatArray) -> Trajectory:
     """Trajectory that rests at joint positions [rad], (dof,), for 1 s."""
     return Trajectory(laws=(dwell_law(q, 1.0),), method=REST)
 

@@ -90,9 +90,9 @@ def _values(
         if len(inside):
             s = trajectory.s(inside) - span.s[0]
             speeds = _tool_speeds(contour, s, trajectory.s(inside, 1))
-            worth = _worth(output, speeds, _full_speeds(contour, s, limits, output))
+            active = _values_at_speeds(output, speeds, _full_speeds(contour, s, limits, output))
             on = states.on(contour.layer, output, np.clip(inside, *span.t))
-            values[first:last] = np.where(on, worth, output.off)
+            values[first:last] = np.where(on, active, output.off)
     return values
 
 
@@ -115,7 +115,9 @@ def _tool_speeds(contour: Contour, s: FloatArray, rates: FloatArray) -> FloatArr
     return np.asarray(rates * np.linalg.norm(path(s, 1), axis=1))
 
 
-def _worth(output: Analog, speed: FloatArray, full: FloatArray | float) -> FloatArray | float:
+def _values_at_speeds(
+    output: Analog, speed: FloatArray, full: FloatArray | float
+) -> FloatArray | float:
     """Values of an output at tool speeds [m/s]; `full`: speed at which the value is full [m/s]."""
     if output.rest == output.full:
         return output.full

@@ -42,9 +42,9 @@ from armcontour.verification.clearance import Clearance
 from armcontour.verification.evaluation import duration_row
 
 # Prefix of labels of figures from the rigid-body simulation.
-ON_BODIES = "on rigid bodies: "
+BODIES_LABEL = "on rigid bodies: "
 # Prefix of names of figures from the rigid-body simulation.
-BODIES = "experiment."
+EXPERIMENT_PREFIX = "experiment."
 # Figures from the rigid-body simulation that are shown even if the servo model judges the run.
 SHOWN_OF_BODIES = ("experiment.contour_error", "experiment.torque")
 # Figures of the verdict, in the displayed order. Figures of the clearance are in a separate part.
@@ -337,7 +337,9 @@ def promoted(rows: Iterable[Row]) -> tuple[Row, ...]:
     ranks = {name: k for k, name in enumerate(OF_VERDICT)}
 
     def rank(row: Row) -> int:
-        return ranks.get(row.name.removeprefix(BODIES) if row.level <= TABLE else "", len(ranks))
+        return ranks.get(
+            row.name.removeprefix(EXPERIMENT_PREFIX) if row.level <= TABLE else "", len(ranks)
+        )
 
     ordered = sorted(rows, key=rank)
     return tuple(replace(x, level=VERDICT) if rank(x) < len(ranks) else x for x in ordered)
@@ -356,8 +358,16 @@ def judging_rows(result: RunResult, rows: Iterable[Row] | None = None) -> tuple[
             rows += [*_executed(result, result.evaluation), *_experiment(result)]
     named = {x.name: x for x in rows}
     if result.judged is not result.evaluation:
-        bodies = [x for x in named.values() if x.name.startswith(BODIES) and x.value is not None]
-        named |= {name: replace(x, name=name) for x in bodies if (name := x.name[len(BODIES) :])}
+        bodies = [
+            x
+            for x in named.values()
+            if x.name.startswith(EXPERIMENT_PREFIX) and x.value is not None
+        ]
+        named |= {
+            name: replace(x, name=name)
+            for x in bodies
+            if (name := x.name[len(EXPERIMENT_PREFIX) :])
+        }
     return tuple(named.values())
 
 
@@ -398,7 +408,9 @@ def _clearance(result: RunResult) -> Data:
 def _experiment(result: RunResult) -> Iterator[Row]:
     """Yield figures of the rigid-body simulation; they are main figures if they judge the run."""
     if result.failure is not None:
-        yield Row("experiment.failed", str(result.failure), "", f"{ON_BODIES}failed", level=FIRST)
+        yield Row(
+            "experiment.failed", str(result.failure), "", f"{BODIES_LABEL}failed", level=FIRST
+        )
     experiment = result.experiment
     if experiment is None:
         return
@@ -407,11 +419,11 @@ def _experiment(result: RunResult) -> Iterator[Row]:
     limit = result.run.limits.joint_torque
     rows += torque_rows(applied_torques(experiment.execution), limit, result.arm, "applied")
     for row in rows:
-        row = replace(row, name=f"{BODIES}{row.name}")
+        row = replace(row, name=f"{EXPERIMENT_PREFIX}{row.name}")
         if result.run.for_bodies:
             yield row
         elif row.label and row.name.startswith(SHOWN_OF_BODIES):
-            yield replace(row, label=f"{ON_BODIES}{row.label}", level=TABLE)
+            yield replace(row, label=f"{BODIES_LABEL}{row.label}", level=TABLE)
         else:
             yield replace(row, level=FILE)
     (cornering,) = data.tables

@@ -27,15 +27,15 @@ from armcontour.verification.evaluation import duration_row
 # Maximum number of contours that a sentence names.
 MAX_NAMES = 4
 # Relative difference below which two values count as equal.
-SAME = 1e-9
+SAME_VALUE = 1e-9
 # Ratio of demand and acceleration limit above which the saturation of a joint is reported.
 FAR_ABOVE = 1.5
 # Ratio of cycle and duration above which the cycle is reported as too coarse.
 COARSE = 0.1
 # Number of times at which a plan is compared with the motion of logs, in addition to its breaks.
-LOOKS = 1000
+PLAN_SAMPLES = 1000
 # Minimum joint error that is reported [rad].
-UNFELT = 1e-6
+MIN_JOINT_ERROR = 1e-6
 # SLOW: a contour is reported if it takes this multiple of the time of a line with the same length.
 # ENDS: the acceleration along this line is the largest mean acceleration between an end of the
 # contour and a point that is at least this share of the length away from the end.
@@ -61,7 +61,9 @@ def capped(program: Program, run: Run) -> Iterator[str]:
             contour_called(x, i): float(np.fmax.reduce(values(x.path), initial=0.0))
             for i, x in enumerate(program.contours)
         }
-        above = [name for name, x in largest.items() if cap is not None and x > cap * (1 + SAME)]
+        above = [
+            name for name, x in largest.items() if cap is not None and x > cap * (1 + SAME_VALUE)
+        ]
         if above and cap is not None:
             requested = max(largest[x] for x in above)
             yield (
@@ -200,7 +202,7 @@ def coarse(trajectory: Trajectory, run: Run) -> Iterator[str]:
 
 def changed_commands(set_points: SetPoints) -> Iterator[str]:
     """Yield warnings for set-points that are truncated, changed, or beyond limits of the plan."""
-    if set_points.truncated is not None and set_points.truncated.max() >= UNFELT:
+    if set_points.truncated is not None and set_points.truncated.max() >= MIN_JOINT_ERROR:
         j = int(np.argmax(set_points.truncated))
         yield (
             "the velocity feed-forward of the servo requires set-points long after the motion, "
@@ -208,7 +210,10 @@ def changed_commands(set_points: SetPoints) -> Iterator[str]:
             f"error of joint {j + 1} after the end of the plan. A servo model with a larger kp or "
             "a velocity_feedforward nearer to 1 reduces this error."
         )
-    if set_points.limit_cost is not None and set_points.limit_cost.deviation.max() >= UNFELT:
+    if (
+        set_points.limit_cost is not None
+        and set_points.limit_cost.deviation.max() >= MIN_JOINT_ERROR
+    ):
         yield (
             f"command_limits change the set-points by {set_points.limit_cost}. A larger "
             "timing.reserve or jerk limits reduce these changes."
@@ -285,5 +290,5 @@ def beyond_logs(servo: ServoModel, trajectory: Trajectory) -> str:
     """Warning if the plan exceeds the motion with which the servo was identified; else empty."""
     if servo.model_error is None or servo.logged_velocity is None:
         return ""
-    t = np.union1d(trajectory.breaks, np.linspace(0.0, trajectory.duration, LOOKS))
+    t = np.union1d(trajectory.breaks, np.linspace(0.0, trajectory.duration, PLAN_SAMPLES))
     return servo.describe_excess(trajectory(t, 1), trajectory(t, 2))

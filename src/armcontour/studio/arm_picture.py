@@ -130,14 +130,14 @@ def triangles_of(shape: Shape) -> FloatArray:
     match shape:
         case Box():
             ring = shape.size[:2] / 2 * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
-            return _around([(ring, -shape.size[2] / 2), (ring, shape.size[2] / 2)])
+            return _triangulate_rings([(ring, -shape.size[2] / 2), (ring, shape.size[2] / 2)])
         case Sphere():
-            return _rounded(shape.radius, 0.0)
+            return _capsule_triangles(shape.radius, 0.0)
         case Capsule():
-            return _rounded(shape.radius, shape.length)
+            return _capsule_triangles(shape.radius, shape.length)
         case Cylinder():
             ring = _ring(shape.radius)
-            return _around([(ring, -shape.length / 2), (ring, shape.length / 2)])
+            return _triangulate_rings([(ring, -shape.length / 2), (ring, shape.length / 2)])
         case Mesh() if shape.triangles is not None and len(shape.triangles) <= MAX_TRIANGLES:
             return np.asarray(shape.points[shape.triangles])
         case Mesh():
@@ -151,7 +151,7 @@ def _ring(radius: float) -> FloatArray:
     return radius * np.column_stack([np.cos(angles), np.sin(angles)])
 
 
-def _rounded(radius: float, length: float) -> FloatArray:
+def _capsule_triangles(radius: float, length: float) -> FloatArray:
     """Triangles of a capsule along z [m], (n, 3, 3); a capsule of length 0 is a sphere."""
     # The poles are separate points. A sphere has one ring at its equator, a capsule has two.
     angles = np.linspace(-np.pi / 2, np.pi / 2, SIDES // 2 + 1)[1:-1]
@@ -162,10 +162,10 @@ def _rounded(radius: float, length: float) -> FloatArray:
         if end * angle > 0 or (abs(angle) < 1e-9 and (length > 0 or end > 0))
     ]
     pole = radius + length / 2
-    return _around(rings, (-pole, pole))
+    return _triangulate_rings(rings, (-pole, pole))
 
 
-def _around(
+def _triangulate_rings(
     rings: Sequence[tuple[FloatArray, float]], poles: tuple[float, float] | None = None
 ) -> FloatArray:
     """Triangles of a body from rings: polygons (n, 2) [m] with their z [m], lowest ring first.

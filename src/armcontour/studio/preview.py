@@ -44,7 +44,7 @@ MAX_SIMULATED = 2400.0
 # If a program has more segments, its outline is shown before its plan.
 LONG_PROGRAM = 5_000
 # Minimum cycle of a preview [s].
-DEFAULT_CYCLE = 4e-3
+MIN_CYCLE = 4e-3
 # Number of grid intervals per contour while a handle moves (4000 or more in a full run). The
 # coarser grid changes the duration by less than 0.1 %.
 MOVING_INTERVALS = 600
@@ -52,11 +52,11 @@ MOVING_INTERVALS = 600
 MOVING_SAMPLES = 1500
 # Minimum drive cycle of the rigid-body simulation while a handle moves [s].
 MOVING_STEP = 1e-3
-ARCS = (
+ARCS_NOTE = (
     "the preview shows arcs of the same tolerance instead of corners of shape free, because their "
     "shape is computed only after the last edit."
 )
-CONFIGURATION = (
+CONFIGURATION_NOTE = (
     "the preview uses the arm configuration of the last plan; exact figures are for the fastest "
     "configuration."
 )
@@ -269,7 +269,7 @@ class CoarsePlanner:
                 plan = plan_one(
                     seeded_job, run, self._reuse, progress, clear=False, first_only=True
                 )
-                return plan, (CONFIGURATION,)
+                return plan, (CONFIGURATION_NOTE,)
             except Unreachable:
                 # Another configuration may reach the path. If none does, the search reports it.
                 pass
@@ -325,7 +325,7 @@ def coarser_run(job: Job, job_run: Run, tier: Tier) -> tuple[Run, tuple[str, ...
     """Run of a preview with lower accuracy, and sentences about its differences from `job_run`."""
     if tier == Tier.EXACT:
         return job_run, ()
-    run, differs, cycle = job_run, [], max(job_run.cycle, DEFAULT_CYCLE)
+    run, differs, cycle = job_run, [], max(job_run.cycle, MIN_CYCLE)
     try:
         for servo in (job.servo, job.plant_servo):
             servo.check_gains(cycle)
@@ -340,7 +340,7 @@ def coarser_run(job: Job, job_run: Run, tier: Tier) -> tuple[Run, tuple[str, ...
         )
     if run.rounding is not None and run.rounding.free:
         run = dataclasses.replace(run, rounding=run.rounding.with_arcs)
-        differs.append(ARCS)
+        differs.append(ARCS_NOTE)
     if tier == Tier.MOVING and isinstance(run.timing, Optimal) and run.timing.intervals is None:
         few = min(MOVING_INTERVALS, intervals_of(job.program) or MOVING_INTERVALS)
         timing = dataclasses.replace(run.timing, intervals=few)

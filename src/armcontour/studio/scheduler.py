@@ -24,7 +24,13 @@ from armcontour.studio.arm_picture import arm_frame
 from armcontour.studio.execution_picture import execution_frame
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.picture import detail_frame, drawing_frame, picture_frame, refusal_header
-from armcontour.studio.preview import CONFIGURATION, CoarsePlanner, Preview, PreviewExecution, Tier
+from armcontour.studio.preview import (
+    CONFIGURATION_NOTE,
+    CoarsePlanner,
+    Preview,
+    PreviewExecution,
+    Tier,
+)
 from armcontour.studio.tasks import dispatch
 from armcontour.studio.view import Detail, View
 from armcontour.studio.workers import PreviewWorker, StaleCheck, TaskWorker
@@ -36,7 +42,7 @@ FAST_PLAN = 0.03
 # edits, because a simulation cannot be cancelled.
 MAX_EXECUTED = 60.0
 # Minimum interval of simulations while newer states wait [s], so that their plans come first.
-PLANS_ONLY = 0.06
+MIN_SIMULATION_INTERVAL = 0.06
 # If the last two plans took longer than this [s], only the outline is shown before the rest time.
 SLOW_PLAN = 0.5
 # Computing time after which a newer state cancels a plan [s].
@@ -328,7 +334,9 @@ class Scheduler:
             return planned
         if tier != Tier.EXACT and (took > FAST_PLAN or planned.trajectory.duration > MAX_EXECUTED):
             self._wait(state, stale)
-        if stale() and (tier == Tier.EXACT or time.monotonic() < self._executed_at + PLANS_ONLY):
+        if stale() and (
+            tier == Tier.EXACT or time.monotonic() < self._executed_at + MIN_SIMULATION_INTERVAL
+        ):
             raise Superseded
         try:
             results.executed = executed = self.previewer.execute(planned)
@@ -488,7 +496,7 @@ class Scheduler:
         """Show a state in the configuration of the full run; report a change of configuration."""
         planned = state.results.planned
         assert planned is not None
-        if CONFIGURATION in planned.differs and had_exact:
+        if CONFIGURATION_NOTE in planned.differs and had_exact:
             joint = int(np.argmax(np.abs(planned.start - start)))
             before, after = np.degrees((planned.start[joint], start[joint]))
             sentence = (

@@ -19,7 +19,7 @@ LINK_COLOUR, TOOL_COLOUR, OBSTACLE_COLOUR = "#56B4E9", "#E69F00", "#999999"
 # Minimum ratio of the shortest to the longest side of a scene.
 FLATTEST = 0.4
 # Length of the longest side of a scene in units of plotly, with which the scene fits in every view.
-SCENE = 1.45
+SCENE_SIZE = 1.45
 # Camera with parallel projection, so that equal lengths appear equal.
 CAMERA = {
     "eye": {"x": 1.1, "y": -1.5, "z": 0.9},
@@ -28,12 +28,12 @@ CAMERA = {
     "projection": {"type": "orthographic"},
 }
 # Number of points on the circumference of a round shape.
-AROUND = 24
+CIRCLE_POINTS = 24
 # Maximum number of points of a mesh whose hull the page computes. For more points, scipy computes
 # the hull, although loading scipy takes 0.3 s.
 FEW_POINTS = 1000
 # Size of the plate that represents a half-space, as a factor of the size of all other points.
-PLATE = 1.5
+PLATE_FACTOR = 1.5
 
 
 def curve(points: FloatArray, name: str, colour: str, **look: Any) -> Any:
@@ -66,7 +66,7 @@ def in_space(
     # A flat scene gets a margin, because the tick labels of its short axis would overlap.
     edge = np.maximum(FLATTEST * longest - size, 0.0) / 2 + 0.03 * longest
     size = size + 2 * edge
-    ratio = size / float(size.max()) * SCENE
+    ratio = size / float(size.max()) * SCENE_SIZE
     axis = {
         "nticks": 6,
         "backgroundcolor": "#FAFAFA",
@@ -122,7 +122,7 @@ def draw_surroundings(job: Job, points: FloatArray) -> list[tuple[Any, FloatArra
     to_base = base_of(job.arm).inverse
     for obstacle in () if job.scene is None else job.scene.obstacles:
         place = obstacle.place if obstacle.fixed_to == BASE else to_base @ obstacle.place
-        corners = points_of(obstacle.shape, place, PLATE * size)
+        corners = points_of(obstacle.shape, place, PLATE_FACTOR * size)
         bodies.append((draw_body(corners, obstacle.name, OBSTACLE_COLOUR, 0.45), corners))
     if not bodies:
         obstacle, y = (z.ravel() for z in np.meshgrid([low[0], high[0]], [low[1], high[1]]))
@@ -163,7 +163,7 @@ def points_of(shape: Shape, place: Frame, size: float = 1.0) -> FloatArray:
 
 def _own_points(shape: Shape, size: float) -> FloatArray:
     """Points whose hull is a shape in its own frame [m], (n, 3); a half-space becomes a plate."""
-    turn = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)
+    turn = np.linspace(0, 2 * np.pi, CIRCLE_POINTS, endpoint=False)
     circle = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
     up = np.array([0.0, 0.0, 1.0])
     match shape:
@@ -185,7 +185,7 @@ def _own_points(shape: Shape, size: float) -> FloatArray:
             return np.concatenate(ends)
         case Sphere() | Capsule():
             half = shape.length / 2 if isinstance(shape, Capsule) else 0.0
-            tilts = np.linspace(-np.pi / 2, np.pi / 2, AROUND // 2)
+            tilts = np.linspace(-np.pi / 2, np.pi / 2, CIRCLE_POINTS // 2)
             rings = [
                 shape.radius * (np.cos(x) * circle + np.sin(x) * up) + np.sign(x) * half * up
                 for x in tilts

@@ -24,7 +24,7 @@ COLUMNS = {
     "time limited by": "time_limit",
 }
 # Prefix of the names of figures from an experiment.
-ON_BODIES = "experiment."
+EXPERIMENT_PREFIX = "experiment."
 # Maximum number of time shares on the first screen, and names of the limits that a reserve reduces.
 MAX_SHARES = 4
 RESERVED_NAMES = (NAMES["joint_acceleration"], NAMES["joint_torque"])
@@ -47,7 +47,7 @@ def front(study: JobResult) -> Front:
 
 def _large(data: Data) -> list[Row]:
     """Rows of the figures that are shown as tiles."""
-    rows = {x.name.removeprefix(ON_BODIES): x for x in data.shown()}
+    rows = {x.name.removeprefix(EXPERIMENT_PREFIX): x for x in data.shown()}
     return [rows[x] for x in TILES if x in rows][:3]
 
 
@@ -79,7 +79,7 @@ def _compared(study: JobResult) -> TextTable:
     """Table with a row per run."""
     rows = []
     for name, data in study.figures.items():
-        texts = {x.name.removeprefix(ON_BODIES): figure(x) for x in data.shown()}
+        texts = {x.name.removeprefix(EXPERIMENT_PREFIX): figure(x) for x in data.shown()}
         rows.append((name, *(texts.get(x, "-") for x in COLUMNS.values())))
     return TextTable(header=("run", *COLUMNS), rows=tuple(rows))
 

@@ -48,7 +48,7 @@ def learned(study: LearningStudy) -> Front:
 
 def learning(study: LearningStudy) -> Section:
     """Section with the errors of the joints, the contour error over time, and a table of runs."""
-    figures = [_of_joints(study), *([_over_time(study)] if study.has_path else [])]
+    figures = [_joints_over_runs(study), *([_over_time(study)] if study.has_path else [])]
     return Section(
         key="learning",
         title="Runs",
@@ -83,27 +83,29 @@ def _over_runs(study: LearningStudy) -> Any:
     run_numbers, predicted = zip(*predictions, strict=True) if predictions else ((), ())
     name, last = "RMS that was predicted", count if lesson.finished else count + 1
     drawn = Figure(
-        _marked(numbers, errors[:, 1], "largest", PLANNED_COLOUR, "diamond"),
-        _marked(numbers, errors[:, 0], "RMS", EXECUTED_COLOUR, "circle"),
-        _marked(run_numbers, predicted, name, LIMIT_COLOUR, "circle-open", mode="markers"),
+        _error_trace(numbers, errors[:, 1], "largest", PLANNED_COLOUR, "diamond"),
+        _error_trace(numbers, errors[:, 0], "RMS", EXECUTED_COLOUR, "circle"),
+        _error_trace(run_numbers, predicted, name, LIMIT_COLOUR, "circle-open", mode="markers"),
     )
     if lesson.noise > 0:
         level = np.full(2, max(lesson.noise * 1e3, SMALLEST_ERROR))
         drawn.add_trace(line([1, last], level, "does not repeat", PATH_COLOUR, dash="dash"))
-    return _over_numbers(drawn, last, "error of the tool [mm]", "Error of the tool from run to run")
+    return _lay_out_over_runs(
+        drawn, last, "error of the tool [mm]", "Error of the tool from run to run"
+    )
 
 
-def _of_joints(study: LearningStudy) -> Any:
+def _joints_over_runs(study: LearningStudy) -> Any:
     """Figure with the RMS error of every joint against the run number."""
     runs, drawn = study.lesson.runs, Figure()
     for j, name in enumerate(study.job.arm.joint_names):
         colour, mark = RUN_COLOURS[j % len(RUN_COLOURS)], MARKS[j % len(MARKS)]
         values = [x.joint_rms[j] for x in runs]
-        drawn.add_trace(_marked(range(1, len(runs) + 1), values, name, colour, mark))
-    return _over_numbers(drawn, len(runs), "RMS error [mrad]", "The joints' parts", 3)
+        drawn.add_trace(_error_trace(range(1, len(runs) + 1), values, name, colour, mark))
+    return _lay_out_over_runs(drawn, len(runs), "RMS error [mrad]", "The joints' parts", 3)
 
 
-def _marked(
+def _error_trace(
     x: Sequence[int], y: Any, name: str, colour: str, symbol: str, mode: str = "lines+markers"
 ) -> Any:
     """Trace of errors [m or rad] against the run number, plotted in mm or mrad."""
@@ -118,7 +120,7 @@ def _marked(
     )
 
 
-def _over_numbers(drawn: Figure, last: int, unit: str, title: str, span: int = WHOLE) -> Any:
+def _lay_out_over_runs(drawn: Figure, last: int, unit: str, title: str, span: int = WHOLE) -> Any:
     """Set the layout of a figure whose horizontal axis is the run number."""
     drawn.update_xaxes(title="run", dtick=max(1, last // 12), range=[0.7, last + 0.3])
     drawn.update_yaxes(title=unit, type="log")

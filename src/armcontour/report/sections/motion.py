@@ -39,11 +39,11 @@ SQUEEZED = 0.5
 # Maximum number of bars of a plan.
 MAX_BARS = 1200
 # Number of points of the curve of assigned velocities.
-PLACES = 4000
+ASSIGNED_POINTS = 4000
 # Maximum number of listed points below the assigned velocity per plan.
 MAX_PLACES = 50
 # Height of a plot, of the bars of a plan, and of the other parts of a figure [px].
-HEIGHT, BARS, AROUND = 150, 28, 125
+HEIGHT, BARS, OTHER_HEIGHT = 150, 28, 125
 # Start and end of a part of a plan [s], and kind and name of its active limit.
 Bar = tuple[float, float, str, str]
 
@@ -113,7 +113,7 @@ def draw_over_time(study: JobResult, *made: Any) -> Any:
         switching_labels(figure, marked.trajectory.switching_points)
     figure.update_layout(barmode="overlay", bargap=0.1)
     figure.update_xaxes(len(panels), 1, title="time [s]")
-    return finish(figure, title="Motion over time", height=height + AROUND)
+    return finish(figure, title="Motion over time", height=height + OTHER_HEIGHT)
 
 
 def speed(study: JobResult) -> Panel:
@@ -260,7 +260,7 @@ def _assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
     parts, count = [np.empty((0, 2))], len(result.path.contours)
     for contour, span in zip(result.path.contours, result.trajectory.contour_spans, strict=True):
         if span.trajectory is not None:
-            times = np.linspace(*span.t, 2 + PLACES // count)
+            times = np.linspace(*span.t, 2 + ASSIGNED_POINTS // count)
             s = span.trajectory.s(times - span.t[0])
             value = np.fmin(contour.path.speeds[contour.path.locate(s)], limit)
             parts += [np.column_stack([times, value]), np.full((1, 2), np.nan)]

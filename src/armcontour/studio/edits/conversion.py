@@ -24,9 +24,9 @@ from armcontour.studio.handles import ANGLE, FILE, LENGTH, Handles
 SPEED = Quantity("m/s", "100 mm/s")
 # Maximum angle of an arc that is written with a via point [rad]. Larger arcs are written with their
 # centre, because their end points can be too close to each other for a via point.
-THROUGH = 1.5 * math.pi
+MAX_VIA_ANGLE = 1.5 * math.pi
 # Rounding error of coordinates due to the transform to the part frame [m].
-NOISE = 1e-15
+FRAME_ROUNDING = 1e-15
 # Maximum deviation of points [m] and of tool orientations after the conversion.
 SAME = 1e-9
 
@@ -40,7 +40,7 @@ def waypoint_changes(handles: Handles, data: Mapping[str, Any]) -> list[Change]:
     local_path = path.placed(handles.frame.inverse)
     old = ((path_data.get("frame") or {}).get("position") or [None])[0]
     write = partial(_coordinates, like=old)
-    assigned = [_demand(local_path, i) for i in range(len(local_path))]
+    assigned = [_assigned_keys(local_path, i) for i in range(len(local_path))]
     straight = not any(assigned) and not local_path.curvatures.any()
     new = _points(local_path, write) if straight else _segments(local_path, write, assigned)
     changes = [Change(("path", key), x) for key, x in new.items()]
@@ -101,18 +101,18 @@ def _only_path(handles: Handles) -> Path:
 
 
 def _points(path: Path, write: Write) -> dict[str, Any]:
-    return {"points": _closed([write(x) for x in path.vertices], path)}
+    return {"points": _close([write(x) for x in path.vertices], path)}
 
 
 def _segments(path: Path, write: Write, assigned: list[dict[str, Any]]) -> dict[str, Any]:
     """Keys `start` and `segments` of a path of lines and arcs."""
-    ends = _closed([write(x) for x in path.vertices], path)
+    ends = _close([write(x) for x in path.vertices], path)
     listed: list[dict[str, Any]] = []
     for i, (to, assigned_keys) in enumerate(zip(ends[1:], assigned, strict=True)):
         angle = float(path.curvatures[i] * path.lengths[i])
         if angle == 0:
             listed.append({"to": to, **assigned_keys})
-        elif angle <= THROUGH:
+        elif angle <= MAX_VIA_ANGLE:
             listed.append(
                 {
                     "via": write(
@@ -123,11 +123,11 @@ def _segments(path: Path, write: Write, assigned: list[dict[str, Any]]) -> dict[
                 }
             )
         else:
-            listed.append({**_around(path, i, angle, write), **assigned_keys})
+            listed.append({**_centre_keys(path, i, angle, write), **assigned_keys})
     return {"start": ends[0], "segments": listed}
 
 
-def _around(path: Path, i: int, angle: float, write: Write) -> dict[str, Any]:
+def _centre_keys(path: Path, i: int, angle: float, write: Write) -> dict[str, Any]:
     """Keys of a segment that specify an arc by its centre and angle."""
     tangent, normal = path.tangents[i], path.normals[i]
     center = write(path.starts[i] + normal / path.curvatures[i])
@@ -138,7 +138,7 @@ def _around(path: Path, i: int, angle: float, write: Write) -> dict[str, Any]:
     return {"center": center, "angle": write_like(turn, None, ANGLE)}
 
 
-def _closed(points: list[list[Any]], path: Path) -> list[list[Any]]:
+def _close(points: list[list[Any]], path: Path) -> list[list[Any]]:
     """The points; if the path is closed, the last point is replaced by exactly the first point."""
     first, last = path.vertices[0], path.vertices[-1]
     closed = np.linalg.norm(last - first) <= SAME
@@ -146,10 +146,10 @@ def _closed(points: list[list[Any]], path: Path) -> list[list[Any]]:
 
 
 def _coordinates(point: FloatArray, like: Any) -> list[Any]:
-    return [write_like(float(x), like, LENGTH, within=NOISE) for x in point]
+    return [write_like(float(x), like, LENGTH, within=FRAME_ROUNDING) for x in point]
 
 
-def _demand(path: Path, i: int) -> dict[str, Any]:
+def _assigned_keys(path: Path, i: int) -> dict[str, Any]:
     """Keys `speed` and `tolerance` of a segment that has assigned values."""
     assigned = {}
     if not math.isnan(path.speeds[i]):

@@ -33,13 +33,13 @@ REQUIRED_LIBRARIES: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs"
 
 def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Changes that set a key; `run`: only for the shown run; `insert`: as a new list item."""
-    return [replace(x, keys=_plain(x.keys)) for x in _set(edit, state)]
+    return [replace(x, keys=_plain_keys(x.keys)) for x in _set(edit, state)]
 
 
 def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    keys, value = _place(edit, state), edit["value"]
+    keys, value = _keys_of_edit(edit, state), edit["value"]
     if edit.get("run") is True and keys[0] in IN_RUN:
-        return _in_run(keys, value, state)
+        return _set_in_run(keys, value, state)
     *outer, last = keys
     values, now = value_at(state.data, tuple(outer)), value_at(state.data, keys)
     if edit.get("insert") is True:
@@ -60,7 +60,7 @@ def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     elif (
         isinstance(last, int) and not isinstance(values, list | dict) and outer[-1] not in NUMBERED
     ):
-        keys, value = tuple(outer), _for_joints(keys, value, values, state)
+        keys, value = tuple(outer), _list_joint_values(keys, value, values, state)
     else:
         value = format_value(value, now, keys)
     return resolve_patch(state.data, {keys: value}, state.run)
@@ -68,7 +68,7 @@ def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Changes that remove a key and the mappings that become empty."""
-    keys = _plain(_place(edit, state))
+    keys = _plain_keys(_keys_of_edit(edit, state))
     while len(keys) > 1 and isinstance(keys[-1], str) and keys[:-1] not in REQUIRED_LIBRARIES:
         outer = value_at(state.data, keys[:-1])
         # The mapping of a run or of a layer stays, because it may be empty.
@@ -79,7 +79,7 @@ def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     return [Change(keys)]
 
 
-def _place(edit: Mapping[str, Any], state: EditState) -> Keys:
+def _keys_of_edit(edit: Mapping[str, Any], state: EditState) -> Keys:
     """Keys that an edit changes, in the shown run if they are there; texts in a list are names."""
     keys = key_of(edit["key"])
     if not isinstance(edit["key"], str):
@@ -87,11 +87,11 @@ def _place(edit: Mapping[str, Any], state: EditState) -> Keys:
     return locate_key(keys, state.data, state.run)
 
 
-def _plain(keys: Keys) -> Keys:
+def _plain_keys(keys: Keys) -> Keys:
     return tuple(str(x) if isinstance(x, str) else x for x in keys)
 
 
-def _in_run(keys: Keys, value: Any, state: EditState) -> list[Change]:
+def _set_in_run(keys: Keys, value: Any, state: EditState) -> list[Change]:
     """Changes that set a key of the job for the shown run only."""
     changes, run_keys = list[Change](), ("runs", state.run, str(keys[0]))
     shared = value_at(state.data, keys[:1])
@@ -100,11 +100,11 @@ def _in_run(keys: Keys, value: Any, state: EditState) -> list[Change]:
         changes = [Change(run_keys, deepcopy(shared))]
     run_state = replace(state, data=change_data(state.data, changes))
     # The page displays the unit of the job's value, so a number without a unit has this unit.
-    value = format_value(value, value_at(state.data, _plain(keys)), keys)
-    return changes + _set({"key": [*run_keys, *_plain(keys[1:])], "value": value}, run_state)
+    value = format_value(value, value_at(state.data, _plain_keys(keys)), keys)
+    return changes + _set({"key": [*run_keys, *_plain_keys(keys[1:])], "value": value}, run_state)
 
 
-def _for_joints(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]:
+def _list_joint_values(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]:
     """List with one value per joint that replaces a common value; sets the value of one joint."""
     *outer, joint = keys
     now = joint_values(tuple(outer), state.handles.job, state.run)
@@ -151,7 +151,7 @@ def format_value(value: Any, old: Any, keys: Keys) -> Any:
         return value
     if isinstance(value, str):
         number = plain_number(value)
-        return value if number is None else _typed(value.strip(), old, kind)
+        return value if number is None else _format_typed(value.strip(), old, kind)
     if isinstance(value, int | float):
         checks.check_number(".".join(map(str, keys)), value, kind.unit)
         like = old if isinstance(old, int | float | str) and not isinstance(old, bool) else None
@@ -159,7 +159,7 @@ def format_value(value: Any, old: Any, keys: Keys) -> Any:
     return value
 
 
-def _typed(number: str, old: Any, kind: Quantity) -> Any:
+def _format_typed(number: str, old: Any, kind: Quantity) -> Any:
     """Format a number typed without a unit: with the unit of the old value."""
     if isinstance(old, int | float) and not isinstance(old, bool):
         return float(number)

@@ -93,7 +93,7 @@ def _vector(
 
 def tilt_of(handles: Handles, data: Mapping[str, Any]) -> dict[str, float] | None:
     """Angle of the tool axis from -z and its azimuth [deg]; None if the axis is not constant."""
-    tool_orientation = None if handles.job.arm.dimension == 2 else _oriented(data)
+    tool_orientation = None if handles.job.arm.dimension == 2 else _find_orientation(data)
     if tool_orientation is None:
         return None
     x, y, z = tool_orientation[2]
@@ -106,7 +106,7 @@ def tilt_of(handles: Handles, data: Mapping[str, Any]) -> dict[str, float] | Non
 
 def tilt(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Changes that tilt the tool axis to the angles of `tilt_of`, in degrees or with a unit."""
-    now, tool_orientation = tilt_of(state.handles, state.data), _oriented(state.data)
+    now, tool_orientation = tilt_of(state.handles, state.data), _find_orientation(state.data)
     if now is None or tool_orientation is None:
         raise InvalidInput(
             "The tilt of the tool cannot be set here, because path.orientation is a list or the "
@@ -128,7 +128,7 @@ def tilt(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     ]
 
 
-def _oriented(data: Mapping[str, Any]) -> tuple[Keys, FloatArray | None, FloatArray] | None:
+def _find_orientation(data: Mapping[str, Any]) -> tuple[Keys, FloatArray | None, FloatArray] | None:
     """Keys of the orientation, rotation and tool axis; None if the job has a list of orientations.
 
     The rotation is None if only the tool axis is specified.

@@ -38,7 +38,7 @@ CLEARANCE_TIMES, MAX_PAIRS = 400, 10
 def figures(request: Request) -> PageFrame:
     """Frame with the exact figures of a run, or a refusal with the position of the error."""
     from armcontour.core.render import frame
-    from armcontour.jobs.advice import advising, is_small
+    from armcontour.jobs.advice import advice_steps, is_small
     from armcontour.jobs.job_result import judging_rows
     from armcontour.studio.picture import refusal_header, time_header
     from armcontour.studio.preview import Tier
@@ -64,19 +64,19 @@ def figures(request: Request) -> PageFrame:
     }
     _advising.clear()
     if is_small(request.job, MAX_SEGMENTS):
-        _advising[request.text, request.run] = advising(request.job, result)
+        _advising[request.text, request.run] = advice_steps(request.job, result)
     return PageFrame("figures", header)
 
 
 def changes(request: Request) -> PageFrame:
     """Compute the next step of the advice; the frame of the last step has the proposed changes."""
-    from armcontour.jobs.advice import advising, is_small
+    from armcontour.jobs.advice import advice_steps, is_small
 
     if not is_small(request.job, MAX_SEGMENTS):
         return PageFrame(
             "changes", {"run": request.run, "share": 1.0, "changes": [], "note": LONG_NOTE}
         )
-    steps = _advising.get((request.text, request.run)) or advising(request.job, request.result)
+    steps = _advising.get((request.text, request.run)) or advice_steps(request.job, request.result)
     _advising[request.text, request.run] = steps
     try:
         return PageFrame("changes", {"run": request.run, "share": next(steps)})
