@@ -228,7 +228,7 @@ def place(
     job_options: JobOptions,
     options: PlaceOptions,
 ) -> None:
-    """Find the best placement of the part: writes maps, a table, and the job with it."""
+    """Find the best placement of the part: writes maps, a table, and the placed job."""
     from armcontour.cli.place_command import place_file
 
     place_file(job, out, job_options, options)
@@ -244,7 +244,7 @@ def batch(
     ],
     options: BatchOptions,
 ) -> None:
-    """Run many jobs: a job file over values of its keys; an interrupted batch can be continued.
+    """Run a job file for many values of its keys; an interrupted batch can be continued.
 
     Exit codes: 0 every job is done or refused; 1 some jobs failed; 2 the plan is invalid.
     """

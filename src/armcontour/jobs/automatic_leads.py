@@ -115,7 +115,7 @@ def _shortest_lead(
     long, beyond = FIRST_LEAD, LONGEST_LEAD
     while (lead_speeds := speeds(long)) is None:
         long, beyond = long / 2, long
-    # The lead is lengthened until its speed is sufficient or stops to increase, or the arm does not
+    # The lead is lengthened until its speed is sufficient or stops increasing, or the arm does not
     # reach its end (`beyond`). `short` is the longest lead with insufficient speed.
     short, low = 0.0, enough
     while lead_speeds[-1] < enough and long < SHORT_ENOUGH * beyond:

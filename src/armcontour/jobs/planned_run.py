@@ -203,7 +203,7 @@ class Planned:
 
     @property
     def _far_from_itself(self) -> bool:
-        """True if only self-collision was checked, and all distances are large."""
+        """True if only self-collision was checked and all distances exceed NEAR."""
         if self.clearance is None or self.avoided:
             return False
         return all(x.kind != "environment" and x.low > NEAR for x in self.clearance.nearest)

@@ -234,7 +234,7 @@ def unsettled(executed: Execution) -> Iterator[str]:
 
 
 def not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> Iterator[str]:
-    """Yield a warning about the most saturated joint, or about a run for another model."""
+    """Warn of the most saturated joint, or that the servo model cannot judge the run."""
     # The method "conventional" is excluded, because it does not consider joint limits.
     error = f"up to {number(evaluation.contour_error.max, 'm')}"
     joint = int(evaluation.demand_ratio.argmax())

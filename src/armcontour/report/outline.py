@@ -97,7 +97,7 @@ def _farthest(points: FloatArray, start: IntArray, end: IntArray) -> tuple[Float
     away = points[inner] - points[start][line]
     along = points[end] - points[start]
     square = np.einsum("ij,ij->i", along, along)
-    # A chord of length 0, as of a closed curve, is treated as a point.
+    # A chord of length 0, such as the chord of a closed curve, is treated as a point.
     along = along / np.where(square > 0, square, np.inf)[:, None]
     share = np.clip(np.einsum("ij,ij->i", away, along[line]), 0.0, 1.0)
     away -= share[:, None] * (points[end] - points[start])[line]

@@ -29,7 +29,7 @@ from armcontour.studio.start_page import (
 )
 from armcontour.studio.view import Detail
 
-# Maximum number of edits in a message, because each edit can require to read the job again.
+# Maximum number of edits in a message, because the job may be read again for each edit.
 MAX_EDITS = 100
 
 # Maximum width of a detail, and maximum deviation of its drawn lines [px].

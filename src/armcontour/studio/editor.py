@@ -1,4 +1,4 @@
-"""Editor of a document: its job, the shown run, and the results of edits, without the pages."""
+"""Editor of a document, independent of pages: its job, the shown run, and results of edits."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ NOTHING_DRAWN = "The job has no path yet. Draw with the pen, or open a drawing."
 def check_trusted_xacro(
     data: Mapping[str, Any], folder: FilePath, trusted: Collection[FilePath]
 ) -> None:
-    """Raise InvalidInput if the arm is a .xacro file, which can run code, outside `trusted`."""
+    """Raise InvalidInput if the arm is a .xacro file (can run code) that is not in `trusted`."""
     # A YAML file of an arm can refer to a .xacro file. Without trusted files, the reader of the
     # YAML file refuses it.
     programs = (".xacro", *YAML) if trusted else (".xacro",)
@@ -198,7 +198,7 @@ class Editor:
         return self._check_trust(Revision(change_data(self.state.data, changes), tuple(changes)))
 
     def run_of(self, data: Mapping[str, Any]) -> str:
-        """Name of the run to show: the last shown, else the first with timing `optimal` or any."""
+        """Name of the run to show: the last shown run, the first optimal run, or the first run."""
         runs = runs_of(data)
         names = [x["name"] for x in runs]
         fast = [x["name"] for x in runs if x["timing"] == FASTEST and x["corners"] != "free"]

@@ -28,7 +28,7 @@ from armcontour.studio.view import Plane, in_space
 # Role, keys, position in the part frame [m] (None if computed) and coordinates as written.
 PointRecord: TypeAlias = tuple[str, Keys, FloatArray | None, Sequence[Any]]
 LENGTH, ANGLE = Quantity("m", "1 mm"), Quantity("rad", "90 deg")
-# Maximum distance of a point from a plane or line on which it counts as lying [m].
+# Maximum distance at which a point counts as lying on a plane or line [m].
 FLAT = 1e-9
 # If the x component of a plane's normal is at least this, the normal counts as parallel to x.
 STEEP = 0.9
@@ -124,7 +124,7 @@ class Handles:
         return point.role in (POINT, END) and len(ends) > 2 and not is_start_of_arc
 
     def is_divisible(self, index: int) -> bool:
-        """True if a waypoint can be inserted before the waypoint `index`, which ends no arc."""
+        """True if a waypoint can be inserted before waypoint `index`: its segment is not an arc."""
         arcs = {x.keys[2] for x in self.waypoints if x.role in (VIA, CENTER)}
         return index - 1 not in arcs
 

@@ -261,7 +261,7 @@ class CoarsePlanner:
     def _plan(
         self, job: Job, run: Run, tier: Tier, progress: Progress | None
     ) -> tuple[Planned, tuple[str, ...]]:
-        """Plan and notes; in the configuration of the last plan if it reaches, else the fastest."""
+        """Plan and notes; uses the configuration of the last plan if possible, else the fastest."""
         searches = tier != Tier.EXACT and job.seed is None
         if searches and isinstance(job.arm, SerialArm) and self._arm is job.arm:
             seeded_job = dataclasses.replace(job, seed=self._start)

@@ -271,7 +271,7 @@ class Scheduler:
     # The methods below run in the thread of the preview worker.
 
     def _fail(self, frame: PageFrame) -> None:
-        """Send the error of a worker thread as answer to the newest state."""
+        """Send the error of a worker thread as the answer to the newest state."""
         self._deliver(frame, self._newest)
 
     def _show_state(self, state: DocumentState, stale: StaleCheck) -> None:
@@ -374,7 +374,7 @@ class Scheduler:
             state.results.drawn = made, state.view, self._pictures
 
     def _show_arm(self, state: DocumentState, job: Job) -> None:
-        """Send arm and scene if the pages show other ones."""
+        """Send arm and scene if they differ from those that the pages show."""
         parts = state.results.sent_parts
         if parts is None or parts[0] is not job.arm or parts[1] != job.scene:
             if self._deliver(arm_frame(job), state):

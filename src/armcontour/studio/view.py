@@ -192,10 +192,9 @@ class Detail:
         return np.append(path.breaks[i] + path.lengths[i] * (k / parts[i]), path.length)
 
     def visible_ends(self, uv: FloatArray, ends: IntArray) -> tuple[IntArray, IntArray]:
-        """Indices of the end points of visible line segments, (m,), and where lines begin in them.
+        """Indices of the end points of visible line segments, (m,), and `ends` of these points.
 
-        `ends` has the index of the first point of each line in `uv` and the number of points at the
-        end. The second result has the same form for the visible points.
+        `ends`: index of the first point of each line, and the number of points at the end.
         """
         if self.box is None or len(uv) < 2:
             return np.arange(len(uv)), ends
@@ -210,7 +209,7 @@ class Detail:
         return indices, np.append(first, len(indices))
 
     def essential_points(self, points: FloatArray, ends: IntArray) -> BoolArray:
-        """Mask of the points with which drawn lines have corners and stay within `error`, (n,)."""
+        """Mask of the points to draw, (n,), so that lines have corners and deviate by <= `error`."""
         mask = np.zeros(len(points), dtype=bool)
         mask[ends[:-1]] = mask[ends[1:] - 1] = True
         turned = np.floor(_turns(points, ends) / CORNER_TURN)

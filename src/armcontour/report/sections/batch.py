@@ -100,7 +100,7 @@ def batch(view: BatchView) -> Section | None:
 
 
 def _figure(view: BatchView, colours: PlotValues) -> Any:
-    """Plot of a figure over one parameter, or as colours over two; others are not distinguished."""
+    """Plot of a figure over one parameter, or as colours over two; other parameters overlap."""
     status = np.array(view.status)
     done, failed = status == view.done, status != view.done
     first, second = view.axes[0], view.axes[1] if len(view.axes) > 1 else colours

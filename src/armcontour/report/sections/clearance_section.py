@@ -118,7 +118,7 @@ def _posture(job: Job, result: RunResult, nearest: PairClearance) -> Any:
     path = seen_from_base(job.arm, outline_points(result.path))
     figure.add_trace(line_in_space(path, "path", PATH_COLOUR, width=6))
     drawn = [path]
-    # `draw_surroundings` draws the base.
+    # The base is skipped, because `draw_surroundings` draws it.
     for shape in () if shapes is None else shapes.shapes:
         if shape.link == 0 and not shape.tool:
             continue

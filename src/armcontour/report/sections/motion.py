@@ -215,7 +215,7 @@ def error(study: JobResult) -> Panel | None:
 
 
 def _plans(study: JobResult) -> dict[str, RunResult]:
-    """Runs with different explained plans, by the names of all runs that share the plan."""
+    """One run for each different explained plan, by the names of all runs that share the plan."""
     names_of_plan: dict[int, list[str]] = {}
     for name, result in study.runs.items():
         if result.explanation is not None:

@@ -80,7 +80,10 @@ def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def _keys_of_edit(edit: Mapping[str, Any], state: EditState) -> Keys:
-    """Keys that an edit changes, in the shown run if they are there; texts in a list are names."""
+    """Keys that an edit changes, in the shown run if the run has them.
+
+    Texts in a list of keys are names, which are used as they are.
+    """
     keys = key_of(edit["key"])
     if not isinstance(edit["key"], str):
         keys = tuple(Name(x) if isinstance(x, str) else x for x in keys)
