@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -71,9 +72,9 @@ def _front(result: Identification | BodyIdentification, data: Data) -> Front:
 
 def _next(joint: Any) -> str:
     """Advice on the next recording of a joint, from its note or its undetermined parameters."""
-    note = getattr(joint, "note", "")
-    if ": record" in note:
-        return str(note.rsplit(": ", 1)[1])
+    advice = re.search(r"[:.] (record .*)", getattr(joint, "note", ""), re.IGNORECASE)
+    if advice is not None:
+        return advice[1]
     unknown = [x.label for x in joint.estimates if not x.determined]
     words = "more motion at other velocities and accelerations, to determine"
     return f"{words} {', '.join(unknown)}" if unknown else "-"
