@@ -240,7 +240,9 @@ def batch(
     plan: Annotated[FilePath, typer.Argument(help="Plan of many jobs (.yaml).")],
     out: Annotated[
         FilePath,
-        typer.Option("--out", "-o", help="Folder for the results; that of an earlier run goes on."),
+        typer.Option(
+            "--out", "-o", help="Folder for the results; an earlier batch in it is continued."
+        ),
     ],
     options: BatchOptions,
 ) -> None:
@@ -259,7 +261,9 @@ def export(
     result: Annotated[
         FilePath, typer.Argument(help="Folder of a result, of `run`, `certify` or `learn`.")
     ],
-    file: Annotated[FilePath, typer.Argument(help="File to write; its ending says the format.")],
+    file: Annotated[
+        FilePath, typer.Argument(help="File to write; its extension determines the format.")
+    ],
     options: StoredExportOptions,
 ) -> None:
     """Export the set-points or the plan of an earlier result for a robot controller."""
@@ -375,7 +379,8 @@ def compile_functions(
     kind: Annotated[
         Kind,
         typer.Argument(
-            help="What to compile: all, or what usual runs need, in plane, in space, or both."
+            help="Functions to compile: all, or those of usual runs in the plane, in space, or "
+            "both (usual)."
         ),
     ] = Kind.all,
 ) -> None:

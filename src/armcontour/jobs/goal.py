@@ -26,7 +26,7 @@ class CertificateGoal(Checked):
 
     Args:
         tolerance: Largest distance of the tool from the objective path [m]. The part that servo and
-            cycle do not use goes to the corners. None keeps the corners of the run.
+            cycle do not use is available to the corners. None keeps the corners of the run.
         servo_error: Largest contour error from servo and cycle [m], over the whole box if there is
             one. None sets no limit of its own; then a tolerance is needed.
         rms: Largest root mean square of the contour error over time, of the nominal robot [m].
@@ -34,7 +34,7 @@ class CertificateGoal(Checked):
             "rigid_body" is the arm's rigid bodies, for jobs of one contour, with or without dwells.
         saturation: "refuse" certifies only plans that saturate no joint; "report" allows
             saturation, simulates it and reports how long it lasts.
-        box: Uncertainty of the robot's parameters; None takes the model as exact.
+        box: Uncertainty of the robot's parameters; None assumes that the model is exact.
         samples: Number of robots drawn from the box, in addition to the corners of the box, that
             are executed with servos.
         bodies: Number of robots drawn from the box that are executed as rigid bodies.

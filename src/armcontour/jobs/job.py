@@ -66,23 +66,23 @@ class Rounding(Checked):
 
     Args:
         shape: "arc" rounds corners with arcs; "free" finds, for the limits of the run, the fastest
-            path whose points are all within the tolerance of the objective, corners and lines
-            alike, and needs `tolerance` and the timing optimal.
+            path whose points are all within the tolerance of the objective, at corners and along
+            lines, and requires `tolerance` and the timing optimal.
         tolerance: Largest corner error [m] (case II).
         at: For the shape arc, the largest errors of single corners instead of `tolerance` [m], by
             the numbers of their waypoints from 1, such as `{2: 1 mm}`: points of a polyline or a
             spline, ends of segments. For a path of one contour.
         line_tolerance: For the shape free, the largest distance from the objective farther than
-            `zone` from its corners [m]; by default the tolerance holds everywhere.
-        zone: For the shape free, the distance from a corner within which `tolerance` holds [m].
+            `zone` from its corners [m]; by default the tolerance applies everywhere.
+        zone: For the shape free, the distance from a corner within which `tolerance` applies [m].
         iterations: For the shape free, the largest number of steps of the search; by default 60.
         speed: Lowest corner speed [m/s] (case I).
         acceleration: Centripetal acceleration at that speed [m/s²]. If the limits have no
             `centripetal_acceleration`, this value limits the corner speed too.
         angular_tolerance: Largest angle between the tool and its required orientation [rad].
-        continuity: For the shape arc, what is continuous along the rounded path: its "tangent", as
-            with arcs alone, or its "curvature" too, so that the tool goes on where jerk is limited.
-            By default the curvature for runs with limits of jerk, and the tangent for others.
+        continuity: For the shape arc, continuity of the rounded path: "tangent" with arcs alone, or
+            "curvature" with transitions, so that jerk limits do not require stops. By default
+            "curvature" for runs with jerk limits, and "tangent" for others.
         transition_tolerance: With a continuous curvature, the largest distance of the path from the
             objective where lines and arcs meet without a corner [m]; by default 10 µm, but not more
             than `tolerance`.
@@ -229,11 +229,12 @@ class Run(Checked):
         compensation: Options of `compensate`.
         rounding: How corners are rounded; None keeps sharp corners.
         cycle: Cycle [s].
-        end_time: End of the time over which errors are evaluated [s]; None is when all joints rest.
-        experiment: Options of a simulation on rigid bodies; None simulates none.
-        accuracy: Largest distance of the tool from the drawing with which the run counts as kept
-            [m]. By default corners may take their tolerances, and the contour error a tenth of the
-            smallest one.
+        end_time: End of the time over which errors are evaluated [s]; None: when all joints are at
+            rest.
+        experiment: Options of a simulation with rigid bodies; None for no such simulation.
+        accuracy: Largest allowed distance of the tool from the drawing [m]. By default, corners may
+            have errors up to their tolerances, and the contour error may be a tenth of the smallest
+            tolerance.
 
     Raises:
         InvalidInput: A cycle out of range, a time that is not above zero, or a rounding
@@ -336,7 +337,7 @@ class Job(Checked):
         scene: Obstacles in the cell; None if they are unknown.
         ignore_collisions: Whether runs continue if the arm comes too near to itself or to its cell;
             results report this.
-        part: The frame of the part: path, file or points are placed by it already.
+        part: Part frame, with which the path is already transformed.
 
     Raises:
         InvalidInput: No run, two runs of the same name, a name that is too long or not printable,

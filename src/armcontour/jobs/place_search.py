@@ -153,7 +153,7 @@ MIDDLE, ORIGIN = POINTS = ("middle", "origin")
 SPACE = 3
 # Help texts of options.
 OVER = "Axis (x, y, z, yaw or tilt), range and number of places: 'x: -300 mm .. 300 mm, 25'."
-OFF = "Position error of the part, whose worst corner counts: 'x: 2 mm'; 0 takes an axis out."
+OFF = "Position error of the part; the worst corner of it counts: 'x: 2 mm'; 0 removes an axis."
 
 
 @checks.explain_calls
@@ -176,10 +176,11 @@ class PlaceSearch(Checked):
             worst case, planned at the place and at each corner of this box. 0 ignores the axis.
         what: Moved object: the "part", with the obstacles that are fixed to it; or the "base" of
             the arm, relative to its cell.
-        absolute: Whether x, y and z are coordinates of the point that they move; by default they
-            are added to it.
-        about: The point that they move, and that angles turn about: the "middle" of the path, the
-            "origin" of its coordinates, or a point [m], (3,). A base turns about its own origin.
+        absolute: Whether x, y and z are the new coordinates of the point `about`; by default they
+            are added to its coordinates.
+        about: The point to which x, y and z refer and about which angles rotate: the "middle" of
+            the path, the "origin" of its coordinates, or a point [m], (3,). A base rotates about
+            its own origin.
         every: Whether to plan every place, for a map without bounds; this takes far longer.
         refined: Whether to look for a better place between those of the grid.
         run: Name of the run; by default the only one, or the only one with the timing optimal.

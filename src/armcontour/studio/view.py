@@ -209,7 +209,7 @@ class Detail:
         return indices, np.append(first, len(indices))
 
     def essential_points(self, points: FloatArray, ends: IntArray) -> BoolArray:
-        """Mask of the points to draw, (n,), so that lines have their corners and stay in `error`."""
+        """Mask of the points to draw, (n,), so that lines have corners and stay within `error`."""
         mask = np.zeros(len(points), dtype=bool)
         mask[ends[:-1]] = mask[ends[1:] - 1] = True
         turned = np.floor(_turns(points, ends) / CORNER_TURN)
