@@ -88,7 +88,7 @@ def test_check_takes_packages_and_arguments(folder):
     for arguments, words in (
         (options[:2], "--xacro-arg kind=VALUE"),
         (options[2:], "--package six=FOLDER"),
-        (("--package", "six"), "--package takes NAME=VALUE"),
+        (("--package", "six"), "--package must be NAME=VALUE"),
     ):
         refused = armcontour(*LINES["check"], "--trust-xacro", *arguments)
         assert isinstance(refused.exception, InvalidInput) and words in str(refused.exception)

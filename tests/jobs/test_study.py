@@ -285,7 +285,7 @@ def test_the_run_is_chosen_by_its_name_or_the_only_one():
     assert choose_run(job, "other", "learned") is other
     assert choose_run(job, None, "learned", [only]) is only
     refused(
-        (lambda: choose_run(job, None, "placed"), "be placed, with --run (only, o"),
+        (lambda: choose_run(job, None, "placed"), "be placed. Choose it with --run (only, o"),
         (lambda: choose_run(job, "cut", "placed"), "no run 'cut'", "only, other"),
     )
 

@@ -46,11 +46,11 @@ def test_a_speed_and_a_tolerance_above_the_runs_are_reported_once():
     names = "MARK 1", "CUT 1", "MARK 2"
     moves = (Contour(path=drawn(*x), name=y) for x, y in zip(values, names, strict=True))
     speed, tolerance = warnings_of(job(Program(moves=tuple(moves))))
-    capped = "of contour MARK 1, contour MARK 2 is capped at "
+    capped = "of contour MARK 1, contour MARK 2 is reduced to "
     assert f"speed of up to 150 mm/s {capped}100 mm/s by limits.speed: " in speed
     assert f"tolerance of up to 0.5 mm {capped}0.25 mm by corners.tolerance: " in tolerance
     (speed,) = warnings_of(job(drawn(0.15, 0.1e-3)))
-    assert "of contour 1 is capped" in speed
+    assert "of contour 1 is reduced" in speed
 
 
 def test_limits_that_change_nothing_are_not_reported():
@@ -94,7 +94,7 @@ def test_who_judges_set_points_that_are_for_the_bodies():
     (warning,) = bare.warnings
     deviation = bare.evaluation.contour_error.max * 1e3
     assert (
-        f"(there the tool is up to {deviation:.4g} mm off)" in warning
+        f"(with the servo model, the contour error is up to {deviation:.4g} mm)" in warning
         and "experiment: {}" in warning
     )
     result = only(job(straight, **options, experiment=Experiment()))

@@ -164,9 +164,9 @@ def test_a_drawing_becomes_a_job_beside_it_with_the_comments_of_its_cell(tmp_pat
 def test_a_job_without_a_folder_may_name_no_files():
     document = Document.of_text(TEXT, None, "upload.yaml")
     assert document.on_disk() == "none" and not document.dirty
-    with pytest.raises(InvalidInput, match="upload.yaml names the file part.dxf"):
+    with pytest.raises(InvalidInput, match="upload.yaml refers to the file part.dxf"):
         Document.of_text("path: {file: part.dxf}\n", None, "upload.yaml")
-    with pytest.raises(InvalidInput, match="names the file /etc/passwd"):
+    with pytest.raises(InvalidInput, match="refers to the file /etc/passwd"):
         document.apply([Change(("path", "file"), "/etc/passwd")], "file")
     assert document.text == TEXT
     with pytest.raises(InvalidInput):

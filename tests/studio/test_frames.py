@@ -450,7 +450,7 @@ def test_set_points_are_farther_apart_unless_gains_need_short_intervals(previewe
         previewer.plan(paper, "other")
     planned = previewer.plan(paper, "optimal")
     assert planned.run.cycle == 4e-3
-    assert planned.differs == ("set-points come every 4 ms, and in a run every 0.2 ms.",)
+    assert planned.differs == ("the preview has a cycle of 4 ms; the full run has 0.2 ms.",)
     assert previewer.plan(paper, "optimal", tier=Tier.EXACT).run.cycle == 0.2e-3
     stiff = paper | {"servo": {"kp": 25, "kv": 300_000}}
     assert previewer.plan(stiff, "optimal").run.cycle == 0.2e-3

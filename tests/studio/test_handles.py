@@ -206,7 +206,7 @@ def test_what_waypoints_do_not_have_is_refused(tmp_path):
     text = JOB.format(arm="ur5e", path="{file: a.csv}")
     job, data = parse_job(text, folder=tmp_path), load(text, "")
     state = EditState(data=data, run="own", handles=handles_of(job, data))
-    with pytest.raises(InvalidInput, match="a.csv gives the orientation of the tool"):
+    with pytest.raises(InvalidInput, match="a.csv specifies tool orientations"):
         changes_of({"do": "to_waypoints"}, state)
 
 

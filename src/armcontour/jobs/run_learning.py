@@ -262,7 +262,7 @@ def _other_set_points(run: LearningRun) -> list[str]:
         f"The set-points in {run.source} differ from those of the run by "
         f"{number(run.set_points_off, 'rad')} RMS, and the joints deviate from the plan by "
         f"{number(deviation, 'rad')} RMS. If the robot executed other set-points, all figures of "
-        "this run are wrong; in this case, specify the executed set-points with --set-points."
+        "this run are wrong; in this case, specify the executed set-points (--set-points)."
     ]
 
 
