@@ -30,7 +30,7 @@ PointRecord: TypeAlias = tuple[str, Keys, FloatArray | None, Sequence[Any]]
 LENGTH, ANGLE = Quantity("m", "1 mm"), Quantity("rad", "90 deg")
 # Maximum distance at which a point counts as lying on a plane or line [m].
 FLAT = 1e-9
-# If the x component of a plane's normal is at least this, the normal counts as parallel to x.
+# If the absolute x component of a normal is at least this, the normal counts as parallel to x.
 STEEP = 0.9
 AXES = frozen_array(np.eye(3))
 # Keys of the obstacle lists of a scene.

@@ -118,7 +118,8 @@ def compare(request: Request) -> PageFrame:
     table = differences(results[0].to_data(), results[1].to_data(), names)
     saved = results[1].trajectory.duration - results[0].trajectory.duration
     words = "shorter" if saved > 0 else "longer"
-    sentence = f"The motion of {names[0]} is {number(abs(saved), 's')} {words} than {names[1]}."
+    subject = f"The motion of {names[0]} is" if other else "The motion is now"
+    sentence = f"{subject} {number(abs(saved), 's')} {words} than {names[1]}."
     length = max(y.path.length for y in results)
     duration = max(y.motion.t[-1] for y in results)
     s, t = np.linspace(0, length, POINTS), np.linspace(0, duration, POINTS)
