@@ -72,7 +72,7 @@ def judge(planned: Planned, errors: Sequence[float]) -> tuple[bool | None, str]:
         return False, f"the allowed corner error is {number(tolerance, 'm')}"
     if run.accuracy is not None:
         satisfied = sum(filter(None, farthest(planned, errors))) <= run.accuracy * (1 + ROUNDING)
-        return satisfied, f"{number(run.accuracy, 'm')} off the drawing is allowed"
+        return satisfied, f"the allowed distance from the drawing is {number(run.accuracy, 'm')}"
     if max(errors) <= allowed:
         return True, ""
     return False, (
