@@ -161,7 +161,7 @@ def test_wrong_files_are_refused_before_anything_starts(tmp_path, monkeypatch, c
     for name, options, words in (
         ("none.yaml", {}, "There is no job file none.yaml"),
         ("none.dxf", {"cell": "ur5e"}, "none.dxf"),
-        ("part.csv", {}, "part.csv is a drawing: .*--cell"),
+        ("part.csv", {}, "part.csv is a drawing, .*--cell"),
     ):
         with pytest.raises(InvalidInput, match=words):
             open_studio(None if name is None else Path(name), StudioOptions(**options))

@@ -60,7 +60,7 @@ def test_two_runs_of_a_robot(command, shop, tmp_path, refused, done):
     log, out, third = written(tmp_path, shop.table), tmp_path / "second", tmp_path / "third"
     learn = ("learn", shop.file, "--log")
     shown = done(*learn, log, "--set-points", shop.first, "--out", out)
-    assert "run.csv" in shown and "Continue with another run: the expected error of" in shown
+    assert "run.csv" in shown and "Continue with" in shown and "expected error of the next" in shown
     data = summary(out)
     present = {x.relative_to(out).as_posix() for x in out.rglob("*") if x.is_file()}
     assert set(data["files"]) == present - {".armcontour.json"}
@@ -126,7 +126,7 @@ def test_recorded_set_points_stay_valid_with_another_servo(shop, tmp_path, refus
     assert runs[1]["contour_rms"] < 0.25 * runs[0]["contour_rms"]
     # Another plan is refused.
     other.write_text(CORNER_JOB.replace("0.72 rad", "0.70 rad"), encoding="utf-8")
-    rows = [((other, "--log", log, "--set-points", shop.first, "--out", "a"), ["restart learning"])]
+    rows = [((other, "--log", log, "--set-points", shop.first, "--out", "a"), ["begin again"])]
     assert refused(tmp_path, rows, codes=(2,), begin=("learn",)) == []
 
 
