@@ -129,7 +129,7 @@ def test_automatic_leads_stop_growing_where_the_speed_does():
     assert program.contours[0].work[0] < 0.01
     # No lead helps, which a warning says with the place.
     (warning,) = run(case).runs["compensated"].warnings
-    for words in ("2 places", "contour hole", "30 mm/s of 50 mm/s", "with a lead of"):
+    for words in ("2 cases", "contour hole", "30 mm/s instead of 50 mm/s", "with a lead of"):
         assert words in warning
 
 
@@ -165,7 +165,7 @@ def test_warns_of_leads_that_are_too_short_and_of_none_that_are_not_there():
         return run(job(process, Contour(path=path))).runs["compensated"].warnings
 
     (warning,) = warnings(BEND, lead_in=0.001)
-    assert "contour 1 begins at" in warning and "with a lead of 1 mm: a longer lead" in warning
+    assert "contour 1 begins at" in warning and "with a lead of 1 mm. Use a longer lead" in warning
     assert warnings(BEND) == ()
     # From 50 mm/s the tool does not stop within 3 mm, however long the lead before them.
     line = Path.polyline([[0.3, 0.2], [0.303, 0.2]])

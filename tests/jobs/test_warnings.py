@@ -47,7 +47,7 @@ def test_a_speed_and_a_tolerance_above_the_runs_are_reported_once():
     moves = (Contour(path=drawn(*x), name=y) for x, y in zip(values, names, strict=True))
     speed, tolerance = warnings_of(job(Program(moves=tuple(moves))))
     capped = "of contour MARK 1, contour MARK 2 is reduced to "
-    assert f"speed of up to 150 mm/s {capped}100 mm/s by limits.speed: " in speed
+    assert f"speed of up to 150 mm/s {capped}100 mm/s by limits.speed. " in speed
     assert f"tolerance of up to 0.5 mm {capped}0.25 mm by corners.tolerance: " in tolerance
     (speed,) = warnings_of(job(drawn(0.15, 0.1e-3)))
     assert "of contour 1 is reduced" in speed
@@ -77,7 +77,7 @@ def test_a_demand_far_above_the_limit_is_warned_of_with_its_cause():
     joint = int(ratio.argmax())
     assert f"the demand of joint {joint + 1} is " in warning and "a larger reserve" in warning
     assert f"{ratio[joint]:.3g} times its acceleration limit at " in warning
-    assert f"{result.evaluation.contour_error.max * 1e3:.4g} mm off" in warning
+    assert f"{result.evaluation.contour_error.max * 1e3:.4g} mm. " in warning
 
 
 def test_a_duration_is_kept():
@@ -167,7 +167,7 @@ def test_contours_far_slower_than_assigned_are_warned_of_with_the_slowest():
     assert "instead of 150 mm/s" in warning
     a, b = (Contour(path=measured(x), name=name) for x, name in ((4e-3, "a"), (6e-3, "b")))
     (warning,) = slow(Program(moves=(a, Rapid(), b)))
-    assert "of 2 places" in warning and "contour b" in warning
+    assert "of 2 cases" in warning and "contour b" in warning
     circle = ac.Path.from_segments([ac.Arc(start=(0.32, 0.2), center=(0.3, 0.2), angle=2 * np.pi)])
     assert len(slow(circle, limits={"centripetal_acceleration": 0.02})) == 1
     # Smooth axes, a given duration and lines without room for their speed are not warned of.
@@ -221,7 +221,7 @@ def test_wrong_axes_and_searches_are_refused():
         ({}, "over must be a mapping of the axes"),
         ({"w": (0, 1, 2)}, "no axis 'w'. The axes are x, y, z, yaw, tilt"),
         ({"x": (0, 0.1, 0)}, "number of places along x"),
-        ({"x": (0, 0.1, 1)}, "1 place along x from 0 to 0.1 m"),
+        ({"x": (0, 0.1, 1)}, "1 place from 0 to 0.1 m"),
         ({"x": (0, 0.1)}, "first value, the last value and the number"),
         ({"x": (0, 1, 2000), "y": (0, 1, 2000)}, "4,000,000 places, but at most 500,000"),
     )

@@ -275,7 +275,7 @@ def test_frames_and_points_keep_their_written_form():
     assert data["path"]["points"][1] == ["361.5 mm", "20 cm"]
     data = edited(PLANE, do="set_waypoint", index=1, value=["361", "210 mm"])
     assert data["path"]["points"][1] == ["361 mm", "210 mm"]
-    with pytest.raises(InvalidInput, match="Waypoint 2 has 2 coordinates"):
+    with pytest.raises(InvalidInput, match="waypoint 2 must be a list of 2 coordinates"):
         edited(PLANE, do="set_waypoint", index=1, value=["1 mm"])
 
 
@@ -287,7 +287,7 @@ def test_a_point_lies_where_it_was_moved_to(text, index, u, v):
     point = handles.waypoints[index]
     to = point.uv + [u, v]
     if point.why_not is not None:
-        with pytest.raises(InvalidInput, match="Waypoint 4 cannot be moved. This end follows"):
+        with pytest.raises(InvalidInput, match="Waypoint 4 cannot be moved. The centre"):
             edited(text, do="move_waypoint", index=index, to=to.tolist())
         return
     data = edited(text, do="move_waypoint", index=index, to=to.tolist())
