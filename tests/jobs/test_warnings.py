@@ -48,7 +48,7 @@ def test_a_speed_and_a_tolerance_above_the_runs_are_reported_once():
     speed, tolerance = warnings_of(job(Program(moves=tuple(moves))))
     capped = "of contour MARK 1, contour MARK 2 is reduced to "
     assert f"speed of up to 150 mm/s {capped}100 mm/s by limits.speed. " in speed
-    assert f"tolerance of up to 0.5 mm {capped}0.25 mm by corners.tolerance: " in tolerance
+    assert f"tolerance of up to 0.5 mm {capped}0.25 mm by corners.tolerance. " in tolerance
     (speed,) = warnings_of(job(drawn(0.15, 0.1e-3)))
     assert "of contour 1 is reduced" in speed
 
