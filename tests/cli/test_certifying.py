@@ -54,7 +54,7 @@ def test_options_replace_the_keys_of_the_job(job, refused, tmp_path, done):
     ]
     assert refused(tmp_path, rows, codes=(2,), begin=("certify", job)) == []
     rows = [
-        (("certify", GASKET, "--cell", "pmk3s"), ["needs a tolerance"]),
+        (("certify", GASKET, "--cell", "pmk3s"), ["requires a tolerance"]),
         (("certify", GASKET, "--servo-error", "0.1 mm"), ["--cell"]),
     ]
     assert refused(tmp_path, rows, codes=(2,)) == []

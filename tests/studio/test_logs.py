@@ -168,7 +168,7 @@ def test_logs_that_do_not_fit_the_job_are_refused(ask, robot, done, tmp_path):
             # One sentence, which names the log and not where it is kept.
             assert "bad.csv" in str(refused.value) and str(tmp_path) not in str(refused.value)
     for task in (*every, "export"):
-        with pytest.raises(InvalidInput, match="needs a log"):
+        with pytest.raises(InvalidInput, match="requires a log"):
             ask(task, of="learned")
     for content in (bytes(range(256)) * 40, b"\x1f\x8b\x08" + bytes(200), b"x"):
         log.write_bytes(content)

@@ -362,7 +362,7 @@ def test_goals_of_job_files(refuses):
         (text.replace("run: only", "run: none"), "certificate.run"),
         (text.replace("10 %", "10 mm"), "percentage"),
         (text.replace("10 %", "100 %"), "0 to below 1"),
-        (LINE + "certificate: {}\n", "needs a tolerance"),
+        (LINE + "certificate: {}\n", "requires a tolerance"),
     ):
         refuses(partial(parse_job, wrong), ac.InvalidInput, words)
 

@@ -251,12 +251,12 @@ def test_wrong_wishes_are_refused(square):
     for job, wrong, words in (
         (square, {"objective": "beauty"}, "must be one of duration, manipulability"),
         (square, {"objective": "clearance"}, "shapes of the arm UR5e are not known"),
-        (square, {"run": "first"}, "no run 'first': its runs are compensated"),
+        (square, {"run": "first"}, "no run 'first'. Its runs are compensated"),
         (square, {"what": "base", "about": "origin"}, "A base turns about its own origin"),
         (square, {"what": "base", "over": {"tilt": (0, 1, 2)}}, "A base cannot be tilted"),
         (square, {"processes": 0}, "processes"),
         (slow, {}, "specified duration of 5 s"),
-        (parse_job(CORNER), {"over": {}}, "they are the key placement.over"),
+        (parse_job(CORNER), {"over": {}}, "use the key placement.over"),
     ):
         processes = wrong.pop("processes", None)
         with pytest.raises(InvalidInput, match=words):
