@@ -18,43 +18,44 @@ from armcontour.core.sampling import white_noise
 from armcontour.motion.log import FEWEST, Log
 from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
 
-# Gaps of more sample intervals than this split a log, because the command in the gap is unknown.
+# A gap of more sample intervals than this splits a log, because the command in it is unknown.
 SHORT_GAP = 20.0
-# Time at the start of a log that fits ignore [s]: it depends on commands before the log.
+# Time at the start of a log that fits ignore, because it depends on commands before the log [s].
 SKIPPED = 0.04
 # Time over which the speed of the command is averaged [s], about the settling time of a servo.
 RECENT = 0.1
-# Samples from which the initial velocity is estimated.
+# Number of samples from which the initial velocity is estimated.
 STARTING = 20
-# A command below this share of the typical speed counts as rest; the percentile of the typical
-# speed, above which weights do not increase.
+# AT_REST: a command slower than this share of the typical speed counts as rest.
+# TYPICAL: percentile of the command speeds that is the typical speed, the upper bound of weights.
 AT_REST, TYPICAL = 0.02, 95
-# Contiguous parts of equal motion of a single log.
+# Number of contiguous parts with equal motion into which a single log is divided.
 PARTS = 5
-# Typical sizes of changes in a fit: of logarithms for LOGARITHMIC, others in SI units.
+# Typical changes of the parameters in a fit: of the logarithm for LOGARITHMIC, else in SI units.
 SCALES = JointServo(0.5, 0.5, 0.2, 0.05, 3e-3, 0.5, 1e-3, 0.5)
-# Parameters in which the motion is linear (as in its initial state) if nothing saturates.
+# Parameters in which the simulated motion is linear unless an acceleration limit is fitted.
 LINEAR = ("velocity_feedforward", "acceleration_feedforward", "friction")
-# Typical measurement offset [rad]; initial position, velocity and, with an integrator, acceleration
-# [rad, rad/s, rad/s²].
+# Typical changes of the initial values of a log: measurement offset [rad], position [rad],
+# velocity [rad/s], acceleration [rad/s²] (only with an integrator).
 BEGIN_SCALES = np.array([1e-3, 1e-3, 0.05, 1.0])
-# Step of numerical derivatives, in these sizes.
+# Step of numerical derivatives, as a share of these typical changes.
 STEP = 1e-5
-# Smaller values, at a bound of zero, are rounding errors.
+# Fitted parameters up to this value are rounding errors at the bound 0.
 ROUNDING = 1e-9
-# Residuals are in mrad, and clipped if a trial diverges.
+# Residuals are in mrad (MRAD per rad) and clipped to this magnitude, because trials can diverge.
 MRAD, MOST = 1e3, 1e4
-# Range of the gains of the search [1/s]: velocity loops of drives have bandwidths below 160 Hz.
+# Bounds of the gains in the search [1/s]; velocity loops of drives have bandwidths below 160 Hz.
 SLOWEST, FASTEST = 0.1, 1000.0
-# Unknowns whose typical change moves all samples by less than this have no effect [mrad].
+# A linear unknown has no effect if its typical change changes the residuals by at most this norm
+# [mrad].
 INVISIBLE = 1e-4
-# Standard deviations in half a 95 % interval.
+# Half-width of a 95 % interval of a normal distribution [standard deviations].
 REACH = 1.96
-# Standard deviations that are small enough for any value.
+# Parameters with at most this standard deviation are determined, however small their value is.
 ALSO = {"dead_time": 0.5e-3, "velocity_feedforward": 0.05, "acceleration_feedforward": 0.05}
-# Effects of a drive cycle exceed their first-order approximation by up to this factor.
+# Largest ratio of the effect of a drive cycle to its first-order approximation.
 HIGHER = 1.2
-# Number of fitted initial values of a log: offset, position, velocity.
+# Number of fitted initial values (offset, position, velocity) of a log segment, by model order.
 BEGINS = {"unknown": 1, "delay": 1, "first": 2, "second": 3}
 
 
@@ -66,7 +67,7 @@ class Model(NamedTuple):
 
 
 class Search(NamedTuple):
-    """Longest dead time [s], drive cycle [s] (0 for continuous loops), and allowed orders."""
+    """Search range: longest dead time [s], drive cycle [s] (0: continuous loop), allowed orders."""
 
     longest: float
     drive_cycle: float
@@ -78,7 +79,7 @@ class Search(NamedTuple):
         return min(FASTEST, 2 / self.drive_cycle) if self.drive_cycle else FASTEST
 
     def bounds(self, model: Model) -> tuple[FloatArray, FloatArray]:
-        """Bounds of the parameters of a model, logarithms for LOGARITHMIC, (m,) each."""
+        """Lower and upper bounds of a model's parameters, (m,) each; logarithms for LOGARITHMIC."""
         fastest = self.fastest
         lead = 3.0 if model.order == "second" else 0.3
         ranges = JointServo(
@@ -93,29 +94,29 @@ class Search(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LogSegment:
-    """One joint in one log, or between two gaps of it; arrays are (n,)."""
+    """Samples of one joint in one log without a long gap; arrays are (n,)."""
 
     log: int  # Index of the log
     start: int  # Index of its first sample in the log
     command: LoggedCommand  # Command with times and set-points
     y: FloatArray  # Measured positions [rad]
-    use: BoolArray
-    weight: FloatArray  # Weight of each sample, by the motion of the command
-    part: IntArray  # Index of the part (for cross-validation) of each sample
+    use: BoolArray  # Mask of the samples that are fitted
+    weight: FloatArray  # Weight of each sample: limited speed of the command [rad/s], 0 at rest
+    part: IntArray  # Index of the cross-validation part of each sample
 
     def after(self, lag: float) -> LogSegment:
-        """The segment, with samples used after SKIPPED and a lag of the joint [s]."""
+        """The segment whose mask `use` excludes the first SKIPPED and `lag` seconds."""
         t = self.command.t
         return replace(self, use=t >= min(max(SKIPPED, lag, t[5]), t[-1] / 4))
 
     @property
     def velocity(self) -> float:
-        """Measured velocity at the begin [rad/s]."""
+        """Measured velocity at the start of the segment [rad/s]."""
         n = min(STARTING, len(self.y))
         return float(np.polyfit(self.command.t[:n], self.y[:n], 1)[0])
 
     def cut(self, a: int, b: int, every: int = 1) -> LogSegment:
-        """Every `every`-th sample from a to b, with set-points only there and before."""
+        """Every `every`-th sample from index a to b, with set-points only at and before them."""
         c, before = self.command, len(self.command.knots) - len(self.command.t)
         a += -(before + a) % every
         knots, samples = slice(0, before + b, every), slice(a, b, every)
@@ -131,8 +132,8 @@ class LogSegment:
 def split_logs(
     logs: Sequence[Log], j: int, interpolation: str, lag: float = 0.0
 ) -> list[LogSegment]:
-    """Split logs at long gaps, weigh the samples of joint j by motion, divide them into parts."""
-    # The first `lag` + SKIPPED seconds do not count.
+    """Segments of joint j between long gaps of the logs, weighted by motion, with parts."""
+    # `use` excludes the start of each segment: the larger of `lag` and SKIPPED [s].
     spans = []
     for i, log in enumerate(logs):
         t = log.t
@@ -169,11 +170,11 @@ def split_logs(
 
 
 class Problem:
-    """The least-squares problem of a model and log segments, solved by variable projection."""
+    """Least-squares problem of a model and log segments, solved by variable projection."""
 
-    # Unknowns are the parameters of the model, and for each segment the offset of the measurement
-    # and the initial position, velocity and acceleration that the model has. Linear unknowns are
-    # solved for in every step; only the others are searched.
+    # Unknowns are the m parameters of the model, then for each segment b initial values: the
+    # measurement offset and the position, velocity and acceleration that the model requires.
+    # The search varies the nonlinear unknowns only; each step solves for the linear unknowns.
 
     def __init__(self, model: Model, segments: Sequence[LogSegment], search: Search) -> None:
         self.model, self.segments, self.search = model, segments, search
@@ -191,7 +192,7 @@ class Problem:
         self.steps = np.where(self.linear, 1.0, STEP) * self.scale
 
     def servo(self, unknowns: FloatArray) -> JointServo:
-        """The servo of parameters (..., m)."""
+        """The servo with parameters (..., m), which are logarithms for LOGARITHMIC."""
         values = np.where(
             self.logarithmic, np.exp(np.where(self.logarithmic, unknowns, 0.0)), unknowns
         )
@@ -199,7 +200,7 @@ class Problem:
         return JointServo(**{"kp": np.inf, **parameters})
 
     def guess(self, values: dict[str, float], lag: float) -> FloatArray:
-        """Unknowns from parameters, with initial states as for a pure delay."""
+        """Unknowns from parameter values; initial values are those of a pure delay of `lag` [s]."""
         parameters = np.array([values.get(x, 0.0) for x in self.model.free])
         parameters = np.where(self.logarithmic, np.log(np.maximum(parameters, 1e-9)), parameters)
         begins = []
@@ -210,15 +211,15 @@ class Problem:
         return np.asarray(np.clip(np.concatenate([parameters, begins]), self.low, self.high))
 
     def select(self, unknowns: FloatArray, indices: Sequence[int]) -> FloatArray:
-        """The unknowns of a problem with some of the segments."""
+        """The unknowns that belong to a problem with only the segments of these indices."""
         begins = unknowns[self.m :].reshape(-1, self.b)[list(indices)]
         return np.concatenate([unknowns[: self.m], begins.ravel()])
 
     def linearize(
         self, unknowns: FloatArray, only: BoolArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Residuals [mrad], and their derivatives by all unknowns or by those of a mask."""
-        # Residuals are simulated less measured positions of the samples that count.
+        """Residuals [mrad], and their derivatives by all unknowns or by the unknowns of a mask."""
+        # Residuals are simulated less measured positions of the used samples.
         m, b = self.m, self.b
         only = np.full(len(unknowns), True) if only is None else only
         searched, later = np.flatnonzero(only[:m]), np.flatnonzero(only[m + 1 : m + b]) + 1
@@ -246,16 +247,15 @@ class Problem:
         return np.clip(every[0], -MOST, MOST), every[1:].T
 
     def residuals(self, unknowns: FloatArray) -> FloatArray:
-        """Simulated less measured positions of the samples that count [mrad]."""
+        """Simulated less measured positions of the used samples [mrad]."""
         return self.linearize(unknowns, np.full(len(unknowns), False))[0]
 
     def project(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The unknowns with the best linear ones, and their residuals [mrad]."""
-        # Returns unknowns, residuals, and normalized derivatives by linear ones within their
-        # bounds.
+        """Solve for the linear unknowns: unknowns, residuals [mrad] and normalized derivatives."""
+        # The derivatives are by the linear unknowns that are not at their bounds.
         linear = np.flatnonzero(self.linear)
         start, slopes = self.linearize(unknowns, self.linear)
-        if np.abs(start).max() >= MOST:  # Diverged: an offset must not hide it.
+        if np.abs(start).max() >= MOST:  # The simulation diverged; an offset must not hide this.
             return unknowns, start, slopes[:, :0]
         slopes, size = normalize(slopes * self.scale[linear], INVISIBLE)
         size /= self.scale[linear]
@@ -264,7 +264,7 @@ class Problem:
         within, step = np.full(len(linear), True), np.zeros(len(linear))
         for _ in range(len(LINEAR) + 1):
             inverse = invert(square[np.ix_(within, within)])[0]
-            # The second solution removes rounding errors of the first one.
+            # The second iteration removes the rounding errors of the first iteration.
             for _ in range(2):
                 errors = start + np.einsum("ki,i->k", slopes, step)
                 step[within] -= inverse @ np.einsum("ki,k->i", slopes[:, within], errors)
@@ -277,11 +277,11 @@ class Problem:
         return best, start + np.einsum("ki,i->k", slopes, step), slopes[:, within]
 
     def cost(self, unknowns: FloatArray) -> float:
-        """Half of the sum of squared residuals with the best linear unknowns [mrad²]."""
+        """Half of the sum of squared residuals after solving for the linear unknowns [mrad²]."""
         return float(np.sum(self.project(np.clip(unknowns, self.low, self.high))[1] ** 2)) / 2
 
     def solve(self, start: FloatArray, evaluations: int) -> Any:
-        """Solve the problem from a start with at most `evaluations` evaluations."""
+        """Solution by `scipy.optimize` from a start with at most `evaluations` evaluations."""
         searched = np.flatnonzero(~self.linear)
         begin = np.clip(start, self.low, self.high)
         unknowns, linear = begin, np.empty((0, 0))
@@ -320,7 +320,7 @@ class Fit:
 
     @property
     def servo(self) -> JointServo:
-        """The servo, with plain numbers."""
+        """The fitted servo, with floats as values."""
         values = self.problem.servo(self.x[: self.problem.m])
         return JointServo(*(float(x) if x > ROUNDING else 0.0 for x in values))
 
@@ -330,7 +330,7 @@ class Fit:
         return float(white_noise(self.problem.residuals(self.x))) / MRAD
 
     def at_bounds(self) -> tuple[set[str], set[str]]:
-        """Parameters at their lower bounds, and at their upper ones."""
+        """Names of the parameters at their lower bounds, and at their upper bounds."""
         p, m = self.problem, self.problem.m
         near, names = 1e-2 * p.scale[:m], np.array(p.model.free)
         low, high = self.x[:m] - p.low[:m] < near, p.high[:m] - self.x[:m] < near
@@ -338,7 +338,7 @@ class Fit:
 
 
 def fit(problem: Problem, starts: Sequence[FloatArray], evaluations: int = 60) -> Fit:
-    """Solve a problem from the best starts with few evaluations, then continue the best fit."""
+    """Solve a problem from its best starts with few evaluations, then refine the best solution."""
     few = evaluations
     if len(starts) > 1:
         few = min(12, evaluations // 4)
@@ -351,7 +351,7 @@ def fit(problem: Problem, starts: Sequence[FloatArray], evaluations: int = 60) -
 
 
 def predict(segment: LogSegment, servo: JointServo, order: str, drive_cycle: float) -> FloatArray:
-    """Positions of a servo over a log segment [rad], (n,); offset and initial state are fitted."""
+    """Predicted positions in a log segment [rad], (n,); offset and initial state are fitted."""
     s, b = segment, BEGINS[order] + int(servo.ki > 0)
     free = np.isinf(servo.acceleration_limit)
     scale = BEGIN_SCALES[:b]
@@ -364,7 +364,7 @@ def predict(segment: LogSegment, servo: JointServo, order: str, drive_cycle: flo
 
     x = np.array([0.0, s.y[0], s.velocity, 0.0])
     q = simulate(x + steps)
-    # Without saturation the motion is linear in its initial state, so one step is enough.
+    # Without saturation the motion is linear in its initial state, so one iteration is sufficient.
     for _ in range(1 if free else 8):
         slopes = (q - q[0]) / np.maximum(steps.sum(axis=1), 1e-300)[:, None]
         slopes[0] = 1.0
@@ -388,10 +388,10 @@ def estimate_parameters(
     longest_cycle: float = 0.0,
     rivals: Sequence[JointServo] = (),
 ) -> dict[str, Estimate]:
-    """Estimates of the parameters of a fit, by name; no interval for those at a bound."""
-    # without: servos that are fitted without one part of the logs each. Their scatter shows effects
-    # that are not modelled, such as other joints. rivals: servos of other models with equal errors,
-    # if no model is complete. longest_cycle: longest cycle of the drive, if it is unknown [s].
+    """Estimates of the parameters of a fit by name; parameters at a bound have no interval."""
+    # without: servos each fitted without one part of the logs. Their scatter includes the effects
+    # that are not modelled, such as other joints. rivals: servos of other models with nearly the
+    # same error, if no model is complete. longest_cycle: longest drive cycle, if it is unknown [s].
     p, names, bounds = fit.problem, fit.problem.model.free, set().union(*fit.at_bounds())
     free = np.full(len(fit.x), True)
     free[: p.m] = [x not in bounds for x in names]
@@ -423,8 +423,8 @@ def estimate_parameters(
 
 
 def cycled_servo(servo: JointServo, drive_cycle: float) -> JointServo:
-    """The servo with a cycle [s] that moves as a continuous one, to first order in the cycle."""
-    # Held values and differences over a cycle have a delay of half a cycle.
+    """The servo with a drive cycle [s] that is equivalent, to first order, to the given servo."""
+    # Held values and differences over a drive cycle are delayed by half a drive cycle.
     half = HIGHER * drive_cycle / 2
     kp, ki = servo.kp / (1 + servo.kp * half), servo.ki / (1 + servo.ki * half)
     slow = 1 - (kp + ki) * half

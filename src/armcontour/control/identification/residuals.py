@@ -1,4 +1,4 @@
-"""Residuals of a joint: whiteness test, patterns, and the recommended next recording."""
+"""Residuals of the model of a joint: whiteness test, patterns, and recommended next recording."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.sampling import white_noise
 from armcontour.motion.log import Log
 
-# A pattern is named if it explains this share of the squared residuals.
+# A pattern is reported if it explains at least this share of the squared residuals.
 NAMED = 0.25
-# Residuals are fast if half of their power is above this multiple of that frequency of the motion.
+# Residuals are fast if their median frequency exceeds this multiple of the command's median one.
 FAST = 3.0
-# Velocity below which dry friction is not at its full size, as a share of the largest one.
+# Share of the largest velocity at which the smoothed sign function of dry friction is tanh(1).
 SLIDING = 0.02
-# Velocities and accelerations are those over this time [s].
+# Spacing of the samples from which velocities and accelerations are computed [s].
 SMOOTHED = 8e-3
-# Fits of the scaling of residuals, each with the weights of the one before.
+# Number of reweighted fits of the growth of residuals with velocity and acceleration.
 REWEIGHTED = 5
-# Patterns of residuals: description and recommended recording.
+# Description of each pattern of residuals, and the recording that is recommended for it.
 PATTERNS = {
     "velocity": (
         "is in phase with velocity, as by viscous friction or a changing delay",
@@ -35,17 +35,18 @@ PATTERNS = {
         "the same program at half its speed, and one about the positions of the work",
     ),
 }
-# Correlations of residuals below this are not significant.
+# The correlation length is computed up to the first autocorrelation below this value.
 UNCORRELATED = 0.05
-# Significance level of the whiteness test, and the fewest spectral lines that it compares.
+# Whiteness test: significance level, and smallest number of spectral lines of its low band.
 CHANCE, FEWEST_LINES = 0.01, 8
-# Rounding of positions as a share of their range, and of multiples of an encoder's step; variance
-# of an encoder's resolution may be larger by this share.
+# ROUNDED: differences of positions up to this share of their range are rounding errors.
+# STEP_ROUNDING: relative deviation of a difference from a multiple of the encoder's resolution.
+# SLACK: relative excess over the variance of quantization that is still accepted.
 ROUNDED, STEP_ROUNDING, SLACK = 1e-9, 0.01, 0.2
 
 
 def describe_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray]) -> str:
-    """A sentence on the largest pattern in the residuals of joint j, and on the next recording."""
+    """Sentence that names the strongest pattern in the residuals [rad] and the next recording."""
     every: dict[str, list[FloatArray]] = {}
     residuals, pitches = [], []
     for log, errors in zip(logs, rests, strict=True):
@@ -92,9 +93,8 @@ def fastest_motion(logs: Sequence[Log]) -> tuple[FloatArray, FloatArray]:
 
 
 def scale_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray]) -> FloatArray:
-    """RMS residual at rest [rad], per velocity [s] and per acceleration [s²], by regression."""
-    # The squared residuals are the sum of the squares of these three parts.
-    # rests [rad].
+    """RMS residual at rest [rad], per velocity [s], per acceleration [s²] by regression, (3,)."""
+    # Model: the expected squared residual is the sum of the squares of these three parts.
     from scipy.optimize import nnls
 
     rows, squares = [], []
@@ -107,7 +107,7 @@ def scale_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray]) ->
     every, values = np.concatenate(rows), np.concatenate(squares)
     scale = np.maximum(np.linalg.norm(every, axis=0), 1e-300)
     parts, expected = np.zeros(3), np.full(len(values), max(float(values.mean()), 1e-300))
-    # Squares scatter in proportion to their expectation.
+    # Weights are reciprocal because the scatter of a square is proportional to its expectation.
     for _ in range(REWEIGHTED):
         q, r = np.linalg.qr(every / scale / expected[:, None])
         parts = nnls(r, q.T @ (values / expected))[0] / scale
@@ -116,7 +116,7 @@ def scale_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray]) ->
 
 
 def find_residuals(log: Log, j: int) -> FloatArray:
-    """Tracking errors of a joint not explained by its own velocity and acceleration [rad]."""
+    """Tracking errors of joint j less their regression on velocity and acceleration [rad], (n,)."""
     rate = np.gradient(log.command[:, j], log.t)
     columns = np.stack([rate, np.gradient(rate, log.t), np.ones(len(rate))], axis=1)
     lag = log.measured[:, j] - log.command[:, j]
@@ -124,7 +124,7 @@ def find_residuals(log: Log, j: int) -> FloatArray:
 
 
 def _patterns(log: Log, j: int) -> dict[str, FloatArray]:
-    """Columns of each pattern at the samples of a log, (n, 1) or more."""
+    """Regressors of each pattern by name, at the samples of a log, (n, 1) or (n, 2)."""
     rates = np.gradient(log.command, log.t, axis=0)
     accelerations = np.gradient(rates, log.t, axis=0)
     q, rate = log.command[:, j], rates[:, j]
@@ -140,27 +140,25 @@ def _patterns(log: Log, j: int) -> dict[str, FloatArray]:
 
 
 def _explained(residual: FloatArray, columns: FloatArray) -> float:
-    """Share of the squared residuals that columns explain by least squares."""
+    """Share of the squared residuals that a least-squares fit of the columns explains."""
     scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     remaining = residual - scaled @ np.linalg.lstsq(scaled, residual, rcond=None)[0]
     return 1.0 - float(remaining @ remaining) / max(float(residual @ residual), 1e-300)
 
 
 def _middle_frequency(signal: FloatArray, interval: float) -> float:
-    """Frequency above which half of the power of a signal is [Hz]."""
+    """Median frequency of a signal [Hz]: half of its power is below this frequency."""
     power = np.cumsum(np.abs(np.fft.rfft(signal - signal.mean())) ** 2)
     k = int(np.searchsorted(power, power[-1] / 2))
     return float(np.fft.rfftfreq(len(signal), interval)[k])
 
 
 def is_white(residuals: FloatArray, step: float) -> bool:
-    """True if residuals are white noise, except for the effect of the encoder's resolution."""
-    # The power of the lowest frequencies is compared with that of the others, for 8, 16, ... lines
-    # of the spectrum.
-    # residuals (n,) [rad], step [rad].
+    """True if residuals [rad], (n,), are white except for quantization by the resolution `step`."""
+    # F-tests compare the mean power of the lowest 8, 16, ... spectral lines with that of the rest.
     from scipy.stats import f
 
-    # Quantization explains variance beyond the noise from sample to sample.
+    # True if quantization explains the variance in excess of the white noise.
     if np.var(residuals) - white_noise(residuals) ** 2 <= (1 + SLACK) * step**2 / 12:
         return True
     power = np.abs(np.fft.rfft(residuals - np.mean(residuals))[1:]) ** 2
@@ -173,7 +171,7 @@ def is_white(residuals: FloatArray, step: float) -> bool:
 
 
 def resolution(y: FloatArray) -> float:
-    """Resolution of an encoder [rad]: common divisor of all differences; 0 if there is none."""
+    """Resolution of an encoder [rad]: common divisor of all position differences, 0 if none."""
     steps = np.diff(np.unique(y))
     steps = steps[steps > ROUNDED * max(float(np.ptp(y)), 1e-12)]
     if len(steps) < 2:
@@ -184,7 +182,7 @@ def resolution(y: FloatArray) -> float:
 
 
 def correlation_length(residuals: FloatArray) -> float:
-    """Number of residuals per independent residual, at least 1."""
+    """Correlation length of residuals [samples], at least 1 (white noise)."""
     n = len(residuals)
     power = np.abs(np.fft.rfft(residuals, 2 * n)) ** 2
     correlations = np.fft.irfft(power)[: max(n // 5, 1)]

@@ -1,4 +1,4 @@
-"""Output-error method: unknowns for which the simulated motion is nearest to the measured one."""
+"""Output-error method: fits the simulated motion to the measured motion of the logs."""
 
 from __future__ import annotations
 
@@ -27,83 +27,87 @@ from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.sampling import interpolate
 from armcontour.robot.drives.response import NominalMotion, simulate
 
-# A search ends when a step reduces the sum of squares by less than this share: 0.04 standard
-# deviations of an unknown with 20,000 residuals.
+# A search ends when an iteration reduces the sum of squares by less than this share, which is 0.04
+# standard deviations of an unknown for 20,000 residuals.
 NEAR = 1e-7
-# Largest number of simulations of a search, and of searches with new weights of the joints.
+# Largest number of simulations of a search, and largest number of searches, each with new weights
+# of the joints.
 MAX_SIMULATIONS, SEARCHES = 50, 3
-# Weights of the joints are final if the scatter of no joint changes by more than this share.
+# The weights of the joints are final if the RMS residual of every joint changes by less than this
+# share.
 SAME_SCATTER = 0.01
-# Gains stay within this factor of where the search starts.
+# Bounds of the gains in a search, as a factor of their initial values.
 LARGEST_FACTOR = 8.0
-# Residuals below this [rad] are rounding.
+# Lower bound of the RMS residual of a joint, because smaller residuals are rounding errors [rad].
 ROUNDING = 1e-9
-# Unknowns that are never below zero.
+# Unknowns with the lower bound 0.
 POSITIVE = ("coulomb", "payload_mass", "armature")
-# Standard deviations that are small enough: these shares of a joint's damping and inertia, the
-# friction that moves a joint by this angle [rad], a mass [kg], the payload's centre [m], a dead
-# time [s].
+# An unknown is determined if its standard deviation is at most one of the following values, however
+# small the unknown is. For viscous friction and drive inertia: share of a joint's damping and
+# inertia.
 OF_DAMPING = 0.10
+# For Coulomb friction: the torque that deflects the position loop of the joint by this angle [rad].
 ANGLE = 1e-4
-MASS = 0.05
-AWAY = 0.01
-DELAY = 0.5e-3
-# If only a combination of unknowns is determined, the one with the largest ratio of standard
+MASS = 0.05  # For the mass of the payload [kg]
+AWAY = 0.01  # For the centre of the payload [m]
+DELAY = 0.5e-3  # For the dead time [s]
+# If only a combination of unknowns is determined, the unknown with the largest ratio of standard
 # deviation to tolerance becomes nominal. Ratios of gains are multiplied by this factor, because
-# nominal gains are more reliable than a nominal load or friction.
+# nominal gains are more reliable than a nominal load or nominal friction.
 TRUSTED = 2.0
-# Another gravity feed-forward must reduce the cost by this share: if the controller knows the load,
-# all of them fit equally well.
+# Another gravity feed-forward is chosen only if it reduces the cost by this share. If the nominal
+# arm has the true load, "nominal" and "loaded" fit equally well.
 SURELY = 0.05
-# Errors below this multiple of the noise count as noise.
+# Residuals below this multiple of the encoder noise count as noise.
 ALL_NOISE = 2.0
-# A search has converged in an unknown if its next step is at most this share of a standard
-# deviation; otherwise the unknown stays nominal.
+# A search has converged in an unknown if the next step of the unknown is at most this share of its
+# standard deviation. Otherwise the unknown becomes nominal.
 REST = 0.5
-# A model that explains less than this share of the tracking error is rejected: with two joints
-# exchanged, it explains at most 0.99 of one of them.
+# Smallest share of the squared tracking error of each joint that a model must explain. If a log has
+# two joints exchanged, the model explains at most this share for one of them.
 EXPLAINS = 0.99
-# Share of the sum of squares below which a reduction ends the search for the gravity feed-forward.
+# Replaces NEAR in the search for the gravity feed-forward.
 COARSE_NEAR = 1e-3
-# A joint whose command changes by less than this [rad] does not move.
+# A joint does not move if its command spans at most this angle [rad].
 MOVES = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SimulatedLogs:
-    """The simulated motion of every log, and its difference from the measured motion."""
+    """Simulated motions of all logs for values of the unknowns, and their residuals."""
 
     values: FloatArray  # Values of the unknowns
-    motions: tuple[NominalMotion, ...]
+    motions: tuple[NominalMotion, ...]  # Simulated motion of every log
     # Measured less simulated positions of every log [rad], (samples, dof) each.
     residuals: tuple[FloatArray, ...]
 
     @property
     def scatter(self) -> FloatArray:
-        """Root mean square of the residuals of each joint [rad], (dof,)."""
+        """RMS residual of each joint over all logs [rad], at least ROUNDING, (dof,)."""
         every = np.concatenate(self.residuals)
         return np.asarray(np.maximum(np.sqrt(np.mean(every**2, axis=0)), ROUNDING))
 
     def cost(self, scatter: FloatArray) -> float:
-        """Sum of the squared residuals in multiples of `scatter` [rad]."""
+        """Sum of the squared residuals, which are divided by `scatter` [rad], (dof,)."""
         return float(sum(np.sum((x / scatter) ** 2) for x in self.residuals))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OutputError:
-    """Unknowns with the smallest errors."""
+    """Result of a fit: values of the unknowns with the smallest weighted residuals."""
 
-    trial: SimulatedLogs  # The motion with these values
-    free: BoolArray  # Unknowns that were sought; the others are nominal
-    # Derivatives of the simulated positions in multiples of `scatter`, (samples, dof, unknowns).
+    trial: SimulatedLogs  # The simulated motions for the fitted values
+    free: BoolArray  # Mask of the fitted unknowns; the others have nominal values, (unknowns,)
+    # jacobian: derivatives of the simulated positions by the unknowns, divided by `scatter`,
+    # (samples, dof, unknowns).
     jacobian: FloatArray
-    residuals: FloatArray  # Residuals in multiples of `scatter`, (samples, dof)
-    scatter: FloatArray  # Root mean square of the residuals of each joint [rad], (dof,)
-    remaining: FloatArray  # The next linear step of the unknowns, (unknowns,)
+    residuals: FloatArray  # Residuals of all logs, divided by `scatter`, (samples, dof)
+    scatter: FloatArray  # RMS residual of each joint [rad], (dof,)
+    remaining: FloatArray  # Next linear step of each unknown, 0 at a bound, (unknowns,)
 
     @property
     def precision(self) -> Precision:
-        """The precision of the unknowns."""
+        """Fisher information about the unknowns, for correlated residuals."""
         return Precision.correlated(self.jacobian, self.residuals)
 
 
@@ -113,7 +117,7 @@ def attempt(
     values: FloatArray,
     before: SimulatedLogs | None = None,
 ) -> SimulatedLogs:
-    """Simulate all logs with some values of the unknowns."""
+    """Simulate all logs with some values of the unknowns; starts from the motions `before`."""
     drives, delay = model.drives(values), float(values[-1])
     motions, residuals = [], []
     for k, grid in enumerate(grids):
@@ -132,7 +136,7 @@ def attempt(
 
 
 def derivatives(model: RobotUnknowns, grids: list[Gridded], trial: SimulatedLogs) -> FloatArray:
-    """Derivatives of the positions by the unknowns at all samples, (samples, dof, unknowns)."""
+    """Derivatives of the simulated positions by the unknowns, (samples, dof, unknowns)."""
     parts = []
     for grid, motion in zip(grids, trial.motions, strict=True):
         delay = float(trial.values[-1]) + model.lag
@@ -150,8 +154,8 @@ def fit(
     free: BoolArray,
     near: float = NEAR,
 ) -> OutputError:
-    """Fit the free unknowns by bounded least squares, each joint weighted by its scatter."""
-    # A reduction of the sum of squares by less than the share `near` ends the search.
+    """Fit the free unknowns by bounded least squares; residuals are divided by their joint's RMS."""
+    # The search ends when an iteration reduces the sum of squares by less than the share `near`.
     gains = model.are(*LOGARITHMIC)
     lowest = np.where(model.are(*POSITIVE), 0.0, -np.inf)
     low = np.where(gains, values - np.log(LARGEST_FACTOR), lowest)
@@ -168,7 +172,7 @@ def fit(
         return trial
 
     def residuals(unknowns: FloatArray) -> FloatArray:
-        """Residuals; nan if the robot cannot be simulated."""
+        """Simulated less measured positions, weighted; nan if the robot cannot be simulated."""
         try:
             errors = move(unknowns).residuals
         except (ExecutionError, InvalidInput):
@@ -201,7 +205,7 @@ def fit(
 
 
 def allowed(model: RobotUnknowns, values: FloatArray) -> FloatArray:
-    """Standard deviations up to which each unknown is determined, (unknowns,)."""
+    """Largest standard deviation with which each unknown is determined, (unknowns,)."""
     drives, mass = model.drives(values), float(model.value(values, "payload_mass")[0])
     j = model.joints
     also: dict[str, Any] = {
@@ -217,18 +221,19 @@ def allowed(model: RobotUnknowns, values: FloatArray) -> FloatArray:
 
 
 def moved(model: RobotUnknowns, grids: list[Gridded]) -> BoolArray:
-    """Unknowns except those of joints that no log moves, (unknowns,)."""
-    # A joint that only moves due to others shows that friction holds it, but not how large it is.
+    """Mask of the unknowns of the whole robot and of the joints that a log moves, (unknowns,)."""
+    # Joints without own motion are excluded, because their motion due to other joints shows that
+    # friction holds them, but not the magnitude of this friction.
     ranges = np.max([np.ptp(x.log.command, axis=0) for x in grids], axis=0)
     return np.asarray((model.joints < 0) | (ranges > MOVES)[model.joints])
 
 
 def seen(model: RobotUnknowns, grids: list[Gridded], values: FloatArray) -> BoolArray:
-    """Unknowns that the logs would determine if there were only the noise of the encoders."""
+    """Mask of the unknowns that logs with only encoder noise would determine, (unknowns,)."""
     jacobian = derivatives(model, grids, attempt(model, grids, values))
     scaled = jacobian / noise_of(grids)[:, None]
     precision = Precision.from_jacobian(scaled.reshape(-1, len(values)))
-    # A load that is not known yet counts as 1 kg.
+    # A smaller payload counts as 1 kg, because the payload is not known yet.
     bold = np.where(model.are("payload_mass"), np.maximum(values, 1.0), values)
     limit = allowed(model, bold) * np.where(model.are(*LOGARITHMIC), 1.0, 2.0)
     return determined(model, precision, moved(model, grids), limit)
@@ -237,8 +242,9 @@ def seen(model: RobotUnknowns, grids: list[Gridded], values: FloatArray) -> Bool
 def determined(
     model: RobotUnknowns, precision: Precision, free: BoolArray, limit: FloatArray
 ) -> BoolArray:
-    """Mask of determined unknowns: the worst become nominal until all others are determined."""
-    # free (unknowns,), limit (unknowns,).
+    """Mask of the free unknowns that are determined if the others are nominal, (unknowns,)."""
+    # The least determined unknown becomes nominal until the standard deviations of all others are
+    # at most `limit`, (unknowns,).
     free = free.copy()
     trust = np.where(model.are(*LOGARITHMIC), TRUSTED, 1.0)
     while free.any():
@@ -253,16 +259,17 @@ def determined(
 
 
 def with_mass(model: RobotUnknowns, free: BoolArray) -> BoolArray:
-    """Mask without the centre of a payload whose mass is neither unknown nor nominal."""
+    """Mask of the unknowns except the payload's centre if its mass is neither free nor nominal."""
     has_mass = free[model.are("payload_mass")] | (model.load.mass > LEAST_MASS)
     return ~model.are(*CENTER) | has_mass
 
 
 def doubts(model: RobotUnknowns, grids: list[Gridded], fit: OutputError) -> FloatArray:
     """Bias of the unknowns, to first order, due to two assumptions of the model, (unknowns,)."""
-    # It is the change of the estimates if commands had their corners between the samples instead of
-    # at them, or held set-points came one interval earlier, and if the drives' cycle were longer by
-    # half. Without this bias, 95 % intervals contained the true value in 60 to 80 % of the cases.
+    # The first part is the change of the estimates if interpolated commands have their corners
+    # midway between the samples instead of at the samples, or if held set-points come one interval
+    # earlier. The second part is the change if the drive cycle is longer by half. Without this
+    # bias, 95 % intervals contain the true value in 60 to 80 % of the cases.
     drives = model.drives(fit.trial.values)
     delay = float(fit.trial.values[-1]) + model.lag
     changes = []
@@ -285,7 +292,7 @@ def doubts(model: RobotUnknowns, grids: list[Gridded], fit: OutputError) -> Floa
 def choose_model(
     models: list[RobotUnknowns], grids: list[Gridded]
 ) -> tuple[RobotUnknowns, SimulatedLogs]:
-    """The model whose gravity feed-forward leaves the smallest errors, and its motion."""
+    """Model whose gravity feed-forward has the smallest residuals, and its simulated motions."""
     best, failure = None, ExecutionError("it cannot be simulated.")
     for model in models:
         start = np.array(model.nominal)
@@ -307,8 +314,8 @@ def choose_model(
 def fit_determined(
     model: RobotUnknowns, grids: list[Gridded], values: FloatArray
 ) -> tuple[OutputError, BoolArray]:
-    """The fit of the unknowns that the logs determine; the others stay nominal."""
-    # Returns the fit, and the unknowns in which the search did not converge.
+    """Fit of the determined unknowns, and mask of the unknowns in which it did not converge."""
+    # All other unknowns become nominal.
     free, restless = seen(model, grids, values), np.zeros(len(values), dtype=bool)
     while True:
         result = fit(model, grids, np.where(free, values, model.nominal), free)
@@ -325,11 +332,11 @@ def fit_determined(
 
 
 def check_fit(grids: list[Gridded], trial: SimulatedLogs) -> FloatArray:
-    """Share of the mean square lag behind the commands that the model explains, (dof,)."""
+    """Share of the squared tracking error that the model explains, (dof,); at least EXPLAINS."""
     errors = np.zeros(grids[0].log.dof)
     lags, ranges = 0 * errors, 0 * errors
     for grid, residuals in zip(grids, trial.residuals, strict=True):
-        # The model need not explain the noise of the encoders.
+        # The noise of the encoders is subtracted, because the model cannot explain it.
         errors += np.sum(residuals**2, axis=0) - len(residuals) * grid.noise**2
         lags += np.sum(
             (interpolate(grid.log.t[grid.rows], grid.log.t, grid.log.command) - grid.measured) ** 2,
@@ -342,9 +349,10 @@ def check_fit(grids: list[Gridded], trial: SimulatedLogs) -> FloatArray:
         j = int(np.argmin(np.where(poor, explained, np.inf)))
         log = grids[0].log
         raise InvalidInput(
-            f"{log.source}: the model explains {max(float(explained[j]), 0.0) * 100:.0f} % of the "
-            f"lag of {log.joint_names[j]} behind its command, and {EXPLAINS:.0%} are needed: give "
-            "the log of this arm, with its joints in the arm's order.",
+            f"{log.source}: the model must explain at least {EXPLAINS:.0%} of the squared tracking "
+            f"error of {log.joint_names[j]}, but explains "
+            f"{max(float(explained[j]), 0.0) * 100:.0f} %. Specify a log of this arm, with the "
+            "joints in the order of the arm.",
             joint=j,
         )
     return explained

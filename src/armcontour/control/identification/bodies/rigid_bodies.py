@@ -48,11 +48,10 @@ from armcontour.robot.servo import ServoModel
 BODY_FIT = BodyFit()
 # Initial gains without a nominal servo [1/s].
 KP, KV = 25.0, 150.0
-# The effect of the initial state decays in this many time constants of the position loops,
-FORGOTTEN = 10.0
-# and takes at least this time [s].
-SETTLED = 0.3
-# Step of the simulations of the first search, which chooses the gravity feed-forward [s].
+# Samples at the start of a log are not compared, because they depend on the initial state: number
+# of time constants of the slowest position loop, and shortest time [s].
+FORGOTTEN, SETTLED = 10.0, 0.3
+# Time step of the simulations that choose the gravity feed-forward [s].
 COARSE = 5e-3
 
 
@@ -67,9 +66,9 @@ def identify_bodies(
 ) -> BodyIdentification:
     """Identify payload, friction and drives of an arm with masses from logs.
 
-    The model is the arm's rigid bodies, moved by drives with the torques
-    `J K_v (K_p (u(t - dead time) - q) - dq)` and gravity feed-forward, with viscous and Coulomb
-    friction and a payload. Undetermined parameters keep their nominal values.
+    The model consists of the rigid bodies of the arm, a payload, viscous and Coulomb friction, and
+    drives with the torques `J K_v (K_p (u(t - dead time) - q) - dq)` and gravity feed-forward.
+    Parameters that the logs do not determine have their nominal values.
 
     >>> log = ac.Log(t=set_points.t, command=set_points.q, measured=set_points.q)
     >>> ac.identify_bodies(log, arm)
@@ -80,14 +79,15 @@ def identify_bodies(
     Args:
         logs: A log of all joints of the arm, or several.
         arm: The nominal arm, with masses, payload, friction and drive inertias.
-        servo: The nominal servo, of order "second". Its K_v is kept, since a log shows only the sum
-            of J K_v and viscous friction; without it friction is kept, and K_v sought.
+        servo: The nominal servo, of order "second". Its K_v is fixed and viscous friction is
+            identified, because a log determines only the sum of J K_v and viscous friction. Without
+            a servo, the viscous friction of the arm is fixed and K_v is identified.
         options: Options, such as `BodyFit(gravity="nominal")`.
-        progress: Called with a step, the name of a stage, before each.
+        progress: Called with a step that names the stage, before each stage.
 
     Raises:
-        InvalidInput: Samples too far apart, a log that is too short, or logs that are not of the
-            arm.
+        InvalidInput: The sample interval of a log is too long, a log is too short, or the logs do
+            not belong to the arm.
     """
     every = [arrange_joints(x, arm.joint_names) for x in list_logs(logs)]
     for log in every:
@@ -118,7 +118,7 @@ def identify_bodies(
         if not any(changes_velocity(*x) for x in positions):
             raise InvalidInput(
                 f"Every joint in {names} rests or moves at a uniform velocity, which determines no "
-                "gains, dead time or inertias: record a motion whose velocity changes, such as a "
+                "gains, dead time or inertias. Record a motion whose velocity changes, such as a "
                 "multisine around the bandwidth of the position loops."
             ) from None
         if isinstance(error, InvalidInput):
@@ -133,10 +133,12 @@ def _describe(
     restless: BoolArray,
     delays: tuple[float, float],
 ) -> BodyIdentification:
-    """Estimates and notes of a fit."""
+    """Make the result of the identification from a fit."""
+    # restless: mask of unknowns in which the search did not converge. delays: range of the dead
+    # time of the search [s].
     explained, values = check_fit(grids, fit.trial), fit.trial.values
     common, *every = _list_estimates(model, grids, fit)
-    # Logs show only the sum of J K_v and viscous friction: one of the two is nominal.
+    # Logs determine only the sum of J K_v and viscous friction, so one of the two is nominal.
     tied, nominal = "kv", np.asarray(model.servo.kv)
     if not model.keep_kv:
         tied, nominal = "viscous", np.asarray(model.arm.dynamics.chain.viscous)
@@ -174,8 +176,9 @@ def _describe(
 
 
 def identified(model: RobotUnknowns, values: FloatArray) -> tuple[Arm, ServoModel]:
-    """The arm and the servo for values of the unknowns."""
-    # Negative viscous friction is moved to K_v, because only the sum of both has an effect.
+    """Arm and servo with the values of the unknowns."""
+    # Negative viscous friction becomes 0 and reduces K_v instead, because only the sum of both has
+    # an effect.
     drives, viscous = model.drives(values), model.viscous(values)
     lower = np.minimum(viscous, 0.0)
     kv = (drives.damping + lower) / model.inertia
@@ -194,7 +197,7 @@ def identified(model: RobotUnknowns, values: FloatArray) -> tuple[Arm, ServoMode
 def _list_estimates(
     model: RobotUnknowns, grids: list[Gridded], fit: OutputError
 ) -> list[dict[str, Estimate]]:
-    """Estimates of the robot and of each joint by name; undetermined parameters are nominal."""
+    """Estimates by name, first of the robot, then of each joint."""
     precision, doubt = fit.precision, doubts(model, grids, fit)
     values, covariance = fit.trial.values, precision.covariance(fit.free)
     m = int(np.argmax(model.are("payload_mass")))
@@ -202,10 +205,10 @@ def _list_estimates(
     estimates: list[dict[str, Estimate]] = [{} for _ in range(1 + model.arm.dof)]
     for k, (name, j) in enumerate(zip(model.names.tolist(), model.joints.tolist(), strict=True)):
         value, free, bias = float(values[k]), bool(fit.free[k]), float(doubt[k])
-        # The estimate is a linear function of the unknowns.
+        # row: derivatives of the estimate by the unknowns, (unknowns,).
         row = np.eye(len(values))[k]
         if name in CENTER:
-            # The unknown is the mass times the deviation from the nominal centre.
+            # The unknown is the mass times the deviation of the centre from its nominal position.
             free = free and mass > LEAST_MASS
             away = value / mass if free else 0.0
             value = centers[name] + away
@@ -229,20 +232,23 @@ def _list_estimates(
 def _list_notes(
     model: RobotUnknowns, values: FloatArray, restless: BoolArray, delays: tuple[float, float]
 ) -> tuple[str, ...]:
-    """Notes on the fit, as sentences."""
+    """Sentences about convergence, dead time and negative friction."""
     notes = []
     if restless.any():
         names = [
             name.replace("_", " ") + (f" of joint {j + 1}" if j >= 0 else "")
             for name, j in zip(model.names[restless], model.joints[restless], strict=True)
         ]
-        notes.append(f"The search did not converge in {', '.join(names)}.")
+        notes.append(f"The search did not converge for {', '.join(names)}.")
     if not delays[0] < float(values[-1]) < delays[1]:
-        notes.append(f"The dead time is outside the search range, up to {delays[1] * 1e3:g} ms.")
+        notes.append(
+            f"The dead time is outside the search range of {delays[0] * 1e3:g} to "
+            f"{delays[1] * 1e3:g} ms."
+        )
     negative = np.flatnonzero(model.viscous(values) < 0) + 1
     if model.keep_kv and len(negative):
         notes.append(
-            f"The viscous friction of joint {', '.join(map(str, negative))} would be below zero, "
-            "so K_v is reduced instead."
+            f"The fitted viscous friction of joint {', '.join(map(str, negative))} is negative, so "
+            "it is set to 0 and K_v is reduced instead."
         )
     return tuple(notes)
