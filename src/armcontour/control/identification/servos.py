@@ -143,7 +143,7 @@ def identify_joint(
     segments = [x.after(lag) for x in segments]
     joint = JointIdentification(name=name)
     if reason := _explain_no_model(segments):
-        return _without_model(joint, segments, f"{name} has no model: {reason}")
+        return _without_model(joint, segments, f"{name} has no model, because {reason}")
     saturation, selected = find_saturation(segments), None
     if saturation is not None:
         selected = select_between(segments, saturation, search)
@@ -196,8 +196,8 @@ def identify_joint(
     )
     if saturation is not None and saturation.hides and not joint.kp.determined:
         note = (
-            f"{name} has no model: {saturation.describe('it')}, and the other samples do not "
-            "determine its servo. Record more motion at lower accelerations."
+            f"{name} has no model, because {saturation.describe('it')}, and the other samples do "
+            "not determine its servo. Record more motion at lower accelerations."
         )
         return _without_model(replace(joint, saturation=""), segments, note)
     note, advice, share = "", "", worst[0] / worst[1]
@@ -209,7 +209,7 @@ def identify_joint(
         advice = f" {describe_residuals(logs, j, rests)}"
     if note and (share > WEAK or selected.rms > SHARE * motion):
         allowed = f"{WEAK:.0%}" if share > WEAK else f"{SHARE:.0%} of the motion"
-        note = f"{name} has no model: {note}, which exceeds {allowed}.{advice}"
+        note = f"{name} has no model, because {note}, which exceeds {allowed}.{advice}"
         return _without_model(joint, segments, note)
     note = (
         f"The model of {name} is weak: {note}, which exceeds {SHARE:.0%}.{advice}" if note else ""

@@ -1,4 +1,4 @@
-"""Alignment of a recording with the plan (clock, outliers, tool positions), with checks."""
+"""Alignment of a recording with the plan: clock, outliers and tool positions, with checks."""
 
 from __future__ import annotations
 
@@ -19,38 +19,40 @@ from armcontour.core.sampling import DEVIATION_PER_MEDIAN, interpolate, white_no
 from armcontour.motion import SetPoints
 from armcontour.motion.log_checks import check_is_whole, find_misreading
 
-# Largest difference between two clocks; a larger one means another job or unit of time.
+# Largest relative difference of the rates of two clocks. A larger difference means that the log is
+# of another job or has another unit of time.
 WORST_RATE = 0.03
-# Cycles over which differences of set-points are averaged.
+# Number of cycles over which differences of set-points are averaged.
 AVERAGED = 10
-# Largest number of Newton steps, and the change at which they end [s].
+# Largest number of Newton steps, and the time change below which they end [s].
 STEPS, NEAR = 30, 1e-9
-# A recording belongs to this motion if it differs from the expected one by at most this share of
-# the motion. A loaded arm with weak gains differs by some percent, other jobs by 100 % and more.
+# A recording belongs to the motion if it differs from the expected motion by at most this share of
+# the motion. A loaded arm with weak gains differs by some percent, another job by 100 % or more.
 UNLIKE = 0.3
-# Fewest samples per period of the loops' natural frequency: slower disturbances cause errors.
+# Smallest number of samples per period of the loops' natural frequency, because disturbances up to
+# this frequency cause errors.
 SAMPLES = 5.0
-# Intervals that differ by less than this share are equal, because clocks drift.
+# Relative tolerance of the sample interval, because clocks drift.
 SAME = 0.01
-# Logged set-points belong to another run if they differ from the exported ones by more than this
-# RMS [rad], by more than this share of the errors, and by more than this multiple of the noise.
+# Logged set-points belong to another run if their RMS difference from the set-points of the run
+# exceeds OTHERS [rad], the share SHARE of the RMS error, and NOISES times the noise.
 OTHERS, SHARE, NOISES = 1e-4, 0.05, 10.0
-# A tracker measures in another frame, or another point, if its tool positions differ by more than
-# this [m]: elastic joints deflect less.
+# If measured tool positions differ from the positions by the encoders by more than this [m], the
+# tracker measures another point or in another frame, because elastic joints deflect less.
 FAR = 0.05
-# Smallest outlier relative to the noise and to the range of samples between these quantiles, number
-# of passes, and largest share of outliers.
+# An outlier exceeds OUTLIER times the noise and SPIKE times the range of the samples between the
+# quantiles RANGE. PASSES: largest number of passes. MAX_OUTLIERS: largest share of outliers.
 OUTLIER, SPIKE, RANGE, PASSES, MAX_OUTLIERS = 10.0, 0.1, (0.05, 0.95), 5, 0.02
-# An encoder has a new offset if the median deviation from the previous run is at least this many
-# standard deviations, and at least this [rad].
+# An encoder has a new offset if its median deviation from the expected motion exceeds SHIFTED
+# standard deviations and LEAST_SHIFT [rad].
 SHIFTED, LEAST_SHIFT = 6.0, 1e-4
 
 
 def replace_outliers(values: FloatArray, noise: FloatArray) -> tuple[FloatArray, int]:
-    """Samples with outliers replaced by interpolation, and the number of outliers."""
-    # An outlier differs from the cubic through its two neighbours on each side by OUTLIER times the
-    # noise and by SPIKE times the quantile range. If there are too many, none is replaced.
-    # values (n, dof) [rad], noise (dof,) [rad].
+    """Samples with outliers replaced by interpolation, and the number of samples with outliers."""
+    # An outlier differs from the cubic through its two neighbours on each side by more than OUTLIER
+    # times the noise and SPIKE times the quantile range. If there are too many, none is replaced.
+    # values [rad], (n, dof). noise [rad], (dof,).
     cleaned, bad = values.copy(), np.zeros(values.shape, dtype=np.bool_)
     low, high = np.quantile(values, RANGE, axis=0)
     allowed = np.maximum(OUTLIER * noise, SPIKE * (high - low))
@@ -73,14 +75,14 @@ def replace_outliers(values: FloatArray, noise: FloatArray) -> tuple[FloatArray,
 
 
 class Aligned(NamedTuple):
-    """A recording in time of the plan."""
+    """A recording that is resampled at the model's times in the time of the plan."""
 
-    offset: float  # Time of the plan when the clock of the recording was at 0 [s]
-    rate: float  # Seconds of the plan in a second of the recording
+    offset: float  # Time of the plan at which the clock of the recording is 0 [s]
+    rate: float  # Time of the plan per time of the recording
     expected: FloatArray  # Expected joint positions at the model's times [rad], (n, dof)
     measured: FloatArray  # Measured joint positions at these times [rad], (n, dof)
-    noise: FloatArray  # Standard deviation of their white noise [rad], (dof,)
-    # Offset of each encoder since the run before [rad], (dof,); not in `measured`.
+    noise: FloatArray  # Standard deviation of the white noise of the samples [rad], (dof,)
+    # shift: change of each encoder's offset, which `measured` does not include [rad], (dof,).
     shift: FloatArray
     outliers: int  # Number of samples that were ignored
 
@@ -88,20 +90,20 @@ class Aligned(NamedTuple):
 def align(
     recording: Recording, lifted: Lifted, set_points: SetPoints, expected: FloatArray | None = None
 ) -> Aligned:
-    """Align a recording with the plan by its set-points, or else by the expected motion."""
-    # In the latter case, dead time that is not in the servo model becomes part of the offset.
-    # `expected` are the joint positions at the model's times that the run before lets expect [rad],
-    # (n, dof); by default those of the model, which do not show offsets of encoders.
+    """Align a recording with the plan by its set-points, or without them by the expected motion."""
+    # By the expected motion, dead time that the servo model lacks becomes part of the offset.
+    # expected: joint positions at the model's times that follow from an earlier run [rad],
+    # (n, dof). By default they are those of the model. Then offsets of encoders are not estimated.
     source, duration = recording.source, lifted.plan.duration
     servo = lifted.nominal.servo
     loops = servo.kp if servo.kv is None else np.where(np.isinf(servo.kv), servo.kp, servo.kv)
     allowed = 2 * math.pi / float(np.sqrt(servo.kp * loops).max()) / SAMPLES
-    # Set-points correct no faster disturbances than a log of the cycle shows.
+    # Set-points cannot correct disturbances that are too fast for samples at the cycle.
     allowed = max(allowed, set_points.cycle)
     if recording.interval > allowed * (1 + SAME):
         raise InvalidInput(
-            f"{source} has a sample every {1e3 * recording.interval:.4g} ms, but the joints' loops "
-            f"need one every {1e3 * allowed:.3g} ms at least: record faster.",
+            f"{source} has a sample every {1e3 * recording.interval:.4g} ms, but the joint loops "
+            f"require one every {1e3 * allowed:.3g} ms or faster. Record at a higher rate.",
             limit="interval",
             needed=recording.interval,
             allowed=allowed,
@@ -113,7 +115,7 @@ def align(
         lasts = float(np.ptp(recording.t))
         if lasts * (1 + WORST_RATE) < duration:
             raise InvalidInput(
-                f"{source} lasts {lasts:.4g} s, but the motion lasts {duration:.4g} s: record the "
+                f"{source} lasts {lasts:.4g} s, but the motion lasts {duration:.4g} s. Record the "
                 "whole run, from before its first set-point until the arm rests."
             )
         values, times, reference = recording.q, lifted.t, expected
@@ -125,7 +127,7 @@ def align(
     apart = recording.q - lifted.between(t, expected)
     deviation = rms(apart)
     if deviation > UNLIKE * moved:
-        # The distance from the start depends on neither the order nor the unit of columns.
+        # The normalized distance from the start does not depend on the order or unit of columns.
         gone, due = (np.linalg.norm(x - x[0], axis=1)[:, None] for x in (recording.q, expected))
         gone, due = (x / max(float(x.max()), 1e-300) for x in (gone, due))
         start = 0.0 if recording.in_plan_time else coarse_offset(recording.t, gone, lifted.t, due)
@@ -134,13 +136,13 @@ def align(
         reason = reason or "it is a log of another job, of other set-points or of another arm"
         raise InvalidInput(
             f"{source} differs by {deviation:.3g} rad RMS from the motion that the set-points "
-            f"cause, but the whole motion is {moved:.3g} rad RMS: {reason}."
+            f"cause, although the whole motion is only {moved:.3g} rad RMS: {reason}."
         )
     if abs(rate - 1) > WORST_RATE:
         raise InvalidInput(
-            f"{source} fits the motion with a clock that is off by {100 * abs(rate - 1):.3g} %, "
-            f"and more than {100 * WORST_RATE:g} % is not a clock: it is a log of another job or "
-            "another speed, or its times need their unit."
+            f"The clock of {source} may differ from the time of the plan by at most "
+            f"{100 * WORST_RATE:g} %, but differs by {100 * abs(rate - 1):.3g} %. Either it is a "
+            "log of another job or another speed, or the unit of its times must be specified."
         )
     check_is_whole(source, t, duration, 2 * recording.interval)
     apart = recording.q - lifted.between(t, expected)
@@ -158,15 +160,16 @@ def align(
 
 
 def require_same_set_points(run: LearningRun) -> None:
-    """Check that the logged set-points are those of the run."""
+    """Raise an error if the logged set-points are not those of the run."""
     error, noise = rms(run.error), rms(run.noise)
     allowed = max(OTHERS, SHARE * error, NOISES * noise)
     if run.set_points_off > allowed:
         raise InvalidInput(
-            f"{run.source} is the log of another run: its set-points differ from those of this run "
-            f"by {run.set_points_off * 1e3:.3g} mrad RMS, and at most {allowed * 1e3:.3g} mrad is "
-            f"allowed for noise of {noise * 1e3:.2g} mrad. Give the set-points that the robot "
-            "executed; if the controller logs filtered set-points, give a log without them.",
+            f"{run.source} is the log of another run, because its set-points differ from those of "
+            f"this run by {run.set_points_off * 1e3:.3g} mrad RMS. At most {allowed * 1e3:.3g} "
+            f"mrad is allowed with a noise of {noise * 1e3:.2g} mrad. Specify the set-points that "
+            "the robot executed. If the controller logs filtered set-points, specify a log without "
+            "set-points.",
             limit="set_points",
             needed=run.set_points_off,
             allowed=allowed,
@@ -175,8 +178,8 @@ def require_same_set_points(run: LearningRun) -> None:
 
 def set_points_off(t: FloatArray, command: FloatArray | None, set_points: SetPoints) -> float:
     """RMS difference of recorded and executed set-points [rad]; 0 if none are recorded."""
-    # Controllers record set-points held or interpolated, with small offsets in time. The resulting
-    # differences alternate within a cycle, so they are averaged over AVERAGED cycles.
+    # Controllers record held or interpolated set-points, with small time offsets. The resulting
+    # differences alternate within a cycle, so differences are averaged over AVERAGED cycles.
     if command is None:
         return 0.0
     differences = command - interpolate(t, set_points.t, set_points.q)
@@ -189,8 +192,9 @@ def set_points_off(t: FloatArray, command: FloatArray | None, set_points: SetPoi
 def fit_to(
     t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
 ) -> tuple[float, float]:
-    """Offset and rate of the plan's time `offset + rate t`, by fitting values to a reference."""
-    # t (m,) [s], values (m, dof), regular times (n,) [s], reference (n, dof).
+    """Offset and rate of the plan's time `offset + rate t` for which values match a reference."""
+    # values (m, dof) at t (m,) [s] of the clock; reference (n, dof) at uniform times (n,) [s] of
+    # the plan.
     curve = CubicSpline(times, reference)
     slope = curve.derivative()
     middle, rate = float(t.mean()), 1.0
@@ -202,7 +206,7 @@ def fit_to(
             break
         rows = slope(plan_times[inside])
         errors = values[inside] - curve(plan_times[inside])
-        # Constant differences of a joint, for example due to a load, do not depend on time.
+        # The fit ignores constant differences of a joint, for example due to a load.
         parts = np.stack([rows, rows * (t[inside] - middle)[:, None]], axis=2)
         parts -= parts.mean(axis=0)
         errors = errors - errors.mean(axis=0)
@@ -217,7 +221,7 @@ def fit_to(
 def coarse_offset(
     t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
 ) -> float:
-    """Approximate offset with the best fit of values to a reference [s]; see `fit_to`."""
+    """Approximate offset of the clock [s] by cross-correlation; arguments as in `fit_to`."""
     from scipy.signal import fftconvolve
 
     step = max(float(np.median(np.diff(t))), float(times[1] - times[0]))
@@ -242,18 +246,18 @@ def add_tool(
     error: FloatArray,
     clock: tuple[float, float] | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Joint errors that explain encoders and a tracker [rad], (n, dof), and noise, (dof,)."""
+    """Joint errors that explain encoders and a tracker [rad], (n, dof), and added noise, (dof,)."""
     # Deviations that only the tracker measures, such as deflections of links, are converted to
     # joint errors by damped least squares, with damping from the noise. tool: times (m,) [s] and
-    # tool points in the frame of the path (m, dimension) [m]. A clock (offset and rate) of None is
-    # fitted to the motion.
+    # tool points in the frame of the path (m, dimension) [m]. error: joint errors by the encoders
+    # [rad], (n, dof). clock: offset and rate of the tracker's clock; if None, they are fitted.
     arm = lifted.nominal.arm
     t, points = checks.check_numbers("tool times", tool[0], "s"), checks.points("tool", tool[1])
     form = t.ndim == 1 and len(t) >= 5 and points.shape == (len(t), arm.dimension)
     if not form or (np.diff(t) <= 0).any():
         raise InvalidInput(
-            f"The positions of the tool need at least five times, which must increase, and "
-            f"{arm.dimension} coordinates at each, but have the shape {points.shape} at {t.size} "
+            f"tool must have at least five increasing times and a point with {arm.dimension} "
+            f"coordinates at each time, but has points of the shape {points.shape} at {t.size} "
             "times."
         )
     encoded = arm.tool_position(lifted.planned + error)
@@ -269,14 +273,14 @@ def add_tool(
     largest = float(np.linalg.norm(offsets, axis=1).max())
     if largest > FAR:
         raise InvalidInput(
-            f"The measured tool is {1e3 * largest:.4g} mm from its position by the encoders, and "
-            f"more than {1e3 * FAR:g} mm is not compliance: give positions of the tool point in "
-            "the frame of the path, in metres.",
+            f"The measured tool positions may differ from the positions by the encoders by at most "
+            f"{1e3 * FAR:g} mm (compliance), but differ by {1e3 * largest:.4g} mm. Specify "
+            "positions of the tool point in the frame of the path, in metres.",
             needed=largest,
             allowed=FAR,
         )
     noise = float(np.mean(white_noise(points - lifted.between(plan_times, encoded), order=4) ** 2))
-    # Prior variance of joint deflections, from the size of the tool's deviations.
+    # likely: prior variance of joint deflections, from the mean square of the tool's deviations.
     jacobian = arm.tool_jacobian(lifted.planned)
     transposed = np.swapaxes(jacobian, 1, 2)
     product = jacobian @ transposed

@@ -154,7 +154,7 @@ def fit(
     free: BoolArray,
     near: float = NEAR,
 ) -> OutputError:
-    """Fit the free unknowns by bounded least squares; residuals are divided by their joint's RMS."""
+    """Fit the free unknowns by bounded least squares, with joints weighted by 1 / RMS residual."""
     # The search ends when an iteration reduces the sum of squares by less than the share `near`.
     gains = model.are(*LOGARITHMIC)
     lowest = np.where(model.are(*POSITIVE), 0.0, -np.inf)
