@@ -84,7 +84,7 @@ def inverse_dynamics(
 def _nearest(
     points: FloatArray, halves: FloatArray, hold: FloatArray, final: FloatArray, interpolation: str
 ) -> FloatArray:
-    """Set-points whose interpolation has the means of the command about each set-point, (n, dof)."""
+    """Set-points whose interpolation has the means of a command about each set-point, (n, dof)."""
     # For held set-points, a mean is over the interval of the set-point. For lines and cubics, a
     # mean has triangular weights from the previous to the next set-point. With these weights, lines
     # are the least-squares approximation of the command. Means are computed by Simpson's rule.

@@ -34,7 +34,7 @@ class SetPointTimes:
     """Times of the plan for which set-points are computed."""
 
     before: int  # Number of set-points before the motion
-    # inside: times of the set-points during the motion [s]; a time close to a break is at the break.
+    # inside: times of the set-points during the motion [s]; times near a break are at the break.
     inside: FloatArray
     after_end: float  # Time from the end of the motion to the first set-point after it [s]
 

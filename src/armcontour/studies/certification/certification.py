@@ -1,4 +1,4 @@
-"""Entry points `certify`, the fastest plan within a tolerance when executed, and `sweep`."""
+"""`certify`: fastest plan whose execution stays within a tolerance; `sweep`: several tolerances."""
 
 from __future__ import annotations
 
@@ -54,22 +54,24 @@ from armcontour.studies.certification.rigid_body_robots import (
 from armcontour.verification.contour_execution import pieces_of
 from armcontour.verification.error_profile import ErrorProfile
 
-# A cycle this many times shorter counts as continuous; at least SHORTEST [s].
+# A nearly continuous command has a cycle that is CONTINUOUS times shorter, but at least SHORTEST
+# [s].
 CONTINUOUS = 20
 SHORTEST = 1e-4
-# Shares of a total tolerance for the servo if the goal has no servo budget. They are tried in order
-# until a plan is certified, and further while the error exceeds NEAR of its budget and the plan
-# gets faster.
+# Shares of the tolerance for the servo if the goal has no servo budget. They are tried in order
+# until a plan is certified, and further while the error is at least NEAR times its budget and the
+# plan becomes faster.
 SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
 NEAR = 0.9
-# The rest of the tolerance goes to the shape. The servo keeps this multiple of the error that it
-# needed, because the plan changes; the second is tried if the first gives no faster plan.
+# After the search, the unused part of the tolerance is allotted to the shape. The servo budget
+# becomes this multiple of the servo error of the found plan, because the plan changes. The second
+# multiple is tried if the first results in no faster plan.
 SERVO_MARGINS = (1.5, 6.0)
-# Smallest share of the tolerance for which paths are rounded or shaped again.
+# Paths are rounded or shaped again if the unused part is at least this share of the tolerance.
 LEAST_GAIN = 1e-3
 
 
-# A proven plan of a program, and its moves in the search.
+# The proof of a plan of a program, and the moves of the search.
 Proven = tuple[ProgramTrial, list[MoveSearch]]
 
 
@@ -84,9 +86,9 @@ def certify(
 ) -> Certificate:
     """Find the fastest plan of a job whose execution stays within its tolerance.
 
-    The plan has optimal timing, derated where required, with the compensation, cycle and limits of
-    the run. The certificate is valid only for the job's plant: its servos, or its rigid bodies if
-    the goal has `plant="rigid_body"`.
+    The plan has optimal timing, which is derated where required, and the compensation, cycle and
+    limits of the run. The certificate is valid only for the plant of the job: its servos, or its
+    rigid bodies if the goal has `plant="rigid_body"`.
 
     >>> certificate = ac.certify(ac.read_job("job.yaml"))
     >>> certificate.evaluation.contour_error.max < 0.1e-3
@@ -96,32 +98,32 @@ def certify(
         job: The job.
         run: Name of the run; by default that of the goal.
         goal: The goal; by default the certificate of the job.
-        executor: Executes robots of the box as rigid bodies, such as a
-            `concurrent.futures.ProcessPoolExecutor`; by default processes of this machine do.
+        executor: Executor for robots of the box as rigid bodies, such as a
+            `concurrent.futures.ProcessPoolExecutor`; by default processes of this machine are used.
         progress: Called with a named step before every trial.
 
     Raises:
-        InvalidInput: There is no goal, or no such run.
-        NotRealizable: No plan satisfies the goal; the message names the limiting constraint and
-            possible changes.
+        InvalidInput: There is no goal, or the job has no run with this name.
+        NotRealizable: No plan satisfies the goal; the message states the limiting constraint and
+            remedies.
         ArmContourError: Tracing, planning or execution fails.
     """
     goal = goal_of(job) if goal is None else goal
     chosen = run_of(job, goal.run if run is None else run)
     if chosen.duration is not None:
         raise InvalidInput(
-            f"Run {chosen.name} has a duration of {chosen.duration:g} s, which a certificate does "
-            "not support: remove duration."
+            f"A certificate does not support runs with a duration, but run {chosen.name} has a "
+            f"duration of {chosen.duration:g} s. Remove duration."
         )
     if chosen.rounding is not None and chosen.rounding.free:
         check_jerk_support(Method.SHAPED, chosen.limits)
     plant = None
     if chosen.experiment is not None:
-        # Invalid options of the experiment and the box are reported before the search.
+        # The plant is built before the search, so that invalid options are reported early.
         plant = build_plant(chosen.experiment, job.arm, job.plant_servo, chosen.limits)
     if goal.box is not None and goal.plant == "servo":
         spans_of(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, chosen.cycle)
-    # Derating makes a reserve unnecessary.
+    # Derating replaces the reserve, so it is not used.
     free = chosen.rounding is not None and chosen.rounding.free
     intervals = chosen.timing.intervals if free and isinstance(chosen.timing, Optimal) else None
     chosen = replace(chosen, timing=Optimal(intervals=intervals))
@@ -148,7 +150,7 @@ def certify(
 
 
 def goal_of(job: Job, **overrides: Any) -> CertificateGoal:
-    """Goal of the job's certificate with some fields replaced."""
+    """Goal of the job's certificate (or a default goal) with some fields replaced."""
     names = tuple(x.name for x in fields(CertificateGoal))
     for name in overrides:
         checks.check_choice("An option of certify", name, names)
@@ -158,7 +160,7 @@ def goal_of(job: Job, **overrides: Any) -> CertificateGoal:
 
 
 def run_of(job: Job, name: str | None) -> Run:
-    """The named run, or the only run with optimal timing."""
+    """The named run; without a name, the only run with optimal timing."""
     return choose_run(
         job, name, "certified", [x for x in job.runs if isinstance(x.timing, Optimal)]
     )
@@ -174,8 +176,9 @@ def _fastest(
 ) -> tuple[Case, Proven | None, float]:
     """Find the fastest plan of a run that satisfies the goal, over all splits of the tolerance.
 
-    Returns the case with the whole tolerance for the shape, the proven plan, and its duration [s];
-    None and a lower bound of the duration if no plan is faster than `deadline` [s].
+    Returns the case in which the shape has the whole tolerance, the proven plan, and its duration
+    [s]. If no plan is faster than `deadline` [s], the plan is None, and the duration is a lower
+    bound.
     """
 
     def case_of(servo: float) -> Case:
@@ -184,8 +187,8 @@ def _fastest(
         return Case(job, planned, goal, servo, tell, executor)
 
     reuse = Reuse()
-    # The plan without derating is the reference of the certificate's cost. It comes first, because
-    # its errors, such as an event before the start, also apply to the certificate.
+    # The plan without derating is the reference of the certificate's cost. It is planned first,
+    # because its errors, such as an event before the start, also apply to the certificate.
     base = case_of(0.0)
     least = base.planned.trajectory.duration
     if base.bodies:
@@ -209,7 +212,7 @@ def _fastest(
         if least >= deadline:
             return base, None, least
     best = _search_budgets(case_of, budgets)
-    # The unused part of the tolerance goes to the shape if the plan gets faster.
+    # Allot the unused part of the tolerance to the shape if this makes the plan faster.
     for factor in SERVO_MARGINS:
         case = best[0].case
         needed = factor * _worst_error(*best) + case.model_error
@@ -224,7 +227,7 @@ def _fastest(
 
 
 def _search_budgets(case_of: Callable[[float], Case], budgets: Sequence[float]) -> Proven:
-    """Search with rising servo budgets while the plan gets faster and uses most of its budget."""
+    """Search with increasing servo budgets while plans become faster and use most of the budget."""
     best: Proven | None = None
     for budget in budgets:
         try:
@@ -245,21 +248,21 @@ def _search_budgets(case_of: Callable[[float], Case], budgets: Sequence[float]) 
 
 
 def _worst_error(proof: ProgramTrial, moves: Sequence[MoveSearch]) -> float:
-    """Largest contour error of a proven plan, over the box if there is one [m]."""
+    """Largest contour error of a proven plan on all executed robots [m]."""
     robots = [x for y in moves for x in (y.corners, y.spread) if x is not None]
     largest = [float(distances(x).max()) for x in proof.pieces]
     return max(largest + [float(x.max.max()) for x in robots])
 
 
 def _tightest(run: Run, goal: CertificateGoal) -> float:
-    """The smallest tolerance that shape and servo share [m]."""
+    """The smallest tolerance that is divided between shape and servo [m]."""
     assert goal.tolerance is not None
     line = None if run.rounding is None else run.rounding.line_tolerance
     return goal.tolerance if line is None else min(line, goal.tolerance)
 
 
 def _with_shape(run: Run, goal: CertificateGoal, servo: float) -> Run:
-    """The run with its shape tolerances reduced by the servo's part [m]."""
+    """The run with shape tolerances that are reduced by the part of the servo [m]."""
     rounding = run.rounding
     if rounding is None or goal.tolerance is None:
         return run
@@ -271,12 +274,12 @@ def _with_shape(run: Run, goal: CertificateGoal, servo: float) -> Run:
 
 
 def _refuse_other_programs(case: Case) -> None:
-    """Refuse a program that a certificate on rigid bodies does not support."""
+    """Raise an error for a program that a certificate on rigid bodies does not support."""
     program = case.program
     others = [x for x in program.moves if not isinstance(x, Contour | Dwell)]
     if len(program.contours) > 1 or others:
         raise InvalidInput(
-            "A certificate on rigid bodies is for one contour, with or without dwells, but "
+            "A certificate on rigid bodies supports one contour, with or without dwells, but "
             f"this program has {_list_moves(program)}, or certify with plant: servo."
         )
     Unknowns.from_uncertainty(case.box or Uncertainty(), case.arm, case.servo)
@@ -284,7 +287,7 @@ def _refuse_other_programs(case: Case) -> None:
 
 
 def _refuse_start(case: Case) -> None:
-    """Refuse rigid bodies that rest too far from the start of the contour."""
+    """Raise an error if the rigid bodies at rest are too far from the start of the contour."""
     (contour,) = case.program.contours
     distance = rest_at_start(case, contour.path, case.compute_set_points(case.planned.trajectory))
     allowed = case.goal.servo_error or case.goal.tolerance
@@ -292,9 +295,9 @@ def _refuse_start(case: Case) -> None:
     counts_at_start = case.program.single_path is not None or contour.at_work[0] <= 0
     if counts_at_start and distance > allowed:
         raise NotRealizable(
-            f"At rest at the start of its path the tool is {distance * 1e3:.4g} mm from it, since "
-            f"gravity is not fed forward, and {allowed * 1e3:.4g} mm is allowed: feed gravity "
-            "forward (gravity_feedforward: true), raise kp, or allow more.",
+            f"At rest, the tool must be within {allowed * 1e3:.4g} mm of the start of its path, "
+            f"but its distance is {distance * 1e3:.4g} mm because of gravity. Use gravity "
+            "feed-forward (gravity_feedforward: true), increase kp, or allow a larger error.",
             limit="contour error",
             needed=distance,
             allowed=allowed,
@@ -345,10 +348,11 @@ def _certificate(
 def _contours(
     base: Case, proof: ProgramTrial, contours: Sequence[MoveSearch]
 ) -> Iterator[ContourCertificate]:
-    """The certificates of all contours."""
+    """Make the certificates of all contours."""
     case, fastest = proof.case, base.planned.trajectory.contour_spans
     spans = proof.trajectory.contour_spans
-    # Nearly continuous set-points separate the part of the servo from that of the cycle.
+    # An execution of nearly continuous set-points separates the part of the servo from the part of
+    # the cycle.
     run_cycle = case.run.cycle
     cycle = max(run_cycle / CONTINUOUS, min(SHORTEST, run_cycle))
     smooth = execute_trial(
@@ -418,7 +422,7 @@ def _uncertified(case: Case) -> Uncertified:
 
 
 def _worst_of_box(case: Case, set_points: SetPoints) -> float | None:
-    """Largest contour error in the corners of the box [m]; None without one."""
+    """Largest contour error in the corners of the box [m]; None without a box."""
     if case.box is None:
         return None
     if case.bodies:
@@ -464,7 +468,7 @@ def _model_of_bodies(case: Case, held: str) -> str:
 
 
 def shape_part(path: Path) -> float:
-    """Bound of the distance of a path from its objective path, in either direction [m]."""
+    """Bound of the distances between a path and its objective path, in both directions [m]."""
     if isinstance(path, ShapedPath):
         pairs = ((x.vertices, x.curvatures) for x in (path, path.objective))
         same = all(np.array_equal(a, b) for a, b in zip(*pairs, strict=True))
@@ -475,14 +479,14 @@ def shape_part(path: Path) -> float:
 
 
 def _list_moves(program: Program) -> str:
-    """List the moves of a program, and the changes that leave one contour."""
+    """Text with the numbers of moves, and the changes after which a program has one contour."""
     kinds = {"contour": Contour, "rapid": Rapid, "dwell": Dwell, "event": Event}
     counts = {word: sum(isinstance(x, kind) for x in program.moves) for word, kind in kinds.items()}
     leads = ["process.approach and process.retract"] if counts["rapid"] else []
     fix = f"remove {' and '.join(leads)}" if leads else ""
     if counts["contour"] > 1 or not leads:
         fix = "make a job of each contour" + (f", {fix}" if fix else "")
-    return f"{count_kinds(counts)}: {fix}"
+    return f"{count_kinds(counts)}. {fix[0].upper() + fix[1:]}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -491,10 +495,10 @@ class SweepPoint:
 
     Args:
         tolerance: Tolerance of the corners, or of the whole contour if the goal has a tolerance
-            [m]; None if it is that of the job.
-        speed: Assigned speed [m/s]; None if it is that of the job.
+            [m]; None for the tolerance of the job.
+        speed: Assigned speed [m/s]; None for the speed of the job.
         duration: Duration of the certified plan [s]; None if the certificate was refused.
-        refusal: Reason of the refusal; None for a certified point.
+        refusal: Message of the refusal; None for a certified point.
     """
 
     tolerance: float | None
@@ -515,7 +519,7 @@ def sweep(
 ) -> tuple[SweepPoint, ...]:
     """Certify a job for several corner tolerances, then for several assigned speeds.
 
-    The command `armcontour batch` varies any keys of a job and draws charts.
+    To vary other keys of a job and to draw charts, use the command `armcontour batch`.
 
     >>> points = ac.sweep(ac.read_job("job.yaml"), tolerances=[1e-3, 2e-3])
     >>> points[0].duration > points[1].duration
@@ -525,14 +529,17 @@ def sweep(
         job: The job.
         run: Name of the run; by default that of the goal.
         tolerances: Tolerances of the corners, or of the whole contour if the goal has a tolerance
-            [m]; the speed is that of the job.
-        speeds: Assigned speeds [m/s]; the tolerance is that of the job.
+            [m], each with the speed of the job.
+        speeds: Assigned speeds [m/s], each with the tolerance of the job.
         goal: The goal of every point; by default the certificate of the job.
-        progress: Called before every trial with a step named by the value.
+        progress: Called before every trial with a step that names the value.
+
+    Returns:
+        One point per value; a value that cannot be certified is a point with a refusal.
 
     Raises:
-        InvalidInput: No values, no goal, no such run, or a tolerance for a run without rounded
-            corners. A plan that cannot be certified is a point with a refusal.
+        InvalidInput: There are no values, there is no goal, the job has no run with this name, or
+            tolerances are given for a run without rounded corners.
     """
     tolerances = checks.check_sequence("tolerances", tolerances, object, "numbers")
     speeds = checks.check_sequence("speeds", speeds, object, "numbers")
@@ -543,11 +550,13 @@ def sweep(
     ]
     values += [(None, checks.positive("speed", x, "m/s")) for x in speeds]
     if not values:
-        raise InvalidInput("sweep needs values of tolerances or speeds, such as speeds=[0.1, 0.2].")
+        raise InvalidInput(
+            "sweep requires values of tolerances or speeds, such as speeds=[0.1, 0.2]."
+        )
     if len(tolerances) and chosen.rounding is None:
         raise InvalidInput(
-            f"Run {chosen.name} rounds no corners, so sweep has no tolerance to vary: give the run "
-            "corners, or sweep speeds."
+            f"sweep can vary tolerances only of a run that rounds corners, but run {chosen.name} "
+            "rounds none. Specify corners for the run, or sweep speeds."
         )
     points = []
     for tolerance, speed in values:
