@@ -412,12 +412,12 @@ def test_joints_that_run_away_or_do_not_settle_are_errors(fails, monkeypatch):
 def test_drives_that_are_too_weak_are_errors(fails):
     weak = ac.Limits.only(joint_torque=5.0)
     data = {"limit": "joint_torque", "needed": WEIGHT, "allowed": 5.0, "t": 0.0}
-    fails(partial(run, pendulum(), [[0.0]], weak), "to be held", **data)
+    fails(partial(run, pendulum(), [[0.0]], weak), "against gravity", **data)
     # What gravity feed-forward holds is no part of a limit that stands for accelerations.
     slow = ac.Limits.only(joint_acceleration=10.0)
     loaded = pendulum(payload=LOAD)
     assert run(loaded, [[0.0]], slow).torque[0, 0] > 10.0 * INERTIA
-    words = ("takes 14.71 N m to be held", "in addition to gravity feed-forward", "at most 6 N m")
+    words = ("requires 14.71 N m", "in addition to gravity feed-forward", "is 6 N m")
     fails(partial(run, loaded, [[0.0]], slow, controller=pendulum()), *words)
     falling = swing(-np.pi / 2, start=np.pi / 2)
     fails(partial(run, pendulum(viscous=[5.0]), falling, weak), "rests ", limit="joint_torque")
@@ -458,7 +458,7 @@ def test_refused(refuses, monkeypatch):
         (partial(plant, pendulum(), joint_stiffness=0.0), "but is 0 N m/rad"),
         (partial(plant, pendulum(), joint_stiffness=[1e4, 1e4]), "joint_stiffness has 2 values"),
         (partial(plant, pendulum(), joint_stiffness=1e4, joint_damping=-1.0), "joint_damping"),
-        (partial(plant, pendulum(), joint_damping=1.0), "needs their joint_stiffness"),
+        (partial(plant, pendulum(), joint_damping=1.0), "requires joint_stiffness"),
         (partial(plant, two_link(armature=[0.1, 0.0]), joint_stiffness=SPRING), "Joint 2 (elbow)"),
         (partial(run, empty, swing(), joint_stiffness=SPRING), "Joint 1 (hinge) turns no inertia"),
     ):

@@ -68,7 +68,7 @@ def test_refusals(planar, refuses):
     for box, uncertain_arm, model, *words in (
         (Uncertainty(jitter=1e-3), arm, servo),
         (Uncertainty(gains=[0.1] * 3), arm, servo, "2 joints"),
-        (Uncertainty(dead_time=3e-3), arm, servo, "cannot be negative"),
+        (Uncertainty(dead_time=3e-3), arm, servo, "must not exceed the dead time"),
         (Uncertainty(payload=1.0), arm, servo, "0.5 kg"),
         (Uncertainty(viscous=1.0, friction=0.5), arm, servo),
         (Uncertainty(armature=0.1), ac.load_arm("pmk3s"), servo),

@@ -307,7 +307,7 @@ def test_what_cannot_be_asked_is_refused_before_the_search(refuses):
         (partial(certify, job(SHORT), box=Uncertainty(jitter=2e-3)), "jitter of 0.002 s"),
         (
             partial(certify, job(SHORT), box=Uncertainty(dead_time=1e-3)),
-            "dead time cannot be negative",
+            "must not exceed the dead time",
         ),
     ):
         refuses(call, ac.InvalidInput, words)

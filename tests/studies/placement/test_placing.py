@@ -252,7 +252,7 @@ def test_wrong_wishes_are_refused(square):
         (square, {"objective": "beauty"}, "must be one of duration, manipulability"),
         (square, {"objective": "clearance"}, "shapes of the arm UR5e are not known"),
         (square, {"run": "first"}, "no run 'first': its runs are compensated"),
-        (square, {"what": "base", "about": "origin"}, "A base turns about its own origin"),
+        (square, {"what": "base", "about": "origin"}, "A base can turn only about its own origin"),
         (square, {"what": "base", "over": {"tilt": (0, 1, 2)}}, "A base cannot be tilted"),
         (square, {"processes": 0}, "processes"),
         (slow, {}, "specified duration of 5 s"),
@@ -450,5 +450,5 @@ def test_a_lost_worker_is_an_error(square, refuses):
     for after in (0, 2):
         with pytest.raises(ExecutionError, match=lost):
             ac.place(square, ac.PlaceSearch(over=FEW), executor=Losing(after))
-    with pytest.raises(InvalidInput, match="An executor has its own workers"):
+    with pytest.raises(InvalidInput, match="an executor has its own workers"):
         ac.place(square, ac.PlaceSearch(over=FEW), executor=InProcess(), processes=2)

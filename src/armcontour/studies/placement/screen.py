@@ -1,4 +1,6 @@
-"""Bounds of a job at a place without a plan, from joint positions at some of its poses."""
+"""Bounds of a job at a place without a plan, from joint positions at some poses of its paths."""
+
+# A place is a candidate position of the part or the base: values of the axes of the search.
 
 from __future__ import annotations
 
@@ -30,34 +32,33 @@ from armcontour.program import Contour, Dwell, Program
 from armcontour.robot import Arm, Chain, Limits, SerialArm, newton
 from armcontour.robot.inverse import WHOLE, configurations, out_of_reach
 
-# Largest deviation from the path at which quintics through the first knots represent the joint path
-# [m, rad]; without them the duration has no bound.
+# Quintics through the first knots represent the joint path if their deviations from the tool path
+# are at most NEAR [m] and NEAR_ANGLE [rad]. Otherwise the duration has no bound.
 NEAR, NEAR_ANGLE = 1e-5, 1e-4
-# Distance out of reach from which poses are refused without tracing [m]; tracing is more precise.
+# A pose that is out of reach by more than this distance is refused without tracing [m]. Smaller
+# distances are decided by tracing, which is more precise.
 BEYOND = 1e-6
-# Kinds of refusals.
+# Kinds of refusals, for messages.
 REACH, RANGE, SINGULAR_ARM = "reach", "joint range", "singularity"
-# Number of later poses that are checked for reach if a path cannot be followed.
+# Number of later poses that are checked for reach if no configuration follows the whole path.
 POSES_AHEAD = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceBounds:
-    """Bounds of a place without a plan."""
+    """Bounds of the figures of merit of a place, without a plan."""
 
-    # Lower bound of the duration, up to the error of `bound_duration` [s]
-    duration: float = 0.0
-    # Smallest singular value along the path, in the configuration with the least duration or, for
-    # `every`, the largest over all configurations; NaN if unknown
+    duration: float = 0.0  # Lower bound of the duration, up to the error of `bound_duration` [s]
+    # singular: smallest singular value along the path, in the configuration with the smallest
+    # duration, or with `every` the largest of all configurations; NaN if unknown.
     singular: float = np.nan
-    # Kind of the refusal if tracing would fail
-    refusal: str = ""
+    refusal: str = ""  # Kind of the refusal if tracing would fail, otherwise empty
 
 
 class Screen:
-    """Bounds for a program and a non-redundant arm at any place.
+    """Bounds for a program and a non-redundant arm, at any place.
 
-    With `every`, singular values are the largest over all configurations.
+    `every`: if True, singular values are the largest over all configurations.
     """
 
     def __init__(
@@ -79,21 +80,22 @@ class Screen:
 
     @staticmethod
     def fits(program: Program, arm: object) -> bool:
-        """True if a program and an arm have bounds: not in the plane, and without redundancy."""
+        """True if bounds are available: for a path in space and an arm without redundancy."""
         return isinstance(arm, SerialArm) and all(
             x.path.dimension == 3 and task_dimension(x.path, arm) == arm.dof
             for x in program.contours
         )
 
     def out_of_reach(self, bases: FloatArray) -> BoolArray:
-        """Mask of bases (n, 3, 4) in the work frame from which a pose is certainly out of reach."""
+        """Mask of bases in the work frame, (n, 3, 4), from which a pose is out of reach, (n,)."""
+        # Poses that may be within reach are decided by tracing.
         refused = np.zeros(len(bases), dtype=np.bool_)
         for poses in self.contours:
             refused[~refused] = poses.out_of_reach(self._arm, bases[~refused])
         return refused
 
     def bounds_of(self, arm: SerialArm) -> PlaceBounds:
-        """Bounds of the program for the arm at its place."""
+        """Bounds of the program for an arm with the work frame of the place."""
         duration, singular = self.dwells, np.inf
         for poses in self.contours:
             bounds = poses.bounds_of(arm, self.limits, self.every)
@@ -105,7 +107,7 @@ class Screen:
 
 
 class _Poses:
-    """Poses of a path at its first knots."""
+    """Poses of a path at its first knots, and at finer ones for following configurations."""
 
     def __init__(self, path: Path, arm: SerialArm, seed: FloatArray | None) -> None:
         self.path, self.seed = path, seed
@@ -118,7 +120,7 @@ class _Poses:
         self.width = knots.u1 - knots.u0
 
     def out_of_reach(self, arm: SerialArm, bases: FloatArray) -> BoolArray:
-        """Mask of bases (n, 3, 4) from which a pose of the path is certainly out of reach."""
+        """Mask of bases, (n, 3, 4), from which a pose of the path is out of reach, (n,)."""
         closed = arm.closed_form
         if self.task == WHOLE and closed is not None:
             return closed.beyond(bases, self.fine, BEYOND) > BEYOND
@@ -143,7 +145,7 @@ class _Poses:
         return self._bound(arm, limits, np.array(inside), every)
 
     def _bound(self, arm: SerialArm, limits: Limits, q: FloatArray, every: bool) -> PlaceBounds:
-        """Bounds over all configurations, with joint positions at the knots q, (k, n + 1, dof)."""
+        """Bounds over k configurations with joint positions q at the knots, (k, n + 1, dof)."""
         begin, end, sound = self._ends(arm, q)
         if not sound.any():
             return PlaceBounds(refusal=SINGULAR_ARM)
@@ -158,7 +160,7 @@ class _Poses:
         return PlaceBounds(duration=min(durations), singular=max(values))
 
     def _duration(self, begin: list[FloatArray], end: list[FloatArray], limits: Limits) -> float:
-        """Lower bound of the duration in one configuration [s]; 0 without a bound."""
+        """Lower bound of the duration in one configuration [s]; 0 if there is no bound."""
         try:
             joint_path = JointPath.hermite(
                 self.breaks,
@@ -168,14 +170,14 @@ class _Poses:
                 tool_path=self.path,
             )
         except InvalidInput:
-            # Newton's method has left the configuration.
+            # Newton's method has converged to another configuration.
             return 0.0
         return bound_duration(joint_path, limits)
 
     def _ends(self, arm: SerialArm, q: FloatArray) -> tuple[Ends, Ends, BoolArray]:
-        """q, dq_ds and d2q_ds2 at the starts and ends of all intervals, (k, n, dof) each.
+        """q, dq_ds and d2q_ds2 at the starts and at the ends of all intervals, (k, n, dof) each.
 
-        The mask (k,) is True for configurations without a singularity.
+        Also returns the mask of configurations without a singularity, (k,).
         """
         k, n, dof, first = len(q), q.shape[1] - 1, q.shape[2], self.first
         alone = first.ends >= n
@@ -205,23 +207,24 @@ class _Poses:
 
 
 def _fits_range(q: FloatArray, limits: Limits, dof: int) -> bool:
-    """True if full turns of the joints move positions [rad], (n, dof), into their ranges."""
+    """True if full turns of the joints can move positions q [rad], (n, dof), into their ranges."""
     lower, upper = limits.joint_range(dof)
     first = np.ceil((lower - ROUNDING - q.min(axis=0)) / (2 * np.pi))
     last = np.floor((upper + ROUNDING - q.max(axis=0)) / (2 * np.pi))
     return bool((first <= last).all())
 
 
-# Cosine of the angle above which axes are parallel; lengths along them are then exact to 1e-6.
+# Axes are parallel if the magnitude of the cosine of their angle exceeds this. Lengths along them
+# are then exact to a relative 1e-6.
 PARALLEL = 1 - 1e-12
 
 
 def longest_reach(chain: Chain, task: int) -> tuple[FloatArray, FloatArray, float]:
-    """Point of the tool, and center and radius of a ball around the base that contains it [m].
+    """Point of the tool in its frame, and centre and radius of a ball that contains it [m].
 
-    Offsets of links along parallel axes are added with their signs, because turning about these
-    axes does not change them. Offsets along the first axes move the center. For task 6 the point is
-    on the last axis, otherwise it is the tool point; its coordinates are in the tool frame.
+    The centre is in the frame of the base. For task 6, the point is on the last axis; otherwise it
+    is the tool point. Offsets of links along parallel axes are added with their signs, because
+    rotations about these axes do not change them. Offsets along the first axes move the centre.
     """
     end = chain.tip @ chain.tool
     point = end.inverse.position if task == 6 else np.zeros(3)
@@ -250,9 +253,9 @@ def longest_reach(chain: Chain, task: int) -> tuple[FloatArray, FloatArray, floa
 
 
 def beyond_links(chain: Chain, task: int, poses: FloatArray, bases: FloatArray) -> FloatArray:
-    """Largest distance of poses (m, 3, 4) beyond the links, for bases (n, 3, 4) [m], (n,).
+    """Largest distance by which poses, (m, 3, 4), exceed the reach from bases, (n, 3, 4) [m], (n,).
 
-    It is 0 or less if the links are long enough.
+    The distance is at most 0 if the links are long enough for all poses.
     """
     point, middle, radius = longest_reach(chain, task)
     points = poses[:, :, 3] + poses[:, :, :3] @ point
@@ -262,16 +265,17 @@ def beyond_links(chain: Chain, task: int, poses: FloatArray, bases: FloatArray) 
 
 
 def least_singular_value(arm: Arm, q: FloatArray, task: int) -> float:
-    """Smallest singular value of the task's Jacobian over joint positions (n, dof) [m/rad].
+    """Smallest singular value of the task's Jacobian over joint positions, (n, dof) [m/rad].
 
-    Rows: tool velocity [m/rad] and, for task 6, angular velocity; task 5 omits the tool axis.
+    The rows of the Jacobian are the tool velocity [m/rad] and, for tasks 5 and 6, the angular
+    velocity [rad/rad], for task 5 without the component along the tool axis.
     """
     if not isinstance(arm, SerialArm) or task == 3:
         rows = arm.tool_jacobian(q)
     else:
         rows = arm.jacobian(q)
         if task == 5:
-            # Turning about x and y of the tool.
+            # Angular velocities about x and y of the tool.
             _, turned = arm.pose(q)
             across = np.swapaxes(turned[:, :, :2], 1, 2) @ rows[:, 3:]
             rows = np.concatenate([rows[:, :3], across], axis=1)
