@@ -369,7 +369,7 @@ class ServoPlant(LimitedPlant):
         return self.for_plan(set_points)._execute(set_points, resolution)
 
     def _execute(self, set_points: SetPoints, resolution: float) -> Execution:
-        """Execute set-points with the limits of this plant (without those of the plan)."""
+        """Execute set-points with the limits of this plant, which `for_plan` has set."""
         steps = int(np.ceil(set_points.cycle / resolution * (1 - 1e-12)))
         parts, unsettled = self._until_rest(set_points, steps)
         whole = join_parts(parts)

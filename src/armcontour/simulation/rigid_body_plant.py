@@ -220,7 +220,7 @@ class RigidBodyPlant(LimitedPlant):
         return self.for_plan(set_points)._execute(set_points, resolution)
 
     def _execute(self, set_points: SetPoints, resolution: float) -> Execution:
-        """Execute set-points with the limits of this plant (without those of the plan)."""
+        """Execute set-points with the limits of this plant, which `for_plan` has set."""
         steps = int(np.ceil(set_points.cycle / self.step * (1 - 1e-12)))
         span = set_points.cycle / steps
         every = _steps_per_result(steps, span, resolution)

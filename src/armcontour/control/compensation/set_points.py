@@ -126,7 +126,7 @@ def inverse(trajectory: Trajectory, servo: ServoModel, cycle: float) -> tuple[fl
 
 
 def integrator_tail(servo: ServoModel, duration: float, cycle: float) -> int:
-    """Number of set-points after a motion in which the integrators of the servo decay; else 0."""
+    """Number of set-points after a motion until the integrators decay; 0 without integrators."""
     return int(longest_tail(duration) / cycle) + 2 if servo.ki.any() else 0
 
 

@@ -304,8 +304,8 @@ def _next_lesson(
         fastest = np.maximum(slowest, fastest)
     requested = best.q + step * (estimate.correct(setbacks) - best.q)
     q, reason = _keep_limits(result, requested, best.q, applied, fastest)
-    # fraction: share of the removable error that is predicted to remain. It is not assumed to be
-    # smaller than in the last run, because the share of noise and friction increases.
+    # fraction: share of the removable error that is predicted to remain. It is at least the square
+    # root of the last reduction of the error, because the share of noise and friction increases.
     fraction = FITTED if any(result.misfits) else UNTESTED
     fraction = (
         max(estimate.response_error, float(np.sqrt(min(now / before, 1.0))))

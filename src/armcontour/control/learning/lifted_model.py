@@ -1,4 +1,4 @@
-"""`Lifted`: linear response of a whole run to a change of all set-points, and the best change."""
+"""`Lifted`: linear response of a whole run to a change of the set-points, and the best change."""
 
 # "Lifted" means that a run is one vector, with one entry for every joint and time: x = P du, where
 # x is the change of the joint positions and du is the change of the set-points.

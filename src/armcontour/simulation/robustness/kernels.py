@@ -207,7 +207,7 @@ def _advance_joints(
         # The energy of a joint decreases with and without saturation, which bounds its speed.
         offset, w = states[j, 0] - sample.commands[j, -1, 0], states[j, 1]
         if ki > 0.0:
-            # An integrator can supply energy.
+            # An integrator can supply energy, so the bound is larger.
             rate = max(kv, math.sqrt(kv * (kp + ki)))
             total += OVERSHOOT * (abs(w) + rate * abs(offset) + abs(states[j, 4]) / rate)
         elif kv > 0.0:

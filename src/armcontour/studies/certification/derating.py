@@ -48,7 +48,7 @@ class Derating:
 
     @classmethod
     def nothing(cls, joint_path: JointPath, intervals: int | None = None) -> Derating:
-        """Without any derating; cells are the intervals of the first grid of a plan of the path."""
+        """Derating without any reduction; cells are the intervals of the first grid of a plan."""
         cells = place_grid(joint_path, intervals).s
         n = len(cells) - 1
         return cls(cells=cells, share=np.ones((n, joint_path.dof)), cap=np.full(n, np.inf))

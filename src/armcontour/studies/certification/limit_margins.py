@@ -116,7 +116,7 @@ def execute_on_box(case: Case, set_points: SetPoints) -> list[Group]:
 
 
 def distances(piece: ContourExecution) -> FloatArray:
-    """Contour error in both directions over time [m], (n,)."""
+    """Contour error at each result, the larger of both directions [m], (n,)."""
     error = piece.contour_error
     over_time = np.maximum(piece.followed.distance, piece.followed.coverage_error)
     # A peak between two times is assigned to the nearer time.

@@ -300,8 +300,8 @@ def derate_contour(
     for j in range(shares.shape[1]):
         use = largest(over[:, j], 0.0) / tight["acceleration"]
         if move.tries == 0 and steps.together and not case.saturated and (use > 1).any():
-            # Most of the excess is due to the cycle and is equal in all cells. If it is derated in
-            # all cells, it does not reappear in other cells when the plan changes.
+            # Most of the excess is due to the cycle and is equal in all cells. If all cells are
+            # derated by it, it does not reappear in other cells when the plan changes.
             common = float(np.median(use[use > 1]))
             shares[:, j] /= common
             use = use / common
@@ -309,7 +309,7 @@ def derate_contour(
     derating = derating.with_share(shares, "acceleration")
     use = largest(margins.pace, 0.0) / tight["speed"]
     derating = slower(use, 1 / np.maximum(use, 1.0), "speed")
-    # Without compensation the tool follows an earlier part of the plan.
+    # Without compensation, the tool lags, so an error is due to an earlier part of the plan.
     lags = isinstance(case.run.compensation, NoCompensation) or power > 1
     delay = TOOL_MEMORY * memory / 2 if lags else 0.0
     use = largest(margins.tool, delay) / tight["tool"]
@@ -319,7 +319,7 @@ def derate_contour(
         slow = np.clip(np.maximum(use, 1.0) ** (-steps.power * power), steps.share, 1.0)
         derating = slower(use, slow**2, "error").with_share(slow[:, None], "error")
     if case.box is not None:
-        # Bodies lag by the time constant of their position loops.
+        # The tool of rigid bodies lags by the time constant of the position loops.
         delay = BODY_MEMORY / float(case.servo.kp.min()) if case.bodies else 0.0
         use = largest(margins.box, delay) / tight["box"]
         slow = 1 / np.maximum(use, 1.0)

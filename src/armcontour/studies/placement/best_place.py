@@ -165,13 +165,13 @@ def _list_range_ends(axes: Sequence[Axis], place: Place) -> list[str]:
 
 
 def _ends_of(axis: Axis) -> tuple[float, ...]:
-    """Ends of the range of an axis that can be extended; a tilt of 0 cannot be reduced."""
+    """Ends of an axis at which a wider range is possible; a tilt cannot be negative."""
     first, last = float(axis.values[0]), float(axis.values[-1])
     return (last,) if axis.name == "tilt" and first == 0 else (first, last)
 
 
 def _run_of(job: Job, name: str | None, objective: str) -> tuple[Run, list[str]]:
-    """The run to place, with arcs instead of corners with the shape "free", and notes."""
+    """The compared run, in which arcs replace corners with the shape "free", and notes."""
     optimal = [x for x in job.runs if isinstance(x.timing, Optimal)]
     chosen = choose_run(job, name, "placed", optimal)
     if chosen.duration is not None and objective == DURATION:
