@@ -21,14 +21,15 @@ from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
 # A gap of more sample intervals than this splits a log, because the command in it is unknown.
 SHORT_GAP = 20.0
 # Time at the start of a log that fits ignore, because it depends on commands before the log [s].
-SKIPPED = 0.04
+SKIPPED_TIME = 0.04
 # Time over which the speed of the command is averaged [s], about the settling time of a servo.
-RECENT = 0.1
+SPEED_WINDOW = 0.1
 # Number of samples from which the initial velocity is estimated.
-STARTING = 20
-# AT_REST: a command slower than this share of the typical speed counts as rest.
-# TYPICAL: percentile of the command speeds that is the typical speed, the upper bound of weights.
-AT_REST, TYPICAL = 0.02, 95
+START_SAMPLES = 20
+# REST_SHARE: a command slower than this share of the typical speed counts as rest.
+# TYPICAL_PERCENTILE: percentile of the command speeds that is the typical speed, the upper bound of
+# weights.
+REST_SHARE, TYPICAL_PERCENTILE = 0.02, 95
 # Number of contiguous parts with equal motion into which a single log is divided.
 PARTS = 5
 # Typical changes of the parameters in a fit: of the logarithm for LOGARITHMIC, else in SI units.
@@ -37,26 +38,30 @@ SCALES = JointServo(0.5, 0.5, 0.2, 0.05, 3e-3, 0.5, 1e-3, 0.5)
 LINEAR = ("velocity_feedforward", "acceleration_feedforward", "friction")
 # Typical changes of the initial values of a log: measurement offset [rad], position [rad],
 # velocity [rad/s], acceleration [rad/s²] (only with an integrator).
-BEGIN_SCALES = np.array([1e-3, 1e-3, 0.05, 1.0])
+INITIAL_SCALES = np.array([1e-3, 1e-3, 0.05, 1.0])
 # Step of numerical derivatives, as a share of these typical changes.
-STEP = 1e-5
+DERIVATIVE_STEP = 1e-5
 # Fitted parameters up to this value are rounding errors at the bound 0.
 ROUNDING = 1e-9
 # Residuals are in mrad (MRAD per rad) and clipped to this magnitude, because trials can diverge.
-MRAD, MOST = 1e3, 1e4
+MRAD, MAX_RESIDUAL = 1e3, 1e4
 # Bounds of the gains in the search [1/s]; velocity loops of drives have bandwidths below 160 Hz.
-SLOWEST, FASTEST = 0.1, 1000.0
+MIN_GAIN, MAX_GAIN = 0.1, 1000.0
 # A linear unknown has no effect if its typical change changes the residuals by at most this norm
 # [mrad].
-INVISIBLE = 1e-4
+LEAST_EFFECT = 1e-4
 # Half-width of a 95 % interval of a normal distribution [standard deviations].
-REACH = 1.96
+HALF_INTERVAL = 1.96
 # Parameters with at most this standard deviation are determined, however small their value is.
-ALSO = {"dead_time": 0.5e-3, "velocity_feedforward": 0.05, "acceleration_feedforward": 0.05}
+SUFFICIENT_SD = {
+    "dead_time": 0.5e-3,
+    "velocity_feedforward": 0.05,
+    "acceleration_feedforward": 0.05,
+}
 # Largest ratio of the effect of a drive cycle to its first-order approximation.
-HIGHER = 1.2
+CYCLE_EFFECT = 1.2
 # Number of fitted initial values (offset, position, velocity) of a log segment, by model order.
-BEGINS = {"unknown": 1, "delay": 1, "first": 2, "second": 3}
+INITIAL_VALUES = {"unknown": 1, "delay": 1, "first": 2, "second": 3}
 
 
 class Model(NamedTuple):
@@ -76,15 +81,15 @@ class Search(NamedTuple):
     @property
     def fastest(self) -> float:
         """Largest gain of the search [1/s]."""
-        return min(FASTEST, 2 / self.drive_cycle) if self.drive_cycle else FASTEST
+        return min(MAX_GAIN, 2 / self.drive_cycle) if self.drive_cycle else MAX_GAIN
 
     def bounds(self, model: Model) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds of a model's parameters, (m,) each; logarithms for LOGARITHMIC."""
         fastest = self.fastest
         lead = 3.0 if model.order == "second" else 0.3
         ranges = JointServo(
-            (SLOWEST, fastest), (0.5, fastest), (0.0, 3.0), (0.0, lead), (0.0, self.longest),
-            (0.01, 1e5), (0.0, 0.1), (SLOWEST, FASTEST / 10),
+            (MIN_GAIN, fastest), (0.5, fastest), (0.0, 3.0), (0.0, lead), (0.0, self.longest),
+            (0.01, 1e5), (0.0, 0.1), (MIN_GAIN, MAX_GAIN / 10),
         )  # fmt: skip
         bounds = np.array([getattr(ranges, x) for x in model.free]).reshape(-1, 2).T
         logarithmic = np.array([x in LOGARITHMIC for x in model.free], dtype=bool)
@@ -105,14 +110,14 @@ class LogSegment:
     part: IntArray  # Index of the cross-validation part of each sample
 
     def after(self, lag: float) -> LogSegment:
-        """The segment whose mask `use` excludes the first SKIPPED and `lag` seconds."""
+        """The segment whose mask `use` excludes the first SKIPPED_TIME and `lag` seconds."""
         t = self.command.t
-        return replace(self, use=t >= min(max(SKIPPED, lag, t[5]), t[-1] / 4))
+        return replace(self, use=t >= min(max(SKIPPED_TIME, lag, t[5]), t[-1] / 4))
 
     @property
     def velocity(self) -> float:
         """Measured velocity at the start of the segment [rad/s]."""
-        n = min(STARTING, len(self.y))
+        n = min(START_SAMPLES, len(self.y))
         return float(np.polyfit(self.command.t[:n], self.y[:n], 1)[0])
 
     def cut(self, a: int, b: int, every: int = 1) -> LogSegment:
@@ -133,7 +138,7 @@ def split_logs(
     logs: Sequence[Log], j: int, interpolation: str, lag: float = 0.0
 ) -> list[LogSegment]:
     """Segments of joint j between long gaps of the logs, weighted by motion, with parts."""
-    # `use` excludes the start of each segment: the larger of `lag` and SKIPPED [s].
+    # `use` excludes the start of each segment: the larger of `lag` and SKIPPED_TIME [s].
     spans = []
     for i, log in enumerate(logs):
         t = log.t
@@ -143,10 +148,10 @@ def split_logs(
     for i, a, b in spans:
         t, u = logs[i].t[a:b], logs[i].command[a:b, j]
         travel = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(u)))])
-        speeds.append((travel - np.interp(t - RECENT, t, travel)) / RECENT)
+        speeds.append((travel - np.interp(t - SPEED_WINDOW, t, travel)) / SPEED_WINDOW)
     every = np.concatenate(speeds) if speeds else np.zeros(1)
-    usual = float(np.percentile(every[every > 0], TYPICAL)) if every.any() else 1.0
-    weights = [np.where(x > AT_REST * usual, np.minimum(x, usual), 0.0) for x in speeds]
+    usual = float(np.percentile(every[every > 0], TYPICAL_PERCENTILE)) if every.any() else 1.0
+    weights = [np.where(x > REST_SHARE * usual, np.minimum(x, usual), 0.0) for x in speeds]
     total, done = max(sum(float(x.sum()) for x in weights), 1e-300), 0.0
     moving = {i for (i, _, _), x in zip(spans, weights, strict=True) if x.any()}
     segments = []
@@ -178,10 +183,10 @@ class Problem:
 
     def __init__(self, model: Model, segments: Sequence[LogSegment], search: Search) -> None:
         self.model, self.segments, self.search = model, segments, search
-        self.m, self.b = len(model.free), BEGINS[model.order] + ("ki" in model.free)
+        self.m, self.b = len(model.free), INITIAL_VALUES[model.order] + ("ki" in model.free)
         self.logarithmic = np.array([x in LOGARITHMIC for x in model.free], dtype=bool)
         scales, count = [getattr(SCALES, x) for x in model.free], len(segments)
-        self.scale = np.concatenate([scales, np.tile(BEGIN_SCALES[: self.b], count)])
+        self.scale = np.concatenate([scales, np.tile(INITIAL_SCALES[: self.b], count)])
         self.used = [np.flatnonzero(s.use) for s in segments]
         free, (low, high) = np.full(self.b * count, np.inf), search.bounds(model)
         self.low, self.high = np.concatenate([low, -free]), np.concatenate([high, free])
@@ -189,7 +194,7 @@ class Problem:
         begin = [not limited or k == 0 for k in range(self.b)]
         parameters = [not limited and x in LINEAR for x in model.free]
         self.linear: BoolArray = np.concatenate([parameters, np.tile(begin, count)]).astype(bool)
-        self.steps = np.where(self.linear, 1.0, STEP) * self.scale
+        self.steps = np.where(self.linear, 1.0, DERIVATIVE_STEP) * self.scale
 
     def servo(self, unknowns: FloatArray) -> JointServo:
         """The servo with parameters (..., m), which are logarithms for LOGARITHMIC."""
@@ -230,7 +235,7 @@ class Problem:
         servo, column, end = self.servo(values), np.cumsum(only), 0
         every = np.zeros((1 + int(column[-1]), sum(len(k) for k in self.used)))
         for i, (s, used) in enumerate(zip(self.segments, self.used, strict=True)):
-            begin, first = np.zeros((rows, len(BEGIN_SCALES))), m + i * b
+            begin, first = np.zeros((rows, len(INITIAL_SCALES))), m + i * b
             begin[:, :b] = unknowns[first : first + b]
             begin[np.arange(after, rows), later] += self.steps[m + later]
             _, q0, dq0, ddq0 = begin.T
@@ -243,8 +248,8 @@ class Problem:
             block[0] = q[0] + unknowns[first] - s.y[used]
         every *= MRAD
         if not np.isfinite(every.sum()):
-            every = np.nan_to_num(every, nan=MOST)
-        return np.clip(every[0], -MOST, MOST), every[1:].T
+            every = np.nan_to_num(every, nan=MAX_RESIDUAL)
+        return np.clip(every[0], -MAX_RESIDUAL, MAX_RESIDUAL), every[1:].T
 
     def residuals(self, unknowns: FloatArray) -> FloatArray:
         """Simulated less measured positions of the used samples [mrad]."""
@@ -255,9 +260,11 @@ class Problem:
         # The derivatives are by the linear unknowns that are not at their bounds.
         linear = np.flatnonzero(self.linear)
         start, slopes = self.linearize(unknowns, self.linear)
-        if np.abs(start).max() >= MOST:  # The simulation diverged; an offset must not hide this.
+        if (
+            np.abs(start).max() >= MAX_RESIDUAL
+        ):  # The simulation diverged; an offset must not hide this.
             return unknowns, start, slopes[:, :0]
-        slopes, size = normalize(slopes * self.scale[linear], INVISIBLE)
+        slopes, size = normalize(slopes * self.scale[linear], LEAST_EFFECT)
         size /= self.scale[linear]
         square = np.einsum("ki,kj->ij", slopes, slopes)
         low, high = ((y[linear] - unknowns[linear]) * size for y in (self.low, self.high))
@@ -352,10 +359,10 @@ def fit(problem: Problem, starts: Sequence[FloatArray], evaluations: int = 60) -
 
 def predict(segment: LogSegment, servo: JointServo, order: str, drive_cycle: float) -> FloatArray:
     """Predicted positions in a log segment [rad], (n,); offset and initial state are fitted."""
-    s, b = segment, BEGINS[order] + int(servo.ki > 0)
+    s, b = segment, INITIAL_VALUES[order] + int(servo.ki > 0)
     free = np.isinf(servo.acceleration_limit)
-    scale = BEGIN_SCALES[:b]
-    steps = np.diag(BEGIN_SCALES)[:b] * (1.0 if free else STEP)
+    scale = INITIAL_SCALES[:b]
+    steps = np.diag(INITIAL_SCALES)[:b] * (1.0 if free else DERIVATIVE_STEP)
     steps[0] = 0.0
 
     def simulate(begins: FloatArray) -> FloatArray:
@@ -400,7 +407,7 @@ def estimate_parameters(
     variance = float(np.sum(residuals**2)) / freedom * correlation_length(residuals)
     deviations = np.where(free, Precision.from_jacobian(jacobian, variance).sd(free), math.nan)
     servo, estimates = fit.servo, {}
-    cycled = cycled_servo(servo, longest_cycle)
+    cycled = add_drive_cycle(servo, longest_cycle)
     for name, sd in zip(names, deviations.tolist(), strict=False):
         value, other = getattr(servo, name), getattr(cycled, name)
         every, others = (np.array([getattr(y, name) for y in x]) for x in (without, rivals))
@@ -412,20 +419,20 @@ def estimate_parameters(
         if math.isfinite(sd):
             jackknife = float(np.std(every) * math.sqrt(len(every) - 1)) if len(every) else 0.0
             sd = max(sd, jackknife, float(np.std(others)))
-        low, high = min(shift, 0.0) - REACH * sd, max(shift, 0.0) + REACH * sd
+        low, high = min(shift, 0.0) - HALF_INTERVAL * sd, max(shift, 0.0) + HALF_INTERVAL * sd
         if name not in LOGARITHMIC:
             low = max(low, -value)
-        options: dict[str, Any] = {"also": ALSO.get(name, 0.0)}
+        options: dict[str, Any] = {"also": SUFFICIENT_SD.get(name, 0.0)}
         if name == "acceleration_feedforward" and p.model.order == "first":
             options = {"unit": "s"}
         estimates[name] = Estimate.from_interval(name, value, sd, (low, high), **options)
     return estimates
 
 
-def cycled_servo(servo: JointServo, drive_cycle: float) -> JointServo:
+def add_drive_cycle(servo: JointServo, drive_cycle: float) -> JointServo:
     """The servo with a drive cycle [s] that is equivalent, to first order, to the given servo."""
     # Held values and differences over a drive cycle are delayed by half a drive cycle.
-    half = HIGHER * drive_cycle / 2
+    half = CYCLE_EFFECT * drive_cycle / 2
     kp, ki = servo.kp / (1 + servo.kp * half), servo.ki / (1 + servo.ki * half)
     slow = 1 - (kp + ki) * half
     return servo._replace(

@@ -11,7 +11,7 @@ from armcontour.control.identification.joint_fit import split_logs
 from armcontour.control.identification.servo_identification import (
     JointIdentification,
     Judgement,
-    rounded,
+    round_digits,
     write_servo,
 )
 from armcontour.core.checks import BoolArray, FloatArray
@@ -21,19 +21,19 @@ from armcontour.robot import Arm
 from armcontour.robot.servo.simulation import JointServo
 
 # Spacing of the samples from which contour errors are computed [s].
-STEP = 4e-3
+SPACING = 4e-3
 # Two logs are of the same program if their commands differ by at most this share of their range.
-SAME = 0.02
+SAME_PROGRAM = 0.02
 # Without an arm, errors of a joint are divided by its RMS tracking error, at least by this share of
 # the largest tracking error, so that the noise of a joint that hardly moves is not amplified.
-FLOOR = 0.1
-# STEPS: number of Newton steps for a delay. BEYOND: largest difference of the delay of the contour
-# from the delays of the joints [s].
-STEPS, BEYOND = 3, 0.1
+LEAST_WEIGHT = 0.1
+# NEWTON_STEPS: number of Newton steps for a delay. DELAY_MARGIN: largest difference of the delay of
+# the contour from the delays of the joints [s].
+NEWTON_STEPS, DELAY_MARGIN = 3, 0.1
 # A model or delay is rejected if its error exceeds this share of the tracking error.
-WEAK = 0.8
+MAX_WEAK = 0.8
 # A contour error of at most this multiple of the encoder noise counts as 0.
-NOISES = 3.0
+NOISE_MULTIPLE = 3.0
 # Lower bound of divisors.
 TINY = 1e-30
 
@@ -57,13 +57,13 @@ class _LogSamples:
         residual = np.stack([self.rest[c][:, j] for j, c in enumerate(choice)], axis=1)
         moved, times = self.command + residual, self.t
         if arm is not None:
-            reach = (longest + BEYOND) / float(np.median(np.diff(self.t)))
+            reach = (longest + DELAY_MARGIN) / float(np.median(np.diff(self.t)))
             both = arm.tool_position(self.command), arm.tool_position(moved)
             squares, positions = find_nearest(*both, int(np.ceil(reach)))
             times = np.interp(positions, np.arange(len(positions)), self.t)
         elif len(weight) > 1:
             both = self.command * weight, moved * weight
-            times = times - find_delay([(times, *both)], -BEYOND, longest + BEYOND)
+            times = times - find_delay([(times, *both)], -DELAY_MARGIN, longest + DELAY_MARGIN)
         deviations = moved - interpolate(times, self.t, self.command)
         if arm is None:
             squares = np.sum((deviations * weight) ** 2, axis=1)
@@ -71,7 +71,7 @@ class _LogSamples:
         return float(np.sqrt(np.mean(squares[self.use]))), each
 
 
-def judge(
+def choose_written(
     logs: Sequence[Log],
     joints: Sequence[JointIdentification],
     interpolation: str,
@@ -83,10 +83,10 @@ def judge(
     # written, whichever has the smallest contour error. Without an arm, the contour is a curve in
     # joint space. longest: longest dead time of the search [s].
     delays = _joint_delays(logs, longest)
-    motions = [_prepare(logs, i, joints, longest) for i in range(len(logs))]
+    motions = [_sample_log(logs, i, joints, longest) for i in range(len(logs))]
     every = [np.concatenate([x.rest[y] for x in motions]) for y in ("none", "delay")]
     lags, delayed = (np.sqrt(np.mean(x**2, axis=0)) for x in every)
-    weight = 1 / np.maximum(lags, max(FLOOR * float(lags.max()), TINY))
+    weight = 1 / np.maximum(lags, max(LEAST_WEIGHT * float(lags.max()), TINY))
 
     def deviations(choice: Sequence[str]) -> list[tuple[float, FloatArray]]:
         return [x.deviate(choice, float(delays.max()), weight, arm) for x in motions]
@@ -100,7 +100,7 @@ def judge(
     choice = ["model" if x.written else "none" for x in joints]
     for j, joint in enumerate(joints):
         if joint.note:
-            others = ("none", "delay") if delayed[j] <= WEAK * lags[j] else ("none",)
+            others = ("none", "delay") if delayed[j] <= MAX_WEAK * lags[j] else ("none",)
             choice = min((choice, *([*choice[:j], y, *choice[j + 1 :]] for y in others)), key=cost)
     done = deviations(choice)
     errors = np.array([(y[0], x[0]) for x, y in zip(done, none, strict=True)])
@@ -115,26 +115,26 @@ def judge(
     judgement = Judgement(
         programs=count_programs(logs),
         ratio=float(
-            np.max(np.where(after > NOISES * noise, after / np.maximum(before, TINY), 0.0))
+            np.max(np.where(after > NOISE_MULTIPLE * noise, after / np.maximum(before, TINY), 0.0))
         ),
         errors=errors,
     )
     written = []
     for j, (joint, c) in enumerate(zip(joints, choice, strict=True)):
         if c != "model":
-            delay = rounded(delays[j] * (c == "delay"))
+            delay = round_digits(delays[j] * (c == "delay"))
             servo = JointServo(np.inf, dead_time=delay)
             joint = write_servo(joint, split_logs(logs, j, interpolation, delay), servo)
         written.append(replace(joint, contour_ratio=float(max(y[j] for y in shares))))
     return tuple(written), judgement
 
 
-def _prepare(
+def _sample_log(
     logs: Sequence[Log], i: int, joints: Sequence[JointIdentification], longest: float
 ) -> _LogSamples:
     """Samples of log i with residuals of no model, of delays from other logs, and of the models."""
     log = logs[i]
-    every = max(int(STEP / log.interval * (1 + 1e-6)), 1)
+    every = max(int(SPACING / log.interval * (1 + 1e-6)), 1)
     delays = _joint_delays([x for k, x in enumerate(logs) if k != i] or logs, longest)
     model = np.stack([x.rests[i] if x.rests else np.full(len(log.t), np.nan) for x in joints], 1)
     predicted = np.isfinite(model)
@@ -166,7 +166,7 @@ def find_delay(
     """Delay from `low` to `high` with the smallest tracking error, by Newton's method [s]."""
     # motions: times (n,) [s], commands (n, k) and positions (n, k) of each log.
     delay = 0.0
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         above = below = 0.0
         for t, command, q in motions:
             errors = q - interpolate(t - delay, t, command)
@@ -185,7 +185,7 @@ def count_programs(logs: Sequence[Log]) -> int:
             one.t - one.t[0], other.t - other.t[0], other.command
         )
         ranges = np.maximum(np.ptp(one.command, axis=0), np.ptp(other.command, axis=0))
-        return bool((np.ptp(difference, axis=0) <= SAME * ranges).all())
+        return bool((np.ptp(difference, axis=0) <= SAME_PROGRAM * ranges).all())
 
     programs: list[Log] = []
     for log in logs:

@@ -11,15 +11,15 @@ from armcontour.core.sampling import white_noise
 from armcontour.motion.log import Log
 
 # A pattern is reported if it explains at least this share of the squared residuals.
-NAMED = 0.25
+LEAST_EXPLAINED = 0.25
 # Residuals are fast if their median frequency exceeds this multiple of the command's median one.
-FAST = 3.0
+FAST_RATIO = 3.0
 # Share of the largest velocity at which the smoothed sign function of dry friction is tanh(1).
-SLIDING = 0.02
+SLIDING_SHARE = 0.02
 # Spacing of the samples from which velocities and accelerations are computed [s].
-SMOOTHED = 8e-3
+SAMPLE_SPACING = 8e-3
 # Number of reweighted fits of the growth of residuals with velocity and acceleration.
-REWEIGHTED = 5
+REWEIGHTINGS = 5
 # Description of each pattern of residuals, and the recording that is recommended for it.
 PATTERNS = {
     "velocity": (
@@ -36,13 +36,13 @@ PATTERNS = {
     ),
 }
 # The correlation length is computed up to the first autocorrelation below this value.
-UNCORRELATED = 0.05
+LEAST_CORRELATION = 0.05
 # Whiteness test: significance level, and smallest number of spectral lines of its low band.
-CHANCE, FEWEST_LINES = 0.01, 8
-# ROUNDED: differences of positions up to this share of their range are rounding errors.
+SIGNIFICANCE, FEWEST_LINES = 0.01, 8
+# POSITION_ROUNDING: differences of positions up to this share of their range are rounding errors.
 # STEP_ROUNDING: relative deviation of a difference from a multiple of the encoder's resolution.
-# SLACK: relative excess over the variance of quantization that is still accepted.
-ROUNDED, STEP_ROUNDING, SLACK = 1e-9, 0.01, 0.2
+# VARIANCE_SLACK: relative excess over the variance of quantization that is still accepted.
+POSITION_ROUNDING, STEP_ROUNDING, VARIANCE_SLACK = 1e-9, 0.01, 0.2
 
 
 def describe_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray]) -> str:
@@ -58,15 +58,15 @@ def describe_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray])
             every.setdefault(name, []).append(some - some.mean(axis=0))
         residuals.append(errors[use] - errors[use].mean())
         both = residuals[-1], log.command[use, j]
-        pitches.append([_middle_frequency(x, log.interval) for x in both])
+        pitches.append([_median_frequency(x, log.interval) for x in both])
     if not residuals:
         return ""
     residual = np.concatenate(residuals)
-    shares = {x: _explained(residual, np.concatenate(y)) for x, y in every.items()}
+    shares = {x: _explained_share(residual, np.concatenate(y)) for x, y in every.items()}
     name = max(shares, key=shares.__getitem__)
     fast, slow = np.mean(pitches, axis=0)
-    if shares[name] < NAMED:
-        if fast > FAST * slow:
+    if shares[name] < LEAST_EXPLAINED:
+        if fast > FAST_RATIO * slow:
             pattern = f"is mostly above {fast:.3g} Hz, as by elastic joints"
             record = f"a multisine up to {4 * fast:.3g} Hz, sampled at 1 kHz"
         else:
@@ -76,7 +76,7 @@ def describe_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray])
     else:
         pattern = f"follows the motion of {name}, as by coupled axes"
         record = f"each of both joints alone, while {name} or this one rests"
-    much = f" by {shares[name]:.0%}" if shares[name] >= NAMED else ""
+    much = f" by {shares[name]:.0%}" if shares[name] >= LEAST_EXPLAINED else ""
     return f"The residual {pattern}{much}: record {record}."
 
 
@@ -84,7 +84,7 @@ def fastest_motion(logs: Sequence[Log]) -> tuple[FloatArray, FloatArray]:
     """Largest velocities [rad/s] and accelerations [rad/s²] of commands, (dof,) each."""
     sizes = []
     for log in logs:
-        some = slice(None, None, max(round(SMOOTHED / log.interval), 1))
+        some = slice(None, None, max(round(SAMPLE_SPACING / log.interval), 1))
         rates = np.gradient(log.command[some], log.t[some], axis=0)
         accelerations = np.gradient(rates, log.t[some], axis=0)
         sizes.append([np.abs(x).max(axis=0) for x in (rates, accelerations)])
@@ -108,14 +108,14 @@ def scale_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray]) ->
     scale = np.maximum(np.linalg.norm(every, axis=0), 1e-300)
     parts, expected = np.zeros(3), np.full(len(values), max(float(values.mean()), 1e-300))
     # Weights are reciprocal because the scatter of a square is proportional to its expectation.
-    for _ in range(REWEIGHTED):
+    for _ in range(REWEIGHTINGS):
         q, r = np.linalg.qr(every / scale / expected[:, None])
         parts = nnls(r, q.T @ (values / expected))[0] / scale
         expected = np.maximum(every @ parts, 1e-6 * expected.max())
     return np.asarray(np.sqrt(parts))
 
 
-def find_residuals(log: Log, j: int) -> FloatArray:
+def tracking_residuals(log: Log, j: int) -> FloatArray:
     """Tracking errors of joint j less their regression on velocity and acceleration [rad], (n,)."""
     rate = np.gradient(log.command[:, j], log.t)
     columns = np.stack([rate, np.gradient(rate, log.t), np.ones(len(rate))], axis=1)
@@ -130,7 +130,7 @@ def _patterns(log: Log, j: int) -> dict[str, FloatArray]:
     q, rate = log.command[:, j], rates[:, j]
     columns = {
         "velocity": rate[:, None],
-        "sign": np.tanh(rate / max(SLIDING * float(np.abs(rate).max()), 1e-30))[:, None],
+        "sign": np.tanh(rate / max(SLIDING_SHARE * float(np.abs(rate).max()), 1e-30))[:, None],
         "position": np.stack([np.sin(q), np.cos(q)], axis=1),
     }
     for k, name in enumerate(log.joint_names):
@@ -139,14 +139,14 @@ def _patterns(log: Log, j: int) -> dict[str, FloatArray]:
     return columns
 
 
-def _explained(residual: FloatArray, columns: FloatArray) -> float:
+def _explained_share(residual: FloatArray, columns: FloatArray) -> float:
     """Share of the squared residuals that a least-squares fit of the columns explains."""
     scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     remaining = residual - scaled @ np.linalg.lstsq(scaled, residual, rcond=None)[0]
     return 1.0 - float(remaining @ remaining) / max(float(residual @ residual), 1e-300)
 
 
-def _middle_frequency(signal: FloatArray, interval: float) -> float:
+def _median_frequency(signal: FloatArray, interval: float) -> float:
     """Median frequency of a signal [Hz]: half of its power is below this frequency."""
     power = np.cumsum(np.abs(np.fft.rfft(signal - signal.mean())) ** 2)
     k = int(np.searchsorted(power, power[-1] / 2))
@@ -159,7 +159,7 @@ def is_white(residuals: FloatArray, step: float) -> bool:
     from scipy.stats import f
 
     # True if quantization explains the variance in excess of the white noise.
-    if np.var(residuals) - white_noise(residuals) ** 2 <= (1 + SLACK) * step**2 / 12:
+    if np.var(residuals) - white_noise(residuals) ** 2 <= (1 + VARIANCE_SLACK) * step**2 / 12:
         return True
     power = np.abs(np.fft.rfft(residuals - np.mean(residuals))[1:]) ** 2
     n = len(power)
@@ -167,13 +167,13 @@ def is_white(residuals: FloatArray, step: float) -> bool:
     while (m := FEWEST_LINES << len(chances)) <= n / 2:
         ratio = np.mean(power[:m]) / max(float(np.mean(power[m:])), 1e-300)
         chances.append(float(f.sf(ratio, 2 * m, 2 * (n - m))))
-    return not chances or min(chances) * len(chances) > CHANCE
+    return not chances or min(chances) * len(chances) > SIGNIFICANCE
 
 
-def resolution(y: FloatArray) -> float:
+def encoder_resolution(y: FloatArray) -> float:
     """Resolution of an encoder [rad]: common divisor of all position differences, 0 if none."""
     steps = np.diff(np.unique(y))
-    steps = steps[steps > ROUNDED * max(float(np.ptp(y)), 1e-12)]
+    steps = steps[steps > POSITION_ROUNDING * max(float(np.ptp(y)), 1e-12)]
     if len(steps) < 2:
         return 0.0
     step = float(np.min(steps))
@@ -189,6 +189,6 @@ def correlation_length(residuals: FloatArray) -> float:
     if correlations[0] <= 0:
         return 1.0
     correlations = correlations / correlations[0]
-    below = np.flatnonzero(correlations < UNCORRELATED)
+    below = np.flatnonzero(correlations < LEAST_CORRELATION)
     end = int(below[0]) if len(below) else len(correlations)
     return float(max(1.0, 1 + 2 * np.sum(correlations[1:end])))

@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour.control.identification.estimates import UNITS, Estimate
 from armcontour.control.identification.joint_fit import (
-    REACH,
+    HALF_INTERVAL,
     LogSegment,
     Model,
     Problem,
@@ -26,43 +26,45 @@ from armcontour.control.identification.selection import (
     Selected,
     is_implausible,
     predict_parts,
-    select,
+    select_model,
 )
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.sampling import white_noise
 from armcontour.robot.servo.simulation import JointServo
 
 # Derivatives are computed from parabolas through the fewest samples for which the noise is below
-# the share NOISY of the largest derivative, and through at most LONGEST seconds on each side.
-NOISY, LONGEST = 0.015, 0.04
+# the share MAX_NOISE of the largest derivative, and through at most LONGEST_WINDOW seconds on each
+# side.
+MAX_NOISE, LONGEST_WINDOW = 0.015, 0.04
 # TOP: percentile of the magnitudes of a derivative that is the first guess of its limit.
-# RANGE: half-width of the range about the guess in which the limit is sought, as a share of it.
-TOP, RANGE = 99.0, 0.1
-# A value is at a limit if it differs from the limit by at most the share EQUAL of the limit, or by
-# at most SIGMAS standard deviations of the noise.
-EQUAL, SIGMAS = 0.01, 4.0
+# PLATEAU_RANGE: half-width of the range about the guess in which the limit is sought, as a share of
+# it.
+TOP_PERCENTILE, PLATEAU_RANGE = 99.0, 0.1
+# A value is at a limit if it differs from the limit by at most the share PLATEAU_SHARE of the
+# limit, or by at most PLATEAU_SIGMAS standard deviations of the noise.
+PLATEAU_SHARE, PLATEAU_SIGMAS = 0.01, 4.0
 # Smallest number of successive samples of a plateau, and its shortest duration [s].
-FEWEST_EQUAL, SHORTEST = 4, 5e-3
+FEWEST_SAMPLES, SHORTEST_PLATEAU = 4, 5e-3
 # On a saturated plateau, the commanded acceleration exceeds the measured acceleration by more than
-# the share EXCESS of the largest acceleration, and by more than ERRORS times its RMS error at the
-# unsaturated samples.
-EXCESS, ERRORS = 0.05, 4.0
+# the share EXCESS of the largest acceleration, and by more than EXCESS_ERRORS times its RMS error
+# at the unsaturated samples.
+EXCESS, EXCESS_ERRORS = 0.05, 4.0
 # Number of dead times that are tried for the commanded acceleration, and the longest of them [s].
-DELAYS, LATEST = 26, 0.1
+DELAY_COUNT, LONGEST_DELAY = 26, 0.1
 # LEAST_SHARE: smallest share of saturated samples that counts as saturation.
 # FEWEST_FREE: smallest number of other samples to which the commanded acceleration is fitted.
 LEAST_SHARE, FEWEST_FREE = 2e-3, 50
 # Multiples of the measured limit that are tried: smallest, largest, and their number.
-REFINED = (0.98, 1.06, 9)
+LIMIT_MULTIPLES = (0.98, 1.06, 9)
 # Shorter segments between saturated samples are not fitted [samples], because they determine no
 # more than their initial state.
-FEWEST_BETWEEN = 20
+FEWEST_UNSATURATED = 20
 # Largest number of segments that are fitted; the free initial states of more segments would explain
 # most of the motion.
-MAX_BETWEEN = 40
+MAX_SEGMENTS = 40
 # If a joint is at its acceleration limit for more than this share of the time, a model with
 # undetermined K_p is rejected.
-HIDDEN = 0.5
+MAX_LIMIT_TIME = 0.5
 # Margin before and after saturated samples [s], because drives react up to one drive cycle later.
 MARGIN = 1e-3
 
@@ -80,8 +82,8 @@ class Saturation:
 
     @property
     def hides(self) -> bool:
-        """True if the joint is at its acceleration limit for more than HIDDEN of the time."""
-        return self.kind == "acceleration" and self.time > HIDDEN * self.duration
+        """True if the joint is at its acceleration limit for too long, see MAX_LIMIT_TIME."""
+        return self.kind == "acceleration" and self.time > MAX_LIMIT_TIME * self.duration
 
     def describe(self, name: str) -> str:
         """Clause for messages, such as "joint 2 saturates at 3 rad/s² for 0.4 s of 10 s"."""
@@ -108,8 +110,8 @@ def find_saturation(segments: Sequence[LogSegment]) -> Saturation | None:
             continue
         acceleration, (demanded, error) = motion.derive(2, k), prediction
         excess = np.sign(values) * (demanded - acceleration)
-        top = float(np.percentile(np.abs(acceleration), TOP))
-        threshold = max(EXCESS * top, ERRORS * error)
+        top = float(np.percentile(np.abs(acceleration), TOP_PERCENTILE))
+        threshold = max(EXCESS * top, EXCESS_ERRORS * error)
         clipped = np.full(len(values), False)
         for i, j in _spans(plateaus):
             clipped[i:j] = np.median(excess[i:j]) > threshold
@@ -119,7 +121,7 @@ def find_saturation(segments: Sequence[LogSegment]) -> Saturation | None:
         sizes = np.abs(values[clipped])
         sd = float(np.std(sizes) * np.sqrt((2 * k + 1) / len(sizes)))
         if order == 2:
-            slack = max(ERRORS * error, EXCESS * EQUAL * limit)
+            slack = max(EXCESS_ERRORS * error, EXCESS * PLATEAU_SHARE * limit)
             clipped |= np.abs(demanded) > limit + slack
         margin = k + max(round(MARGIN / motion.interval), 1)
         every = motion.at_samples(_widen(clipped, margin), k)
@@ -130,7 +132,7 @@ def find_saturation(segments: Sequence[LogSegment]) -> Saturation | None:
     return None
 
 
-def select_between(
+def select_unsaturated(
     segments: Sequence[LogSegment], saturation: Saturation, search: Search
 ) -> Selected | None:
     """Select the model of a joint from its unsaturated samples; None if they are too few."""
@@ -142,11 +144,11 @@ def select_between(
         s.cut(i, j)
         for s, clipped in zip(segments, saturation.clipped, strict=True)
         for i, j in _spans(~clipped)
-        if np.sum(s.use[i:j]) >= FEWEST_BETWEEN
+        if np.sum(s.use[i:j]) >= FEWEST_UNSATURATED
     ]
-    if not between or len(between) > MAX_BETWEEN:
+    if not between or len(between) > MAX_SEGMENTS:
         return None
-    free = select(between, search, limited=False)
+    free = select_model(between, search, limited=False)
     if free is None:
         return None
     if saturation.kind == "velocity" or free.fit.problem.model.order != "second":
@@ -163,13 +165,13 @@ def select_between(
     # Smoothing reduces the height of short plateaus, so larger limits are tried, too.
     measured, servo = saturation.limit, free.fit.servo
     value = min(
-        (measured, *measured * np.linspace(*REFINED)),
+        (measured, *measured * np.linspace(*LIMIT_MULTIPLES)),
         key=lambda x: _error(segments, servo._replace(acceleration_limit=x), search.drive_cycle),
     )
     sd = max(saturation.sd, abs(value - measured) / 2)
     limit = Estimate(
-        name=LIMIT, unit=UNITS[LIMIT], value=float(value), sd=sd, low=value - REACH * sd,
-        high=value + REACH * sd, determined=bool(sd <= allowed_deviation(value)),
+        name=LIMIT, unit=UNITS[LIMIT], value=float(value), sd=sd, low=value - HALF_INTERVAL * sd,
+        high=value + HALF_INTERVAL * sd, determined=bool(sd <= allowed_deviation(value)),
     )  # fmt: skip
     return replace(predict_parts(free.fit, segments, limit), rivals=free.rivals)
 
@@ -210,10 +212,12 @@ class _MeasuredMotion:
 
     def window(self, order: int) -> int:
         """Half-width k of the filter of a derivative [samples]; 0 if noise dominates for all k."""
-        longest = min(round(LONGEST / self.interval), max(len(x) for x in self.positions) // 4)
+        longest = min(
+            round(LONGEST_WINDOW / self.interval), max(len(x) for x in self.positions) // 4
+        )
         for k in range(1, longest + 1):
-            top = float(np.percentile(np.abs(self.derive(order, k)), TOP))
-            if self.noise(order, k) < NOISY * top:
+            top = float(np.percentile(np.abs(self.derive(order, k)), TOP_PERCENTILE))
+            if self.noise(order, k) < MAX_NOISE * top:
                 return k
         return 0
 
@@ -224,7 +228,7 @@ class _MeasuredMotion:
             return None
         acceleration, best = self.derive(2, k), None
         position, velocity = self.derive(0, k), self.derive(1, k)
-        for delay in np.linspace(0.0, LATEST, DELAYS):
+        for delay in np.linspace(0.0, LONGEST_DELAY, DELAY_COUNT):
             every = zip(self.times, self.segments, strict=True)
             commands = [s.command.evaluate(t - delay) for t, s in every]
             u, du, ddu = (self.derive(x, k, commands) for x in range(3))
@@ -259,15 +263,15 @@ def _filter(order: int, k: int, interval: float) -> FloatArray:
 def _find_plateaus(values: FloatArray, noise: float, interval: float) -> tuple[float, BoolArray]:
     """Limit of a derivative, and the mask of the samples in plateaus at this limit."""
     sizes = np.abs(values)
-    limit, width = float(np.percentile(sizes, TOP)), SIGMAS * noise
+    limit, width = float(np.percentile(sizes, TOP_PERCENTILE)), PLATEAU_SIGMAS * noise
     plateaus = np.full(len(sizes), False)
-    for share in (RANGE, RANGE / 2, *[EQUAL] * 5):
+    for share in (PLATEAU_RANGE, PLATEAU_RANGE / 2, *[PLATEAU_SHARE] * 5):
         near = np.abs(sizes - limit) <= max(share * limit, width)
         if not near.any():
             return limit, plateaus
         limit = float(np.median(sizes[near]))
-    near = np.abs(sizes - limit) <= max(EQUAL * limit, width)
-    fewest = max(FEWEST_EQUAL, round(SHORTEST / interval))
+    near = np.abs(sizes - limit) <= max(PLATEAU_SHARE * limit, width)
+    fewest = max(FEWEST_SAMPLES, round(SHORTEST_PLATEAU / interval))
     for sign in (1.0, -1.0):
         for i, j in _spans(near & (np.sign(values) == sign)):
             plateaus[i:j] = j - i >= fewest

@@ -46,25 +46,27 @@ OPTIONAL = (ACCELERATION, FEED, FRICTION)
 GAIN, LIMIT_GAIN, MAX_PARTS = 0.9, 0.5, 0.6
 # A richer model is discarded if its error on the fitted data exceeds this share of the error of the
 # best model.
-SAME = 0.97
+RICHER_SHARE = 0.97
 # A poorer model is discarded if its cost on the fitted data exceeds this multiple of the best cost.
-WORSE = 2.0
+POORER_RATIO = 2.0
 # A cascade is fitted if the error of the best model so far is below this share of the tracking
 # error.
-EXPLAINED = 0.5
+CASCADE_SHARE = 0.5
 # Smallest damping ratio of a fitted loop; no drive is tuned with less damping.
-DAMPING = 0.2
+LEAST_DAMPING = 0.2
 # Largest number of evaluations of a cross-validation fit, which starts from the fit of all parts.
-REFITTED = 10
-# Selection uses samples with the spacing COARSE [s] if linear interpolation of their set-points
-# reproduces the command with an RMS error below the share THIN of the noise of the positions.
-COARSE = 4e-3
-THIN = 0.3
+REFIT_EVALUATIONS = 10
+# Selection uses samples with the spacing COARSE_SPACING [s] if linear interpolation of their
+# set-points reproduces the command with an RMS error below the share THINNING_ERROR of the noise of
+# the positions.
+COARSE_SPACING = 4e-3
+THINNING_ERROR = 0.3
 # Upper bound of the dead time from which the fit of a saturating joint starts [s].
 USUAL_DELAY = 0.01
-# ACCELERATING: times over which accelerations are measured [s], a short time for fast motion and a
-# long time for small motion in noise. FAST: percentile that counts as the largest acceleration.
-ACCELERATING, FAST = (8e-3, 40e-3), 99
+# ACCELERATION_TIMES: times over which accelerations are measured [s], a short time for fast motion
+# and a long time for small motion in noise. ACCELERATION_PERCENTILE: percentile that counts as the
+# largest acceleration.
+ACCELERATION_TIMES, ACCELERATION_PERCENTILE = (8e-3, 40e-3), 99
 # Initial values of loops: a, b, K_v [1/s], k_i [1/s], velocity feed-forward, and dead time divided
 # by the lag. The initial K_p is a + b / lag. Feed-forward matters only in loops that saturate.
 STARTS = (
@@ -124,11 +126,11 @@ def find_lag(segments: Sequence[LogSegment], longest: float) -> float:
     return float(min(np.linspace(0.0, longest, int(longest / 1e-3) + 2), key=remaining_error))
 
 
-def select(
+def select_model(
     segments: Sequence[LogSegment], search: Search, *, limited: bool = True
 ) -> Selected | None:
     """Select the model of a joint; None if less than two parts move or all fits are implausible."""
-    some = _thin(segments)
+    some = _thin_segments(segments)
     # Cross-validation requires at least two parts.
     if len(_moving_parts(some)) < 2:
         return None
@@ -153,7 +155,7 @@ def select(
     if some is segments:
         return replace(best, rivals=rivals)
     whole = Problem(best.fit.problem.model, segments, search)
-    return replace(best, rivals=rivals, fit=fit(whole, [best.fit.x], REFITTED))
+    return replace(best, rivals=rivals, fit=fit(whole, [best.fit.x], REFIT_EVALUATIONS))
 
 
 class _Trials:
@@ -171,7 +173,7 @@ class _Trials:
         problem, best = Problem(model, self.segments, self.search), self.best
         starts = [problem.guess(x, self.lag) for x in self._starts(model)]
         result = fit(problem, starts, 30 if KI in model.free else 60)
-        hopeless = best and result.cost > SAME**2 * best.fit.cost
+        hopeless = best and result.cost > RICHER_SHARE**2 * best.fit.cost
         if KI in model.free and not hopeless:
             # Loops with exchanged K_p and k_i have the same poles.
             servo = result.servo
@@ -191,7 +193,7 @@ class _Trials:
             return False
         lag = np.concatenate([(s.y - s.command.u)[s.use] for s in self.best.segments])
         supported = {KI, ACCELERATION} & set(self.best.fit.problem.model.free)
-        explains = self.best.rms < EXPLAINED * np.std(lag)
+        explains = self.best.rms < CASCADE_SHARE * np.std(lag)
         return bool(explains and (ACCELERATION not in model.free or supported))
 
     def prune(self) -> None:
@@ -206,7 +208,7 @@ class _Trials:
                 continue
             problem = Problem(Model(order, remaining), self.segments, self.search)
             result = fit(problem, [problem.guess(best.servo._asdict(), best.servo.dead_time)])
-            if is_implausible(result) or result.cost > WORSE * best.cost:
+            if is_implausible(result) or result.cost > POORER_RATIO * best.cost:
                 continue
             poorer = predict_parts(result)
             if not self.best.is_better(poorer):
@@ -230,7 +232,7 @@ class _Trials:
         if LIMIT not in new:
             return [initial]
         # If a joint often saturates, the fit without a limit is useless. Generic loops are tried.
-        tops = [max(_acceleration(s, x) for s in self.segments) for x in ACCELERATING]
+        tops = [max(_largest_acceleration(s, x) for s in self.segments) for x in ACCELERATION_TIMES]
         loops = [{**x, DELAY: min(x[DELAY], USUAL_DELAY)} for x in loops[2:4]]
         return [{**x, LIMIT: a} for x in (initial, *loops) for a in (*tops, 3 * max(tops))]
 
@@ -239,23 +241,23 @@ def is_implausible(result: Fit) -> bool:
     """True if a fitted loop has parameters at their bounds, or too little damping."""
     low, high = result.at_bounds()
     servo = result.servo
-    ringing = np.isfinite(servo.kv) and 0.5 * np.sqrt(servo.kv / servo.kp) < DAMPING
+    ringing = np.isfinite(servo.kv) and 0.5 * np.sqrt(servo.kv / servo.kp) < LEAST_DAMPING
     lead = {FEED} if ACCELERATION in result.problem.model.free else set()
     bounded = high & {KP, KV, KI, FEED, ACCELERATION, LIMIT} or low & ({KP, KV, KI, LIMIT} | lead)
     return bool(ringing or bounded)
 
 
-def _thin(segments: Sequence[LogSegment]) -> Sequence[LogSegment]:
-    """Segments thinned to the spacing COARSE; unchanged if this would change the command."""
+def _thin_segments(segments: Sequence[LogSegment]) -> Sequence[LogSegment]:
+    """Segments with samples at COARSE_SPACING; unchanged if this would change the command."""
     interval = float(np.median(np.diff(segments[0].command.t)))
-    every = int(COARSE / interval * (1 + 1e-6))
+    every = int(COARSE_SPACING / interval * (1 + 1e-6))
     if every < 2 or not segments[0].command.linear:
         return segments
     thinned = [x.cut(0, len(x.y), every) for x in segments]
     for one, full in zip(thinned, segments, strict=True):
         difference = one.command.evaluate(full.command.t) - full.command.u
         rough = np.sqrt(np.mean(np.diff(full.y, n=3) ** 2) / 20)
-        if np.sqrt(np.mean(difference**2)) > THIN * rough or len(one.y) < FEWEST:
+        if np.sqrt(np.mean(difference**2)) > THINNING_ERROR * rough or len(one.y) < FEWEST:
             return segments
     return thinned
 
@@ -266,13 +268,13 @@ def _moving_parts(segments: Sequence[LogSegment]) -> IntArray:
     return np.unique(np.concatenate(every))
 
 
-def _acceleration(s: LogSegment, time: float) -> float:
-    """Largest measured acceleration (percentile FAST) from differences over a time [rad/s²]."""
+def _largest_acceleration(s: LogSegment, time: float) -> float:
+    """Largest measured acceleration over a time [rad/s²], see ACCELERATION_PERCENTILE."""
     t = s.command.t
     interval = float(np.median(np.diff(t)))
     k = min(max(int(round(time / interval)), 1), (len(t) - 1) // 2)
     second = s.y[2 * k :] - 2 * s.y[k:-k] + s.y[: -2 * k]
-    return float(np.percentile(np.abs(second), FAST)) / (k * interval) ** 2
+    return float(np.percentile(np.abs(second), ACCELERATION_PERCENTILE)) / (k * interval) ** 2
 
 
 def limited_servo(servo: JointServo, limit: Estimate | None) -> JointServo:
@@ -297,7 +299,7 @@ def predict_parts(
         others = [replace(s, use=s.use & (s.part != k)) for s in p.segments]
         indices = [i for i, s in enumerate(others) if s.use.any()]
         other = Problem(p.model, [others[i] for i in indices], p.search)
-        servo = fit(other, [p.select(result.x, indices)], REFITTED).servo
+        servo = fit(other, [p.select(result.x, indices)], REFIT_EVALUATIONS).servo
         without.append(servo)
         squares = motion = 0.0
         for i, s in enumerate(segments):

@@ -27,10 +27,10 @@ from armcontour.robot.servo.model import TRUSTED
 from armcontour.robot.servo.simulation import JointServo
 
 # Explanation of the contour error ratio in the summary.
-UNFITTED = f"where the servo was not fitted, trusted up to {number(TRUSTED, '1')}"
+RATIO_NOTE = f"where the servo was not fitted, trusted up to {number(TRUSTED, '1')}"
 # Significant digits of the numbers in a servo file, and a factor that makes rounded bounds safe.
 DIGITS = 6
-UP = 1 + 10.0 ** (1 - DIGITS)
+ROUND_UP = 1 + 10.0 ** (1 - DIGITS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -168,7 +168,9 @@ class Identification(IdentifiedJoints):
             f"Servo models of {count} from {self.source}",
             (
                 Row("judgement.trusted", result.trusted, "", "trusted", doubt, VERDICT),
-                Row("judgement.ratio", result.ratio, "1", "contour error left", UNFITTED, VERDICT),
+                Row(
+                    "judgement.ratio", result.ratio, "1", "contour error left", RATIO_NOTE, VERDICT
+                ),
                 Row(
                     "judgement.programs", result.programs, "", "programs",
                     sole * (result.programs == 1), VERDICT,
@@ -220,9 +222,9 @@ class Identification(IdentifiedJoints):
             interpolation=self.interpolation,
             order=tuple(x.order for x in self.joints),
             drive_cycle=self.drive_cycle,
-            model_error=[rounded(min(x.model_error * UP, math.pi)) for x in self.joints],
-            logged_velocity=[rounded(x) for x in fastest[0]],
-            logged_acceleration=[rounded(x) for x in fastest[1]],
+            model_error=[round_digits(min(x.model_error * ROUND_UP, math.pi)) for x in self.joints],
+            logged_velocity=[round_digits(x) for x in fastest[0]],
+            logged_acceleration=[round_digits(x) for x in fastest[1]],
             contour_ratio=float(f"{self.judgement.ratio:.3g}"),
             programs=self.judgement.programs,
             **parameters,
@@ -278,7 +280,7 @@ def write_servo(
     )
 
 
-def rounded(value: float) -> float:
+def round_digits(value: float) -> float:
     """A value rounded to the number of digits in a servo file."""
     return float(f"{value:.{DIGITS}g}")
 

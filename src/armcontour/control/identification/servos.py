@@ -24,20 +24,23 @@ from armcontour.control.identification.joint_fit import (
     predict,
     split_logs,
 )
-from armcontour.control.identification.judgement import WEAK, judge
+from armcontour.control.identification.judgement import MAX_WEAK, choose_written
 from armcontour.control.identification.residuals import (
     describe_residuals,
-    find_residuals,
+    encoder_resolution,
     is_white,
-    resolution,
     scale_residuals,
+    tracking_residuals,
 )
-from armcontour.control.identification.saturation_detection import find_saturation, select_between
-from armcontour.control.identification.selection import Selected, find_lag, select
+from armcontour.control.identification.saturation_detection import (
+    find_saturation,
+    select_unsaturated,
+)
+from armcontour.control.identification.selection import Selected, find_lag, select_model
 from armcontour.control.identification.servo_identification import (
     Identification,
     JointIdentification,
-    rounded,
+    round_digits,
     write_servo,
 )
 from armcontour.core.checks import FloatArray
@@ -51,14 +54,15 @@ from armcontour.motion.log_checks import check_distance, check_speeds, check_uni
 from armcontour.robot.servo.simulation import JointServo
 
 SERVO_FIT = ServoFit()
-# A model is good if its RMS error is at most SHARE times the tracking error or NOISES times the
-# encoder noise. A weak model is written only if its error is at most SHARE times the motion.
-SHARE, NOISES = 0.3, 3.0
+# A model is good if its RMS error is at most GOOD_SHARE times the tracking error or NOISE_MULTIPLE
+# times the encoder noise. A weak model is written only if its error is at most GOOD_SHARE times the
+# motion.
+GOOD_SHARE, NOISE_MULTIPLE = 0.3, 3.0
 # If the error exceeds this share of the motion, order, unit and sign of the columns are checked.
-MISREAD = 0.1
-# A joint is at rest if its motion has at most STILL standard deviations of the noise, or a range of
-# at most LEAST_MOTION [rad] (a 32-bit encoder has a resolution of 1.5e-9 rad).
-STILL, LEAST_MOTION = 1.5, 1e-9
+MISREAD_SHARE = 0.1
+# A joint is at rest if its motion has at most REST_SIGMAS standard deviations of the noise, or a
+# range of at most LEAST_MOTION [rad] (a 32-bit encoder has a resolution of 1.5e-9 rad).
+REST_SIGMAS, LEAST_MOTION = 1.5, 1e-9
 # Lower bound of a tracking error that is used as a divisor [rad].
 LEAST_LAG = 1e-12
 # Smaller deviations from uniform velocity are rounding errors, because logs have at most nine
@@ -123,7 +127,7 @@ def identify(
     for j, name in enumerate(first.joint_names):
         report(Step((name,)))
         joints.append(identify_joint(every, j, interpolation, search))
-    judged, judgement = judge(every, joints, interpolation, search.longest, arm)
+    judged, judgement = choose_written(every, joints, interpolation, search.longest, arm)
     return Identification(
         logs=every,
         interpolation=interpolation,
@@ -143,38 +147,40 @@ def identify_joint(
     segments = [x.after(lag) for x in segments]
     joint = JointIdentification(name=name)
     if reason := _explain_no_model(segments):
-        return _without_model(joint, segments, f"{name} has no model, because {reason}")
+        return _mark_unknown(joint, segments, f"{name} has no model, because {reason}")
     saturation, selected = find_saturation(segments), None
     if saturation is not None:
-        selected = select_between(segments, saturation, search)
-    poor = selected is not None and selected.rms > NOISES * selected.fit.noise
+        selected = select_unsaturated(segments, saturation, search)
+    poor = selected is not None and selected.rms > NOISE_MULTIPLE * selected.fit.noise
     # All samples are fitted if no model is selected, or if it is poor and the acceleration
     # saturates (models have no velocity limit): unsaturated samples may not determine the servo.
     if selected is None or (poor and saturation is not None and saturation.kind == "acceleration"):
-        whole = select(segments, search)
-        selected = min(filter(None, (selected, whole)), key=partial(_error, segments), default=None)
+        whole = select_model(segments, search)
+        selected = min(
+            filter(None, (selected, whole)), key=partial(_rms_error, segments), default=None
+        )
     motion = _rms([s.y for s in segments], segments)[0]
-    if selected is None or selected.rms > MISREAD * motion:
+    if selected is None or selected.rms > MISREAD_SHARE * motion:
         for log in logs:
             check_units(log, search.longest, j)
     if selected is None:
-        residuals = [find_residuals(x, j) for x in logs]
+        residuals = [tracking_residuals(x, j) for x in logs]
         note = (
             f"{name} has no model, because fitted gains (at most {search.fastest:g} 1/s) or "
             f"feed-forward are at the bounds of their ranges. "
             f"{describe_residuals(logs, j, residuals)}"
         )
-        return _without_model(joint, segments, note)
-    servo = JointServo(*(rounded(x) for x in selected.servo))
+        return _mark_unknown(joint, segments, note)
+    servo = JointServo(*(round_digits(x) for x in selected.servo))
     order, noise = selected.fit.problem.model.order, selected.fit.noise
     file = [s.y - predict(s, servo, order, search.drive_cycle) for s in segments]
     unseen = [s.y - q for s, q in zip(selected.segments, selected.unseen, strict=True)]
-    error, tracking = _judge(unseen, selected.segments)
-    worst = max((error, tracking), _judge(file, segments), key=lambda x: x[0] / x[1])
+    error, tracking = _worst_log(unseen, selected.segments)
+    worst = max((error, tracking), _worst_log(file, segments), key=lambda x: x[0] / x[1])
     interval = max(float(np.median(np.diff(s.command.t))) for s in segments)
     unknown_cycle = 0.0 if search.drive_cycle else max(interval, USUAL_CYCLE)
     limit = {} if selected.limit is None else {selected.limit.name: selected.limit}
-    step = max(resolution(s.y) for s in segments)
+    step = max(encoder_resolution(s.y) for s in segments)
     effective = not is_white(selected.fit.problem.residuals(selected.fit.x) / MRAD, step)
     rivals = selected.rivals if effective else ()
     rests = [np.full(len(x.t), np.nan) for x in logs]
@@ -199,27 +205,29 @@ def identify_joint(
             f"{name} has no model, because {saturation.describe('it')}, and the other samples do "
             "not determine its servo. Record more motion at lower accelerations."
         )
-        return _without_model(replace(joint, saturation=""), segments, note)
+        return _mark_unknown(replace(joint, saturation=""), segments, note)
     note, advice, share = "", "", worst[0] / worst[1]
-    if worst[0] > max(SHARE * worst[1], NOISES * noise):
+    if worst[0] > max(GOOD_SHARE * worst[1], NOISE_MULTIPLE * noise):
         note = (
             f"on motion that was not fitted, {share:.0%} of the tracking error remains "
             f"({worst[0] * 1e3:.3g} of {worst[1] * 1e3:.3g} mrad RMS)"
         )
         advice = f" {describe_residuals(logs, j, rests)}"
-    if note and (share > WEAK or selected.rms > SHARE * motion):
-        allowed = f"{WEAK:.0%}" if share > WEAK else f"{SHARE:.0%} of the motion"
+    if note and (share > MAX_WEAK or selected.rms > GOOD_SHARE * motion):
+        allowed = f"{MAX_WEAK:.0%}" if share > MAX_WEAK else f"{GOOD_SHARE:.0%} of the motion"
         note = f"{name} has no model, because {note}, which exceeds {allowed}.{advice}"
-        return _without_model(joint, segments, note)
+        return _mark_unknown(joint, segments, note)
     note = (
-        f"The model of {name} is weak: {note}, which exceeds {SHARE:.0%}.{advice}" if note else ""
+        f"The model of {name} is weak: {note}, which exceeds {GOOD_SHARE:.0%}.{advice}"
+        if note
+        else ""
     )
     joint = replace(joint, note=note, tracking_rms=_rms(_lags(segments), segments)[0])
     used = np.concatenate([x[s.use] for x, s in zip(unseen, selected.segments, strict=True)])
     return write_servo(joint, segments, servo, order, search.drive_cycle, float(np.abs(used).max()))
 
 
-def _without_model(
+def _mark_unknown(
     joint: JointIdentification, segments: Sequence[LogSegment], note: str
 ) -> JointIdentification:
     """The joint with order "unknown"; its error is the RMS tracking error about the mean."""
@@ -227,7 +235,7 @@ def _without_model(
     return replace(written, note=note, tracking_rms=written.rms)
 
 
-def _error(segments: Sequence[LogSegment], selected: Selected) -> float:
+def _rms_error(segments: Sequence[LogSegment], selected: Selected) -> float:
     """RMS error of a model over all used samples [rad]."""
     order, drive_cycle = selected.fit.problem.model.order, selected.fit.problem.search.drive_cycle
     return _rms([s.y - predict(s, selected.servo, order, drive_cycle) for s in segments], segments)[
@@ -235,7 +243,7 @@ def _error(segments: Sequence[LogSegment], selected: Selected) -> float:
     ]
 
 
-def _judge(errors: Sequence[FloatArray], segments: Sequence[LogSegment]) -> tuple[float, float]:
+def _worst_log(errors: Sequence[FloatArray], segments: Sequence[LogSegment]) -> tuple[float, float]:
     """RMS error and RMS tracking error [rad] of the log in which their ratio is largest."""
     # Errors of a single log are weighted by motion, because the joint may rest in parts of the log.
     logs = sorted({s.log for s in segments if s.weight.any()})
@@ -273,7 +281,8 @@ def _explain_no_model(segments: Sequence[LogSegment]) -> str:
     if not any((s.weight * s.use).any() for s in segments):
         return "no motion is commanded. Record a program that moves this joint."
     if all(
-        np.ptp(s.y) <= LEAST_MOTION or np.std(s.y) <= STILL * white_noise(s.y) for s in segments
+        np.ptp(s.y) <= LEAST_MOTION or np.std(s.y) <= REST_SIGMAS * white_noise(s.y)
+        for s in segments
     ):
         change = max(float(np.ptp(s.command.u)) for s in segments)
         still = f"its measured motion is only noise, although its commands span {change:.3g} rad"
@@ -286,4 +295,6 @@ def _explain_no_model(segments: Sequence[LogSegment]) -> str:
 def changes_velocity(t: FloatArray, positions: FloatArray) -> bool:
     """True if positions [rad] at times t [s], (n,), deviate from a line by more than the noise."""
     errors = positions - np.polyval(np.polyfit(t, positions, 1), t)
-    return bool(np.std(errors) > STILL * white_noise(positions) and np.ptp(errors) > LEAST_BEND)
+    return bool(
+        np.std(errors) > REST_SIGMAS * white_noise(positions) and np.ptp(errors) > LEAST_BEND
+    )
