@@ -18,9 +18,9 @@ MODELS = {"auto": ("delay", "first", "second"), "second": ("second",), "first": 
 # Gravity feed-forward of the controller: torque of the nominal arm, torque of the arm with its true
 # load, or none.
 GRAVITIES = ("nominal", "loaded", "none")
-# LONGEST_DELAY: default of the longest dead time of the search [s]. BELOW_ZERO: for arms with
+# LONGEST_DELAY: default of the longest dead time of the search [s]. NEGATIVE_DELAY: for arms with
 # masses, the search includes dead times down to minus this value [s].
-LONGEST_DELAY, BELOW_ZERO = 0.25, 10e-3
+LONGEST_DELAY, NEGATIVE_DELAY = 0.25, 10e-3
 # Default of the drive cycle for arms with masses [s]; 4 kHz is usual.
 DRIVE_CYCLE = 2.5e-4
 # Shortest and longest sample interval for identification [s]. No robot controller samples faster
@@ -121,7 +121,7 @@ def choose_interpolation(logs: Sequence[Log], required: str | None) -> str:
     return kinds.pop()
 
 
-def dead_times(logs: Sequence[Log], longest: float) -> tuple[float, float]:
+def dead_time_range(logs: Sequence[Log], longest: float) -> tuple[float, float]:
     """Smallest and largest dead time of the search [s]; both are smaller for short logs."""
     duration = min(float(x.t[-1] - x.t[0]) for x in logs)
-    return -min(BELOW_ZERO, duration / 50), min(longest, duration / 4)
+    return -min(NEGATIVE_DELAY, duration / 50), min(longest, duration / 4)

@@ -11,17 +11,17 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray
 
 # Largest standard deviation of a determined parameter, relative to its value.
-SHARE = 0.10
+RELATIVE_SD = 0.10
 # Long-run covariance of the scores (Müller, Econometrica 2007): largest number of spectral lines
 # that are averaged, and smallest number of samples per line.
-LINES, PER_LINE = 24, 4
+LINES, SAMPLES_PER_LINE = 24, 4
 # Eigenvectors whose eigenvalue is below this share of the largest eigenvalue are not determined.
 DEPENDENT = 1e-14
 
 
 def allowed_deviation(value: Any, also: Any = 0.0) -> Any:
-    """Largest standard deviation of a determined parameter: SHARE of its value, at least `also`."""
-    return np.maximum(SHARE * np.abs(value), also)
+    """Largest standard deviation of a determined parameter: a share of its value, or `also`."""
+    return np.maximum(RELATIVE_SD * np.abs(value), also)
 
 
 def normalize(columns: FloatArray, shortest: float = 1e-150) -> tuple[FloatArray, FloatArray]:
@@ -97,7 +97,7 @@ class Precision(NamedTuple):
         # The abscissa of the cosines is the accumulated information instead of time.
         weights = np.sum(unit**2, axis=(1, 2))
         clock = (np.cumsum(weights) - weights / 2) / max(float(np.sum(weights)), 1e-300)
-        lines = max(min(LINES, len(clock) // PER_LINE), 2)
+        lines = max(min(LINES, len(clock) // SAMPLES_PER_LINE), 2)
         waves = np.sqrt(2) * np.cos(np.pi * np.outer(clock, np.arange(1, lines + 1)))
         amplitudes = np.einsum("sjp,sj->ps", unit, residuals) @ waves
         return independent._replace(scores=amplitudes @ amplitudes.T / lines, freedom=lines)

@@ -13,7 +13,7 @@ from armcontour.control.identification.fit_options import (
     MODELS,
     ServoFit,
     choose_interpolation,
-    dead_times,
+    dead_time_range,
     list_logs,
 )
 from armcontour.control.identification.joint_fit import (
@@ -122,7 +122,7 @@ def identify(
             check_distance(log, arm)
         check_speeds(log)
     report, joints = subprogress(progress), []
-    longest, orders = dead_times(every, options.longest_dead_time)[1], MODELS[options.model]
+    longest, orders = dead_time_range(every, options.longest_dead_time)[1], MODELS[options.model]
     search = Search(longest, options.drive_cycle or 0.0, orders)
     for j, name in enumerate(first.joint_names):
         report(Step((name,)))

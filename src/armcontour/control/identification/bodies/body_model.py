@@ -16,12 +16,12 @@ from armcontour.robot.drives.response import NominalMotion
 from armcontour.robot.servo import ServoModel
 
 CENTER = ("payload_center_x", "payload_center_y", "payload_center_z")
-OF_JOINTS = ("kp", "kv", "viscous", "coulomb", "armature")
+JOINT_UNKNOWNS = ("kp", "kv", "viscous", "coulomb", "armature")
 # Time step of the numerical derivative of the command by the dead time [s].
-SHIFT = 1e-3
+DELAY_STEP = 1e-3
 # Velocity up to which the derivative by the Coulomb friction of a frictionless joint is
 # proportional to the velocity, because the joint may also stick [rad/s].
-CREEP = 1e-3
+CREEP_SPEED = 1e-3
 # The centre of a payload with less mass than this [kg] is undefined.
 LEAST_MASS = 1e-6
 
@@ -32,9 +32,9 @@ class RobotUnknowns:
 
     arm: Arm
     servo: ServoModel  # Servo of order "second" at which the search starts, with values per joint
-    # keep_kv: True if K_v is fixed and viscous friction is unknown, False for the reverse, because
+    # fixed_kv: True if K_v is fixed and viscous friction is unknown, False for the reverse, because
     # a log determines only the sum of J K_v and viscous friction.
-    keep_kv: bool
+    fixed_kv: bool
     gravity: str  # Gravity feed-forward of the controller, one of GRAVITIES
     lag: float = 0.0  # Delay of the torques of the loops, half of the drive cycle [s]
     # inertia: J with which the controller scales its loops [kg m²], (dof,).
@@ -54,7 +54,7 @@ class RobotUnknowns:
         chain, load = self.arm.dynamics.chain, self.load
         kv = np.asarray(self.servo.kv)
         initial: dict[str, Any] = {"kp": np.log(self.servo.kp)}
-        initial |= {"viscous": chain.viscous} if self.keep_kv else {"kv": np.log(kv)}
+        initial |= {"viscous": chain.viscous} if self.fixed_kv else {"kv": np.log(kv)}
         initial |= {
             "coulomb": chain.coulomb,
             "payload_mass": load.mass,
@@ -65,7 +65,9 @@ class RobotUnknowns:
         values = [np.atleast_1d(x) for x in initial.values()]
         names = np.repeat(list(initial), [len(x) for x in values])
         joints = [
-            np.arange(len(x)) if y in OF_JOINTS and np.ndim(initial[y]) else np.full(len(x), -1)
+            np.arange(len(x))
+            if y in JOINT_UNKNOWNS and np.ndim(initial[y])
+            else np.full(len(x), -1)
             for y, x in zip(initial, values, strict=True)
         ]
         nominal = checks.frozen_array(np.concatenate(values))
@@ -82,14 +84,14 @@ class RobotUnknowns:
         """The nominal payload."""
         return self.arm.dynamics.chain.payload or Payload(mass=0.0)
 
-    def are(self, *names: str) -> BoolArray:
+    def mask(self, *names: str) -> BoolArray:
         """Mask of the unknowns with one of these names, (unknowns,)."""
         return np.isin(self.names, names)
 
     @property
     def relative(self) -> BoolArray:
         """Mask of the unknowns with relative tolerances: gains, factor of inertias, (unknowns,)."""
-        return self.are(*LOGARITHMIC) | (self.are("armature") & (self.joints < 0))
+        return self.mask(*LOGARITHMIC) | (self.mask("armature") & (self.joints < 0))
 
     def value(self, values: FloatArray, name: str) -> FloatArray:
         """Values of the unknowns of this name, gains without logarithm, (joints or 1,)."""
@@ -102,10 +104,10 @@ class RobotUnknowns:
         mass = max(float(self.value(values, "payload_mass")[0]), 0.0)
         center = np.array(self.load.center)
         if mass > LEAST_MASS:
-            center = center + values[self.are(*CENTER)] / mass
+            center = center + values[self.mask(*CENTER)] / mass
         return Payload(mass=mass, center=center, inertia=self.load.inertia)
 
-    def with_bodies(self, values: FloatArray) -> Arm:
+    def make_arm(self, values: FloatArray) -> Arm:
         """The arm with payload, Coulomb friction and drive inertias, but no viscous friction."""
         armature = np.maximum(self.value(values, "armature"), 0.0)
         if self.scales:
@@ -119,17 +121,17 @@ class RobotUnknowns:
 
     def viscous(self, values: FloatArray) -> FloatArray:
         """Viscous friction [N m s/rad], (dof,)."""
-        if self.keep_kv:
+        if self.fixed_kv:
             return self.value(values, "viscous")
         return np.array(self.arm.dynamics.chain.viscous)
 
     def drives(self, values: FloatArray) -> Drives:
         """The drives of the robot for values of the unknowns."""
         changes = {"kp": self.value(values, "kp"), "inertia": self.inertia}
-        if not self.keep_kv:
+        if not self.fixed_kv:
             changes["kv"] = self.value(values, "kv")
         return Drives(
-            arm=self.with_bodies(values),
+            arm=self.make_arm(values),
             servo=self.servo.replace(**changes),
             gravity_feedforward=self.gravity != "none",
             controller=self.arm if self.gravity == "nominal" else None,
@@ -146,7 +148,7 @@ class RobotUnknowns:
         spring = drives.stiffness * (lead + self.lag * motion.dq)
         delayed = motion.dq - self.lag * motion.ddq
         # If the current Coulomb friction is 0, added friction acts against the velocity.
-        slow = np.clip(motion.dq / CREEP, -1.0, 1.0)
+        slow = np.clip(motion.dq / CREEP_SPEED, -1.0, 1.0)
         friction = np.sign(motion.friction) * ~motion.held
         slides = np.where(motion.friction.any(axis=0), friction, slow)
         scaled = -np.asarray(self.arm.dynamics.chain.armature) * motion.ddq
@@ -177,13 +179,13 @@ class RobotUnknowns:
         per = np.zeros((10, 4))
         position, away = tip.position + tip.rotation @ center, tip.rotation @ (center - nominal)
         per[0, 0], per[1:4, 0], per[1:4, 1:] = 1.0, position - away, tip.rotation
-        per[4:, 0] = _inertia(position, position - 2 * away)
+        per[4:, 0] = _symmetric_inertia(position, position - 2 * away)
         for i in range(3):
-            per[4:, 1 + i] = 2 * _inertia(position, tip.rotation[:, i])
+            per[4:, 1 + i] = 2 * _symmetric_inertia(position, tip.rotation[:, i])
         return np.asarray(regressor @ per)
 
 
-def _inertia(a: FloatArray, b: FloatArray) -> FloatArray:
+def _symmetric_inertia(a: FloatArray, b: FloatArray) -> FloatArray:
     """Symmetric part of `(a · b) 1 - a bᵀ` as xx, xy, yy, xz, yz, zz, (6,)."""
     product = (np.outer(a, b) + np.outer(b, a)) / 2
     full = np.trace(product) * np.eye(3) - product

@@ -14,31 +14,31 @@ from armcontour.robot.drives import regular_times
 
 # Longest time step of the simulation [s]. It is 0.15 time constants of a velocity loop with K_v =
 # 150 1/s.
-STEP = 1e-3
+LONGEST_STEP = 1e-3
 # Error of linear interpolation midway between samples, as a share of the second difference.
-BENT = 1 / 8
+LINE_ERROR = 1 / 8
 # Lower bound of the noise of an encoder, because less noise is rounding error [rad].
 LEAST_NOISE = 1e-7
 # Cut-off frequency of the smoothed positions from which the simulation starts [Hz].
-CUT = 15.0
+CUTOFF = 15.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Gridded:
+class LogGrid:
     """A log, the grid of times on which it is simulated, and the compared samples."""
 
     log: Log
     held: bool  # True if each set-point is held until the next; else commands are interpolated
     t: FloatArray  # Times of the grid [s], (n,)
-    near: FloatArray  # Smoothed measured positions on the grid [rad], (n, dof)
+    smoothed: FloatArray  # Smoothed measured positions on the grid [rad], (n, dof)
     rows: slice  # Samples of the log that are compared with the simulation
     index: IntArray  # Indices of the four grid times around each compared sample, (samples, 4)
     weight: FloatArray  # Weights of these grid times in cubic interpolation, (samples, 4)
 
     @classmethod
     def from_log(
-        cls, log: Log, interpolation: str, settled: float, *, step: float = STEP
-    ) -> Gridded:
+        cls, log: Log, interpolation: str, settled: float, *, step: float = LONGEST_STEP
+    ) -> LogGrid:
         """Make the grid of a log; samples in the first `settled` seconds are not compared."""
         from scipy.interpolate import CubicSpline
 
@@ -55,12 +55,12 @@ class Gridded:
         weight = [
             np.prod([(x - j) / (i - j) for j in range(4) if j != i], axis=0) for i in range(4)
         ]
-        smooth = CubicSpline(log.t, filtered(log.measured, log.interval))
+        smooth = CubicSpline(log.t, low_pass(log.measured, log.interval))
         return cls(
             log=log,
             held=interpolation == "step",
             t=t,
-            near=checks.frozen_array(smooth(t)),
+            smoothed=checks.frozen_array(smooth(t)),
             rows=rows,
             index=k[:, None] + np.arange(4),
             weight=np.stack(weight, axis=1),
@@ -74,7 +74,7 @@ class Gridded:
     @property
     def speed(self) -> FloatArray:
         """Joint velocities at the start of the grid [rad/s], (dof,)."""
-        return np.asarray((self.near[1] - self.near[0]) / self.step)
+        return np.asarray((self.smoothed[1] - self.smoothed[0]) / self.step)
 
     @property
     def noise(self) -> FloatArray:
@@ -90,7 +90,7 @@ class Gridded:
             return np.asarray(log.command[np.clip(k, 0, len(log.t) - 1)])
         return interpolate(times, log.t, log.command)
 
-    def bent_command(self, delay: float) -> FloatArray:
+    def shifted_corner_command(self, delay: float) -> FloatArray:
         """Command on the grid with corners midway between the samples [rad], (n, dof)."""
         # Linear interpolation between the samples cuts these corners. At an angular frequency ω and
         # a sample interval T, the true command is larger by the factor 1 / cos(ω T / 2), whose
@@ -99,7 +99,7 @@ class Gridded:
             np.diff(np.pad(self.log.command, ((k, k), (0, 0)), mode="edge"), 2 * k, axis=0)
             for k in (1, 2)
         )
-        sharp = self.log.command - BENT * second + 1.5 * BENT**2 * fourth
+        sharp = self.log.command - LINE_ERROR * second + 1.5 * LINE_ERROR**2 * fourth
         return interpolate(self.t - delay, self.log.t, sharp)
 
     def sampled(self, values: FloatArray) -> FloatArray:
@@ -116,18 +116,18 @@ class Gridded:
         return self.log.measured[self.rows]
 
 
-def noise_of(grids: list[Gridded]) -> FloatArray:
+def largest_noise(grids: list[LogGrid]) -> FloatArray:
     """Noise of each joint's encoder, standard deviation, largest of several logs [rad], (dof,)."""
     return np.asarray(np.max([x.noise for x in grids], axis=0))
 
 
-def filtered(values: FloatArray, interval: float) -> FloatArray:
+def low_pass(values: FloatArray, interval: float) -> FloatArray:
     """Values after a zero-phase low-pass filter with the cut-off frequency CUT, (n, ...)."""
     from scipy.signal import butter, sosfiltfilt
 
     nyquist = 0.5 / interval
-    if nyquist * 0.9 <= CUT:
+    if nyquist * 0.9 <= CUTOFF:
         return values
-    sos = butter(2, CUT / nyquist, output="sos")
-    lead = min(len(values) - 1, int(3 / (CUT * interval)))
+    sos = butter(2, CUTOFF / nyquist, output="sos")
+    lead = min(len(values) - 1, int(3 / (CUTOFF * interval)))
     return np.asarray(sosfiltfilt(sos, values, axis=0, padlen=lead))

@@ -13,26 +13,26 @@ from armcontour.control.identification.bodies.body_identification import (
 )
 from armcontour.control.identification.bodies.body_model import (
     CENTER,
+    JOINT_UNKNOWNS,
     LEAST_MASS,
-    OF_JOINTS,
     RobotUnknowns,
 )
-from armcontour.control.identification.bodies.log_grid import Gridded
+from armcontour.control.identification.bodies.log_grid import LogGrid
 from armcontour.control.identification.bodies.output_error import (
-    POSITIVE,
+    NONNEGATIVE,
     OutputError,
     check_fit,
     choose_model,
-    doubts,
+    estimate_bias,
     fit_determined,
-    moved,
+    mask_moved,
 )
 from armcontour.control.identification.estimates import LOGARITHMIC, UNITS, Estimate
 from armcontour.control.identification.fit_options import (
     GRAVITIES,
     BodyFit,
     choose_interpolation,
-    dead_times,
+    dead_time_range,
     list_logs,
 )
 from armcontour.control.identification.servos import changes_velocity
@@ -50,9 +50,9 @@ BODY_FIT = BodyFit()
 KP, KV = 25.0, 150.0
 # Samples at the start of a log are not compared, because they depend on the initial state: number
 # of time constants of the slowest position loop, and shortest time [s].
-FORGOTTEN, SETTLED = 10.0, 0.3
+SETTLING, SETTLING_TIME = 10.0, 0.3
 # Time step of the simulations that choose the gravity feed-forward [s].
-COARSE = 5e-3
+COARSE_STEP = 5e-3
 
 
 @checked
@@ -96,22 +96,22 @@ def identify_bodies(
     interpolation = choose_interpolation(every, options.interpolation)
     guess = ServoModel(kp=KP, kv=KV) if servo is None else servo
     guess = guess.for_joints(arm.dof).replace(interpolation=interpolation)
-    settled, lag = max(FORGOTTEN / float(guess.kp.min()), SETTLED), options.drive_cycle / 2
+    settled, lag = max(SETTLING / float(guess.kp.min()), SETTLING_TIME), options.drive_cycle / 2
     try:
         check_logs(every, arm)
         models = [
-            RobotUnknowns(arm=arm, servo=guess, keep_kv=servo is not None, gravity=x, lag=lag)
+            RobotUnknowns(arm=arm, servo=guess, fixed_kv=servo is not None, gravity=x, lag=lag)
             for x in (GRAVITIES if options.gravity is None else [options.gravity])
         ]
         report(Step(("gravity",)))
-        coarse = [Gridded.from_log(x, interpolation, settled, step=COARSE) for x in every]
+        coarse = [LogGrid.from_log(x, interpolation, settled, step=COARSE_STEP) for x in every]
         model, near = choose_model(models, coarse)
         check_fit(coarse, near)
         report(Step(("fit",)))
-        grids = [Gridded.from_log(x, interpolation, settled) for x in every]
-        fit, restless = fit_determined(model, grids, near.values)
-        delays = dead_times(every, options.longest_dead_time)
-        return _describe(model, grids, fit, restless, delays)
+        grids = [LogGrid.from_log(x, interpolation, settled) for x in every]
+        fit, unconverged = fit_determined(model, grids, near.values)
+        delays = dead_time_range(every, options.longest_dead_time)
+        return _describe(model, grids, fit, unconverged, delays)
     except (ExecutionError, InvalidInput) as error:
         names = ", ".join(dict.fromkeys(x.source for x in every))
         positions = ((x.t - x.t[0], y) for x in every for y in (*x.command.T, *x.measured.T))
@@ -128,19 +128,19 @@ def identify_bodies(
 
 def _describe(
     model: RobotUnknowns,
-    grids: list[Gridded],
+    grids: list[LogGrid],
     fit: OutputError,
-    restless: BoolArray,
+    unconverged: BoolArray,
     delays: tuple[float, float],
 ) -> BodyIdentification:
     """Make the result of the identification from a fit."""
-    # restless: mask of unknowns in which the search did not converge. delays: range of the dead
+    # unconverged: mask of unknowns in which the search did not converge. delays: range of the dead
     # time of the search [s].
     explained, values = check_fit(grids, fit.trial), fit.trial.values
     common, *every = _list_estimates(model, grids, fit)
     # Logs determine only the sum of J K_v and viscous friction, so one of the two is nominal.
     tied, nominal = "kv", np.asarray(model.servo.kv)
-    if not model.keep_kv:
+    if not model.fixed_kv:
         tied, nominal = "viscous", np.asarray(model.arm.dynamics.chain.viscous)
     joints = []
     for j, name in enumerate(model.arm.joint_names):
@@ -154,13 +154,13 @@ def _describe(
         joints.append(
             BodyJoint(
                 name=name,
-                parameters={x: estimates[x] for x in OF_JOINTS if x in estimates},
+                parameters={x: estimates[x] for x in JOINT_UNKNOWNS if x in estimates},
                 rms=float(fit.trial.scatter[j]),
                 explained=float(explained[j]),
                 rests=tuple(rests),
             )
         )
-    arm, gains = identified(model, values)
+    arm, gains = make_robot(model, values)
     return BodyIdentification(
         logs=tuple(x.log for x in grids),
         interpolation=model.servo.interpolation,
@@ -169,13 +169,13 @@ def _describe(
         nominal=model.arm,
         gravity=model.gravity,
         arm=arm,
-        notes=_list_notes(model, values, restless & moved(model, grids), delays),
+        notes=_list_notes(model, values, unconverged & mask_moved(model, grids), delays),
         gains=gains,
-        gains_known=model.keep_kv,
+        gains_known=model.fixed_kv,
     )
 
 
-def identified(model: RobotUnknowns, values: FloatArray) -> tuple[Arm, ServoModel]:
+def make_robot(model: RobotUnknowns, values: FloatArray) -> tuple[Arm, ServoModel]:
     """Arm and servo with the values of the unknowns."""
     # Negative viscous friction becomes 0 and reduces K_v instead, because only the sum of both has
     # an effect.
@@ -195,12 +195,12 @@ def identified(model: RobotUnknowns, values: FloatArray) -> tuple[Arm, ServoMode
 
 
 def _list_estimates(
-    model: RobotUnknowns, grids: list[Gridded], fit: OutputError
+    model: RobotUnknowns, grids: list[LogGrid], fit: OutputError
 ) -> list[dict[str, Estimate]]:
     """Estimates by name, first of the robot, then of each joint."""
-    precision, doubt = fit.precision, doubts(model, grids, fit)
+    precision, doubt = fit.precision, estimate_bias(model, grids, fit)
     values, covariance = fit.trial.values, precision.covariance(fit.free)
-    m = int(np.argmax(model.are("payload_mass")))
+    m = int(np.argmax(model.mask("payload_mass")))
     mass, centers = float(values[m]), dict(zip(CENTER, model.load.center.tolist(), strict=True))
     estimates: list[dict[str, Estimate]] = [{} for _ in range(1 + model.arm.dof)]
     for k, (name, j) in enumerate(zip(model.names.tolist(), model.joints.tolist(), strict=True)):
@@ -222,7 +222,7 @@ def _list_estimates(
         if free:
             sd = math.sqrt(max(float(row @ covariance @ row), 0.0))
             reach = precision.quantile * sd + bias
-            ends = -min(reach, value) if name in POSITIVE else -reach, reach
+            ends = -min(reach, value) if name in NONNEGATIVE else -reach, reach
             sd = math.hypot(sd, bias)
             one = Estimate.from_interval(name, value, sd, ends, unit=unit, determined=True)
         estimates[1 + j][name] = one
@@ -230,14 +230,14 @@ def _list_estimates(
 
 
 def _list_notes(
-    model: RobotUnknowns, values: FloatArray, restless: BoolArray, delays: tuple[float, float]
+    model: RobotUnknowns, values: FloatArray, unconverged: BoolArray, delays: tuple[float, float]
 ) -> tuple[str, ...]:
     """Sentences about convergence, dead time and negative friction."""
     notes = []
-    if restless.any():
+    if unconverged.any():
         names = [
             name.replace("_", " ") + (f" of joint {j + 1}" if j >= 0 else "")
-            for name, j in zip(model.names[restless], model.joints[restless], strict=True)
+            for name, j in zip(model.names[unconverged], model.joints[unconverged], strict=True)
         ]
         notes.append(f"The search did not converge for {', '.join(names)}.")
     if not delays[0] < float(values[-1]) < delays[1]:
@@ -246,7 +246,7 @@ def _list_notes(
             f"{delays[1] * 1e3:g} ms."
         )
     negative = np.flatnonzero(model.viscous(values) < 0) + 1
-    if model.keep_kv and len(negative):
+    if model.fixed_kv and len(negative):
         notes.append(
             f"The fitted viscous friction of joint {', '.join(map(str, negative))} is negative, so "
             "it is set to 0 and K_v is reduced instead."
