@@ -21,7 +21,7 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
 
 # Relative tolerance of durations, which have rounding errors because they are sums.
-SAME = 1e-9
+DURATION_TOLERANCE = 1e-9
 
 
 @checks.explain_calls
@@ -197,7 +197,7 @@ def unchecked_set_points(
     """Set-points of `compensate`, without its check of limits."""
     interval = check_cycle(cycle)
     model, duration = servo.for_joints(trajectory.dof), trajectory.duration
-    if interval > max(duration * (1 + SAME), LONGEST_CLOCK):
+    if interval > max(duration * (1 + DURATION_TOLERANCE), LONGEST_CLOCK):
         raise InvalidInput(
             f"The cycle must not be longer than the motion of {duration:.6g} s, but is "
             f"{interval:g} s. The cycle is in seconds. For {interval:g} ms, specify "
@@ -223,9 +223,9 @@ def unchecked_set_points(
     )
     if options.command_limits is None:
         return set_points
-    from armcontour.control.compensation.nearest_set_points import within_limits
+    from armcontour.control.compensation.nearest_set_points import limit_set_points
 
-    return within_limits(set_points, model, options.command_limits, arm)
+    return limit_set_points(set_points, model, options.command_limits, arm)
 
 
 def _set_points(
@@ -255,9 +255,9 @@ def _set_points(
         start, q = inverse(trajectory, servo, cycle)
     if not servo.has_feedforward and not servo.ki.any():
         return start, q, None
-    from armcontour.control.compensation.feedforward import for_feedforward
+    from armcontour.control.compensation.feedforward import invert_feedforward
 
-    return start, *for_feedforward(q, cycle, servo, trajectory.duration)
+    return start, *invert_feedforward(q, cycle, servo, trajectory.duration)
 
 
 def set_point_count(

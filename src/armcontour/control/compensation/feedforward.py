@@ -13,15 +13,15 @@ from armcontour.robot.servo.model import integrator_filter
 from armcontour.robot.servo.simulation import ServoSimulation, polynomials
 
 # A set-point has settled if it differs from the last set-point by at most this [rad].
-SETTLED = 1e-10
+SETTLED_DISTANCE = 1e-10
 # Simulated time after a truncated transient of an integrator [time constants of the servo].
-SETTLING_OF_INTEGRATORS = 3.0
+INTEGRATOR_SETTLING = 3.0
 # Cubic interpolation: largest number of iterations, and error at which they end [rad].
 MAX_CORRECTIONS = 50
-EXACT = 1e-13
+CORRECTION_TOLERANCE = 1e-13
 
 
-def for_feedforward(
+def invert_feedforward(
     plain: FloatArray, cycle: float, servo: ServoModel, duration: float
 ) -> tuple[FloatArray, FloatArray | None]:
     """Set-points for a servo with feed-forward, and bounds of the errors due to truncation."""
@@ -41,14 +41,14 @@ def for_feedforward(
     prompt = frictionless.without_feedforward().for_joints(plain.shape[1])
     want = _means(np.concatenate([plain, np.tile(plain[-1], (rows, 1))]), cycle, prompt)
     start = plain[0]
-    set_points = _solved(want - start, cycle, servo) + start
+    set_points = _solve_means(want - start, cycle, servo) + start
     if servo.interpolation == "cubic":
         for _ in range(MAX_CORRECTIONS):
             error = want - _means(set_points, cycle, frictionless)
-            set_points += _solved(error, cycle, servo)
-            if np.abs(error).max() <= EXACT:
+            set_points += _solve_means(error, cycle, servo)
+            if np.abs(error).max() <= CORRECTION_TOLERANCE:
                 break
-    moves = np.flatnonzero((np.abs(set_points - plain[-1]) > SETTLED).any(axis=1))
+    moves = np.flatnonzero((np.abs(set_points - plain[-1]) > SETTLED_DISTANCE).any(axis=1))
     length = max(done, moves[-1] + 2 if len(moves) else 0)
     if length > done + allowed:
         set_points = set_points[: done + allowed]
@@ -73,7 +73,7 @@ def _fade(tail: FloatArray, last: FloatArray, cycle: float, servo: ServoModel) -
     tail += removed[1:]
     if servo.ki.any():
         # With an integrator, joints overshoot after the tail.
-        extra = int(np.ceil(SETTLING_OF_INTEGRATORS / (servo.slowest * cycle)))
+        extra = int(np.ceil(INTEGRATOR_SETTLING / (servo.slowest * cycle)))
         removed = np.pad(removed, ((0, extra), (0, 0)), mode="edge")
     still = np.zeros(tail.shape[1])
     prompt = servo.replace(dead_time=still, friction=still)
@@ -93,7 +93,7 @@ def _means(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
     return np.asarray((pieces @ (cycle ** np.arange(4) / np.arange(1, 5))).T)
 
 
-def _solved(means: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
+def _solve_means(means: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
     """Set-points with given means of the command over the interval before each, (n, dof)."""
     # Set-points and means are relative to the position before the first set-point [rad]. Cubic
     # interpolation is approximated by linear interpolation.

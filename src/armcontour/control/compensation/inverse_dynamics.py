@@ -25,7 +25,7 @@ from armcontour.robot.servo import ServoModel
 # Weights of a set-point and its neighbours at distances 1, 2 in the mean of the interpolated
 # command about it. They follow from Simpson's rule, because the middle of a line is the mean of its
 # ends, and the middle of a cubic is `(-x[k-1] + 9 x[k] + 9 x[k+1] - x[k+2]) / 16`.
-MEANS = {"linear": (4 / 6, 1 / 6), "cubic": (34 / 48, 8 / 48, -1 / 48)}
+MEAN_WEIGHTS = {"linear": (4 / 6, 1 / 6), "cubic": (34 / 48, 8 / 48, -1 / 48)}
 
 
 def inverse_dynamics(
@@ -72,7 +72,9 @@ def inverse_dynamics(
             exact = command_at(
                 np.append(t[0] - [cycle, cycle / 2], np.stack([t, t + cycle / 2], 1))
             )
-            set_points = _nearest(exact[2::2], exact[1::2], hold, final, servo.interpolation)
+            set_points = _solve_set_points(
+                exact[2::2], exact[1::2], hold, final, servo.interpolation
+            )
             commands = np.concatenate([set_points, final])
         return commands[:, joints]
 
@@ -81,7 +83,7 @@ def inverse_dynamics(
     )
 
 
-def _nearest(
+def _solve_set_points(
     points: FloatArray, halves: FloatArray, hold: FloatArray, final: FloatArray, interpolation: str
 ) -> FloatArray:
     """Set-points whose interpolation has the means of a command about each set-point, (n, dof)."""
@@ -93,7 +95,7 @@ def _nearest(
     if interpolation == "step":
         return np.asarray((halves[:-1] + 4 * points + halves[1:]) / 6)
     mean = (halves[:-1] + points + halves[1:]) / 3
-    n, weights = len(mean), MEANS[interpolation]
+    n, weights = len(mean), MEAN_WEIGHTS[interpolation]
     reach = len(weights) - 1
     for k in range(1, reach + 1):
         mean[:k] -= weights[k] * hold

@@ -27,12 +27,12 @@ from armcontour.robot.servo.simulation import ServoSimulation
 TIME_CONSTANTS, RAMPS = 2.0, 4.0
 # Set-points are changed to satisfy a limit of velocity or acceleration that the plan exceeds by at
 # most this share. A plan with a larger excess is rejected.
-SMOOTHED = 0.01
+SMOOTHED_SHARE = 0.01
 UNLIMITED = np.array([[-np.inf], [np.inf]])
 UNITS = ("rad", "rad/s", "rad/s²", "rad/s³")
 
 
-def within_limits(
+def limit_set_points(
     set_points: SetPoints, servo: ServoModel, limits: Limits, arm: Arm | None = None
 ) -> SetPoints:
     """Replace set-points by the nearest set-points within command limits."""
@@ -43,7 +43,7 @@ def within_limits(
     bounds = command_bounds(limits, dof)
     if find_excess(set_points.q, cycle, bounds) is None:
         return replace(set_points, command_limits=limits)
-    _check_plan(set_points, bounds[:3], SMOOTHED)
+    _check_plan(set_points, bounds[:3], SMOOTHED_SHARE)
     jerky = np.isfinite(bounds[2, 1])
     ramp = float((bounds[2, 1, jerky] / bounds[3, 1, jerky]).max(initial=0.0))
     usual = min(TIME_CONSTANTS / servo.slowest + RAMPS * ramp, LONGEST_TAIL)
@@ -68,7 +68,7 @@ def within_limits(
         start_time=set_points.start_time - extra * cycle,
         command_limits=limits,
     )
-    return replace(longer, limit_cost=_cost(longer, nearest - q, servo, arm))
+    return replace(longer, limit_cost=_limit_cost(longer, nearest - q, servo, arm))
 
 
 def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -> None:
@@ -99,7 +99,7 @@ def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -
     )
 
 
-def _cost(
+def _limit_cost(
     set_points: SetPoints, change: FloatArray, servo: ServoModel, arm: Arm | None
 ) -> LimitCost:
     """Errors due to a change of set-points [rad], (n, dof), by the response of linear servos."""

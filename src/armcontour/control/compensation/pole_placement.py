@@ -32,7 +32,7 @@ LARGEST_STEP = 0.25
 # Largest number of terms of the series, with which its error is below rounding errors.
 TERMS = 22
 # The series ends at a term below this share of the state.
-NOTHING = 1e-20
+NEGLIGIBLE = 1e-20
 
 
 @compiled()
@@ -72,7 +72,7 @@ def run_filter(
                         local[m] = local[m] * x0 + local[m - 1] * share
                     local[0] = local[0] * x0 + coefficients[i, k, j]
                 x1, x2, x3 = now[0], now[1], now[2]
-                negligible = NOTHING * (abs(x1) + abs(x2) + abs(x3) + abs(local[0]))
+                negligible = NEGLIGIBLE * (abs(x1) + abs(x2) + abs(x3) + abs(local[0]))
                 terms = TERMS
                 for k in range(TERMS):
                     series[k, 0], series[k, 1], series[k, 2] = x1, x2, x3

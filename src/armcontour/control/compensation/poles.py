@@ -25,12 +25,12 @@ from armcontour.robot.servo.simulation import ServoSimulation
 
 # Largest magnitude of the poles [1 / cycle]. The lag of these poles is a tenth of the cycle, so
 # faster poles have no benefit.
-FASTEST = 20.0
+LARGEST_POLE = 20.0
 # Relative precision of the bisection for the fastest poles.
 PRECISION = 1e-3
 # Duration of the step response [time constants of the slowest pole], and number of its times.
-FOLLOWED = 36.0
-TIMES = 20_000
+STEP_DURATION = 36.0
+STEP_TIMES = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,13 +52,13 @@ def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:
     placed = check_poles(poles, len(kv))
     x, c = transfer(kv, placed)
     # F G = (x s + c0) / (s³ + c2 s² + c1 s + c0).
-    frequency = 1j * np.geomspace(1e-3, 1e3, TIMES)[:, None] * np.abs(placed).max(axis=1)
+    frequency = 1j * np.geomspace(1e-3, 1e3, STEP_TIMES)[:, None] * np.abs(placed).max(axis=1)
     magnitude = np.abs(
         (x * frequency + c[0]) / (frequency**3 + c[2] * frequency**2 + c[1] * frequency + c[0])
     )
     slowest, fastest = np.abs(placed.real).min(), np.abs(placed).max()
-    times = np.append(0.0, np.geomspace(1e-4 / fastest, FOLLOWED / slowest, TIMES))
-    ones = np.zeros((TIMES, 6, len(placed)))
+    times = np.append(0.0, np.geomspace(1e-4 / fastest, STEP_DURATION / slowest, STEP_TIMES))
+    ones = np.zeros((STEP_TIMES, 6, len(placed)))
     ones[:, 0] = 1.0
     moved, lead, *_ = run_poles(kv, placed, np.diff(times), ones, np.zeros(len(placed)))
     step = moved[:, :, 0] + lead * moved[:, :, 1]
@@ -118,7 +118,7 @@ def fastest_poles(
         return use_of("joint_acceleration", limits, demands).largest
 
     low = 2 * float(model.kp.min())
-    high = max(FASTEST / interval, low)
+    high = max(LARGEST_POLE / interval, low)
     if use(high).max() <= 1:
         low = high
     elif (worst := use(low)).max() > 1:

@@ -26,7 +26,7 @@ TAIL_SHARE = 0.2
 BIAS = {"linear": 1 / 8, "step": 1 / 12, "cubic": 1 / 24}
 # Largest half-width of the second differences that correct this bias [cycles]. A smaller half-width
 # would increase the commanded acceleration at jumps of acceleration.
-REACH = 12
+HALF_WIDTH = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,13 +155,13 @@ def _means(
 def _second_differences(
     u: FloatArray, trajectory: Trajectory, t: FloatArray, cycle: float
 ) -> FloatArray:
-    """Second differences of set-points with a half-width up to REACH intervals, (n, dof)."""
+    """Second differences of set-points with a half-width up to HALF_WIDTH intervals, (n, dof)."""
     # The differences are within one move. They decrease to 0 towards both ends of the move, because
     # set-points at rest have no bias.
     ends = trajectory.starts
     k = np.clip(np.searchsorted(ends, t, side="right"), 1, len(ends) - 1)
     inside = np.minimum(t - ends[k - 1], ends[k] - t) / cycle
-    reach = np.clip(np.floor(inside + SNAP), 0, REACH).astype(np.intp)
+    reach = np.clip(np.floor(inside + SNAP), 0, HALF_WIDTH).astype(np.intp)
     i = np.arange(len(t))
-    weight = np.clip(inside / REACH, 0, 1) / np.maximum(reach, 1) ** 2
+    weight = np.clip(inside / HALF_WIDTH, 0, 1) / np.maximum(reach, 1) ** 2
     return np.asarray(weight[:, None] * (u[i + reach] - 2 * u + u[i - reach]))

@@ -12,23 +12,23 @@ from armcontour.control.learning.lifted_model import Lifted
 from armcontour.core.checks import FloatArray
 
 # Relative error of the linearized response of an exact model, from tests of `Response`.
-MODEL = 1e-3
+MODEL_ERROR = 1e-3
 # Smallest assumed relative error of the response to a change of the set-points, because friction is
 # not linear for small changes.
-UNTESTED = 0.3
+RESPONSE_ERROR = 0.3
 # Relative accuracy of errors that are interpolated or extrapolated from runs, because friction is
 # not linear.
-LINEAR = 0.3
+COMBINATION_ERROR = 0.3
 # Factor of the penalty per setback, which makes changes ten times slower.
-SLOWER = 100.0
+SETBACK_FACTOR = 100.0
 # Another run is useful if it can reduce the error by more than this factor.
-WORTH = 1.05
+USEFUL_FACTOR = 1.05
 
 
-def model_error(noise: FloatArray, error: FloatArray) -> FloatArray:
+def unexplained_variance(noise: FloatArray, error: FloatArray) -> FloatArray:
     """Variance of the part of an error that the model does not explain [rad²], (dof,)."""
     # noise: standard deviation [rad], (dof,). error [rad], (n, dof).
-    return np.asarray(noise**2 + MODEL**2 * (error**2).mean(axis=0))
+    return np.asarray(noise**2 + MODEL_ERROR**2 * (error**2).mean(axis=0))
 
 
 def smooth_error(
@@ -39,7 +39,7 @@ def smooth_error(
     # random walk, applies to the error without this response: the remainder after learning has
     # peaks at reversals and corners. error [rad], (n, dof). noise [rad], (dof,).
     remaining = error - moved
-    variance = float(np.mean(model_error(noise, remaining)))
+    variance = float(np.mean(unexplained_variance(noise, remaining)))
     return np.asarray(lifted.smooth(remaining, lifted.choose_penalty(remaining, variance)) + moved)
 
 
@@ -94,7 +94,7 @@ class ErrorEstimate:
     def _find_spread(self) -> FloatArray:
         """Standard deviation of the errors that differ between runs [rad], (dof,)."""
         # The squared difference of the errors of two runs is twice the variance of the error that
-        # does not repeat, plus a share (at least UNTESTED**2) of the squared response to the
+        # does not repeat, plus a share (at least RESPONSE_ERROR**2) of the squared response to the
         # difference of the set-points. Two runs with different set-points do not determine both
         # parts, so the result is 0.
         pairs = list(combinations(range(len(self.runs)), 2))
@@ -105,7 +105,7 @@ class ErrorEstimate:
             a, b = np.transpose(pairs)
             rests = self._errors - self._moves
             rests, moves = (((x[a] - x[b]) ** 2).mean(axis=1) for x in (rests, self._moves))
-            floor = UNTESTED**2 * moves
+            floor = RESPONSE_ERROR**2 * moves
             observed = np.maximum(rests - self._white[a] - self._white[b] - floor, 0.0)
             scale = np.maximum(rests + floor, 1e-300)
             for j in range(len(spread)):
@@ -142,13 +142,13 @@ class ErrorEstimate:
         """Set-points that remove the repeating error [rad], (count, dof); slower after setbacks."""
         if not setbacks:
             return np.asarray(self.runs[0].q + self._change)
-        slow = self.lifted.correct(self.removed, self._penalty * SLOWER**setbacks)[0]
+        slow = self.lifted.correct(self.removed, self._penalty * SETBACK_FACTOR**setbacks)[0]
         return np.asarray(self.q + slow)
 
     def _mean_at(self, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Repeating error of set-points with the response `moved` [rad], and weights of runs."""
         # The weights, (runs, dof), are inverse variances of noise and model error.
-        variance = UNTESTED**2 * ((moved - self._moves) ** 2).mean(axis=1)
+        variance = RESPONSE_ERROR**2 * ((moved - self._moves) ** 2).mean(axis=1)
         weights = 1 / np.maximum(self.spread**2 + self._white + variance, 1e-300)
         weights /= weights.sum(axis=0)
         mean = np.einsum("kj,knj->nj", weights, self._errors - self._moves + moved)
@@ -157,7 +157,7 @@ class ErrorEstimate:
     def _compare(self) -> float:
         """Relative error of the model's response, from the newest run with another response."""
         # White noise, the error that does not repeat, and noise in the loops are subtracted.
-        # UNTESTED is returned if all runs have the same set-points.
+        # RESPONSE_ERROR is returned if all runs have the same set-points.
         lifted, best = self.lifted, self.best
         for k in reversed(range(len(self.runs))):
             moved = self._moves[k] - self._moves[best]
@@ -165,12 +165,12 @@ class ErrorEstimate:
             if size == 0.0:
                 continue
             miss = self._errors[k] - self._errors[best] - moved
-            white = self._white[k] + self._white[best] + MODEL**2 * miss.var(axis=0)
+            white = self._white[k] + self._white[best] + MODEL_ERROR**2 * miss.var(axis=0)
             smooth = lifted.smooth(miss, lifted.choose_penalty(miss, float(np.mean(white))))
             share = 2 * float(np.mean(self.spread**2)) / max(float(np.mean(smooth**2)), 1e-300)
             square = lifted.judge(smooth).tool_rms ** 2 * max(1 - share, 0.0)
             return float(np.sqrt(max(square - 2 * self._in_loops.tool_rms**2, 0.0))) / size
-        return UNTESTED
+        return RESPONSE_ERROR
 
     def _combine(self) -> tuple[FloatArray, FloatArray, float]:
         """Combine runs: set-points [rad], their error [rad], and variance of its noise [rad²]."""
@@ -185,13 +185,15 @@ class ErrorEstimate:
         gain = np.where(unmoved > 0, power / np.maximum(power + unmoved, 1e-300), 1.0)
         apart = gain[:, None] * (errors - errors[best])
         squares, count = (apart**2).sum(axis=1), len(errors[0])
-        noise = np.array([model_error(x.noise, x.error) for x in self.runs])
+        noise = np.array([unexplained_variance(x.noise, x.error) for x in self.runs])
         weights = np.zeros_like(noise)
         others = np.arange(len(noise)) != best
         for j in range(self.lifted.dof if others.any() else 0):
             # Least squares of the mean error, regularized by its noise and nonlinear part.
             columns = apart[others, :, j]
-            variance = LINEAR**2 * squares[others, j] + count * (noise[others, j] + spread[j])
+            variance = COMBINATION_ERROR**2 * squares[others, j] + count * (
+                noise[others, j] + spread[j]
+            )
             square = columns @ columns.T + np.diag(variance)
             right = -columns @ errors[best, :, j]
             weights[others, j] = np.linalg.lstsq(square, right, rcond=None)[0]
@@ -200,7 +202,9 @@ class ErrorEstimate:
         change = self.lifted.respond(q - self.runs[best].q)
         error = errors[best] + np.einsum("kj,knj->nj", weights, apart - moved) + change
         # The mean of all runs has less noise. Both are averaged with inverse variances as weights.
-        variance = (weights**2 * (noise + spread + LINEAR**2 * squares / count)).sum(axis=0)
+        variance = (weights**2 * (noise + spread + COMBINATION_ERROR**2 * squares / count)).sum(
+            axis=0
+        )
         mean, each = self._mean_at(change + self._moves[best])
         share = variance / np.maximum(variance + (each**2 * (noise + spread)).sum(axis=0), 1e-300)
         error += share * (mean - error)
@@ -209,6 +213,6 @@ class ErrorEstimate:
 
     @property
     def is_noise(self) -> bool:
-        """True if another run cannot reduce the error by more than the factor WORTH."""
+        """True if another run cannot reduce the error by more than the factor USEFUL_FACTOR."""
         after = np.sqrt(1 + 1 / len(self.runs))
-        return bool(np.hypot(self.repeats, self.noise) <= WORTH * after * self.noise)
+        return bool(np.hypot(self.repeats, self.noise) <= USEFUL_FACTOR * after * self.noise)

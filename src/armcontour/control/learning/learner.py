@@ -11,10 +11,10 @@ import numpy.typing as npt
 
 from armcontour.control.learning import alignment
 from armcontour.control.learning.error_estimate import (
-    UNTESTED,
+    RESPONSE_ERROR,
     ErrorEstimate,
-    model_error,
     smooth_error,
+    unexplained_variance,
 )
 from armcontour.control.learning.learning_result import (
     LearningResult,
@@ -53,22 +53,23 @@ Tool: TypeAlias = tuple[npt.ArrayLike, npt.ArrayLike] | None
 DRIVE_CYCLE = 2.5e-4
 # Position loop gain of a joint whose servo has none [1/s], typical of industrial drives.
 TYPICAL_GAIN = 25.0
-# Learning ends after MAX_SETBACKS setbacks. Each setback multiplies the step by HALF.
+# Learning ends after MAX_SETBACKS setbacks. Each setback multiplies the step by SETBACK_STEP.
 MAX_SETBACKS = 3
-HALF = 0.5
-# Set-points may accelerate up to the limit of the joint or up to ROUGHER times the largest
-# acceleration before learning, whichever is larger. The acceleration of a joint that hardly moves
-# counts as RESTING times the acceleration of the fastest joint.
-ROUGHER, RESTING = 2.0, 0.25
-# Learning ends at setback SETBACKS_OFF if the relative error of the response exceeds MAX_OFF. The
-# servo model is the cause unless learning has reduced the first error to the share PROVEN.
-SETBACKS_OFF, MAX_OFF, PROVEN = 2, 1.0, 0.5
+SETBACK_STEP = 0.5
+# Set-points may accelerate up to the limit of the joint or up to ACCELERATION_FACTOR times the
+# largest acceleration before learning, whichever is larger. The acceleration of a joint that hardly
+# moves counts as RESTING_SHARE times the acceleration of the fastest joint.
+ACCELERATION_FACTOR, RESTING_SHARE = 2.0, 0.25
+# Learning ends at setback RESPONSE_SETBACKS if the relative error of the response exceeds
+# MAX_RESPONSE_ERROR. The servo model is the cause unless learning has reduced the first error to
+# the share PROVEN_SHARE.
+RESPONSE_SETBACKS, MAX_RESPONSE_ERROR, PROVEN_SHARE = 2, 1.0, 0.5
 # Learning ends if the limits of the set-points allow less than this share of the computed change.
-NO_GAIN = 0.05
+LEAST_CHANGE = 0.05
 # Share of the error that remains after the first change with a fitted servo (median of tests).
-FITTED = 0.1
+FITTED_REMAINDER = 0.1
 # A run is worse than another run if its error is larger by more than this many standard deviations.
-SURE = 3.0
+SETBACK_SIGMAS = 3.0
 
 
 @checked
@@ -121,7 +122,7 @@ def learn(
     )
     for run in result.runs:
         alignment.require_same_set_points(run)
-    return _next_lesson(
+    return _learn_next(
         result, lifted, set_points if isinstance(set_points, LearningResult) else None, limits
     )
 
@@ -169,7 +170,7 @@ def _evaluate_runs(
             "The number of logs must be one if tool is specified, otherwise at least one, but is "
             f"{len(logs)}."
         )
-    servo = _linear(nominal.servo.for_joints(nominal.arm.dof), nominal.arm)
+    servo = _linearize(nominal.servo.for_joints(nominal.arm.dof), nominal.arm)
     nominal = nominal._replace(servo=servo)
     if isinstance(set_points, LearningResult):
         nominal, misfits = nominal._replace(servo=set_points.servo), set_points.misfits
@@ -188,7 +189,7 @@ def _evaluate_runs(
     return result, lifted
 
 
-def _linear(servo: ServoModel, arm: Arm) -> ServoModel:
+def _linearize(servo: ServoModel, arm: Arm) -> ServoModel:
     """Linear servo model with values per joint, for the lifted response."""
     # Friction is removed, because its effect is learned. A pure delay becomes order "first" with
     # velocity feed-forward 1. With rigid bodies, a drive cycle becomes a dead time of half of it.
@@ -222,9 +223,9 @@ def _fit_model(
         noises.append(aligned.noise)
         interval = min(interval, recording.interval)
         errors.append(aligned.measured - aligned.expected)
-    lead = lifted.reaching(set_points.q) - lifted.planned
+    lead = lifted.command_for(set_points.q) - lifted.planned
     noise = np.mean(noises, axis=0)
-    variance = float(np.mean(model_error(noise, lead)))
+    variance = float(np.mean(unexplained_variance(noise, lead)))
     servo, misfits = fit_servo(
         set_points, lifted, np.mean(errors, axis=0), variance, noise, interval
     )
@@ -278,7 +279,7 @@ def _measure_errors(
     )  # fmt: skip
 
 
-def _next_lesson(
+def _learn_next(
     result: LearningResult, lifted: Lifted, last: LearningResult | None, limits: Limits | None
 ) -> LearningResult:
     """Learn from the new runs and from the runs of the last result."""
@@ -289,16 +290,16 @@ def _next_lesson(
     best = runs[estimate.best]
     before = min((x.rms for x in earlier), default=np.inf)
     now = rms(np.array([x.rms for x in result.runs]))
-    is_setback = now > before + SURE * estimate.resolution and not done
+    is_setback = now > before + SETBACK_SIGMAS * estimate.resolution and not done
     setbacks += is_setback
-    step = HALF**setbacks * (estimate.step if earlier else 1.0)
+    step = SETBACK_STEP**setbacks * (estimate.step if earlier else 1.0)
     applied = result.trajectory.limits_for(result.command_limits if limits is None else limits)
     if limits is None and describe_excess(result):
         # The joint limits of the plan do not apply if the set-points already exceed them.
         applied = applied.of_tool
     check_set_points(replace(result, q=best.q), applied)
     first = _accelerations(runs[0].q, result.cycle)
-    fastest = ROUGHER * np.maximum(first, RESTING * first.max())
+    fastest = ACCELERATION_FACTOR * np.maximum(first, RESTING_SHARE * first.max())
     if applied.joint_acceleration is not None:
         slowest = np.minimum(*np.abs(applied.acceleration_bounds(lifted.dof)))
         fastest = np.maximum(slowest, fastest)
@@ -306,7 +307,7 @@ def _next_lesson(
     q, reason = _keep_limits(result, requested, best.q, applied, fastest)
     # fraction: share of the removable error that is predicted to remain. It is at least the square
     # root of the last reduction of the error, because the share of noise and friction increases.
-    fraction = FITTED if any(result.misfits) else UNTESTED
+    fraction = FITTED_REMAINDER if any(result.misfits) else RESPONSE_ERROR
     fraction = (
         max(estimate.response_error, float(np.sqrt(min(now / before, 1.0))))
         if earlier
@@ -320,7 +321,7 @@ def _next_lesson(
     )
     end = _reason_to_finish(estimate, setbacks, is_setback)
     early = last is None and result.delay >= result.cycle
-    if reason and not (end or early) and rms(q - best.q) < NO_GAIN * rms(requested - best.q):
+    if reason and not (end or early) and rms(q - best.q) < LEAST_CHANGE * rms(requested - best.q):
         end = f"nothing was learned, because {reason}"
     finished, averaged = bool(end), estimate.is_noise and estimate.differs > 0
     return replace(
@@ -336,8 +337,12 @@ def _reason_to_finish(estimate: ErrorEstimate, setbacks: int, is_setback: bool) 
     """Reason why another run is not expected to reduce the error; empty if none."""
     if estimate.is_noise:
         return "the remaining error is noise"
-    if is_setback and setbacks >= SETBACKS_OFF and estimate.response_error > MAX_OFF:
-        if estimate.runs[estimate.best].rms < PROVEN * estimate.runs[0].rms:
+    if (
+        is_setback
+        and setbacks >= RESPONSE_SETBACKS
+        and estimate.response_error > MAX_RESPONSE_ERROR
+    ):
+        if estimate.runs[estimate.best].rms < PROVEN_SHARE * estimate.runs[0].rms:
             return "the remaining error does not repeat"
         return (
             "the last change increased the error, and its effect differs by "

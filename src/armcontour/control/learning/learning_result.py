@@ -23,9 +23,9 @@ from armcontour.robot.servo import ServoModel
 # Largest number of runs that are listed in a summary.
 MAX_LISTED = 10
 # Largest difference of an execution's set-points from the set-points of the run [rad].
-SAME = 1e-9
+SET_POINT_TOLERANCE = 1e-9
 # Largest share of a recording that may be gaps.
-MAX_MISSED = 0.1
+MAX_GAPS = 0.1
 
 
 @checks.explain_calls
@@ -88,7 +88,7 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
             executed_points.q.shape == set_points.q.shape
             and executed_points.cycle == set_points.cycle
         )
-        if not same or np.abs(executed_points.q - set_points.q).max() > SAME:
+        if not same or np.abs(executed_points.q - set_points.q).max() > SET_POINT_TOLERANCE:
             raise InvalidInput(
                 "The execution must have the same set-points and cycle as set_points, but they "
                 "differ. Specify the set-points that were executed."
@@ -128,7 +128,7 @@ def _check_gaps(recording: Recording) -> None:
     if bursts := describe_bursts(t, source):
         raise InvalidInput(bursts)
     missed = float(steps[steps > GAP * recording.interval].sum())
-    allowed = MAX_MISSED * float(np.ptp(t))
+    allowed = MAX_GAPS * float(np.ptp(t))
     if missed > allowed:
         i = int(np.argmax(steps))
         raise InvalidInput(

@@ -29,12 +29,12 @@ from armcontour.robot.servo.simulation import command_weights
 LONGEST_STEP = 1e-3
 # Modelled time after the last set-point [time constants of the slowest joint], in which a response
 # decays to 5 %.
-AFTER = 3.0
+SETTLING = 3.0
 # Penalties are powers of ten, so that all runs need only few factorizations. PENALTIES: range of
-# the exponents. FIRST: initial penalty.
-PENALTIES, FIRST = (-8, 6), 1e-3
+# the exponents. FIRST_PENALTY: initial penalty.
+PENALTIES, FIRST_PENALTY = (-8, 6), 1e-3
 # Number of iterations of the estimate in gaps of a log, and assumed relative error of the model.
-BRIDGES, BRIDGED = 10, 1e-3
+BRIDGE_ITERATIONS, BRIDGE_ERROR = 10, 1e-3
 # Number of cached factorizations; the final step of a search for the penalty compares three.
 MAX_FACTORS = 3
 
@@ -106,7 +106,9 @@ class Lifted:
         self.count, self.dof = set_points.q.shape
         if t is None:
             parts = int(np.ceil(self.cycle / LONGEST_STEP * (1 - 1e-9)))
-            settling = float(nominal.servo.dead_time.max()) + AFTER / float(nominal.servo.kp.min())
+            settling = float(nominal.servo.dead_time.max()) + SETTLING / float(
+                nominal.servo.kp.min()
+            )
             intervals = self.count - 1 + int(np.ceil(settling / self.cycle))
             step, drive_cycle = self.cycle / parts, nominal.servo.drive_cycle
             # The time step is the drive cycle unless the drive cycle is short.
@@ -144,7 +146,7 @@ class Lifted:
         self._left, self._means, self._unseen = self._response.equations()
         self._solve = splu(self._left, permc_spec="NATURAL")
         self._factors: dict[float, tuple[Any, IntArray, float]] = {}
-        self._penalty = FIRST
+        self._penalty = FIRST_PENALTY
         self._weights: dict[tuple[str, float], tuple[IntArray, FloatArray]] = {}
 
     @cached_property
@@ -203,7 +205,7 @@ class Lifted:
         """Convert a command that bypasses the integrators to an equivalent command [rad]."""
         return without_integral(np.zeros_like(command), command, self._prompt, self.step)
 
-    def rates(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def command_velocities(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Velocities of the command without and with feed-forward [rad/s], (n, dof) each."""
         plain = self._command(q, self._rate_terms(1.0, 0.0))
         after, before = (
@@ -214,9 +216,9 @@ class Lifted:
 
     def respond(self, change: FloatArray) -> FloatArray:
         """Change of joint positions by a change of set-points, (count, dof), [rad], (n, dof)."""
-        return self.respond_to(self.reaching(change))
+        return self.respond_to(self.command_for(change))
 
-    def reaching(self, change: FloatArray) -> FloatArray:
+    def command_for(self, change: FloatArray) -> FloatArray:
         """Command at the drives for set-points or a change of set-points [rad], (n, dof)."""
         return self._command(change, self._terms)
 
@@ -227,7 +229,7 @@ class Lifted:
 
     def expected(self, q: FloatArray) -> FloatArray:
         """Joint positions of the nominal robot with set-points q [rad], (n, dof)."""
-        return self.planned + self.respond_to(self.reaching(q) - self._needed)
+        return self.planned + self.respond_to(self.command_for(q) - self._needed)
 
     def correct(self, error: FloatArray, penalty: float) -> tuple[FloatArray, FloatArray]:
         """Change of the set-points that removes an error, and the response of the joints [rad]."""
@@ -300,7 +302,9 @@ class Lifted:
         """Penalty (a power of ten) with the largest marginal likelihood of an error, (n, dof)."""
         # error [rad]. variance: variance of the white noise [rad²]. first: penalty at which the
         # search starts, by default the penalty that was chosen last.
-        surprise = cache(lambda k: self.surprise(error, 10.0**k, max(variance, 1e-300)))
+        surprise = cache(
+            lambda k: self.negative_log_likelihood(error, 10.0**k, max(variance, 1e-300))
+        )
         power, last = round(np.log10(first or self._penalty)), None
         while power != last:
             last = power
@@ -309,7 +313,7 @@ class Lifted:
         self._penalty = float(10.0**power)
         return self._penalty
 
-    def surprise(self, error: FloatArray, penalty: float, variance: float) -> float:
+    def negative_log_likelihood(self, error: FloatArray, penalty: float, variance: float) -> float:
         """-2 log of the probability density of an error [rad], (n, dof), up to a constant."""
         # Model of the error: white noise with the variance `variance` [rad²] plus the response to
         # set-points whose differences are normal with the variance `variance / penalty`.
@@ -333,18 +337,18 @@ class Lifted:
             command[:, j] = lfilter([1.0], filter_weights, command[:, j])
         return np.asarray(command)
 
-    def between(self, t: FloatArray, values: FloatArray) -> FloatArray:
+    def interpolate_at(self, t: FloatArray, values: FloatArray) -> FloatArray:
         """Interpolate values at the model's times at the times t, (m, dof); constant outside."""
         return np.asarray(CubicSpline(self.t, values)(np.clip(t, self.t[0], self.t[-1])))
 
-    def at_times(self, t: FloatArray, q: FloatArray, expected: FloatArray) -> FloatArray:
+    def resample(self, t: FloatArray, q: FloatArray, expected: FloatArray) -> FloatArray:
         """Interpolate positions q at times t at the model's times, (n, dof)."""
         # The difference from the expected motion is interpolated, because it is smoother than the
         # motion. The difference is constant before and after the samples.
-        difference = q - self.between(t, expected)
+        difference = q - self.interpolate_at(t, expected)
         return expected + np.asarray(CubicSpline(t, difference)(np.clip(self.t, t[0], t[-1])))
 
-    def bridge(self, t: FloatArray, deviation: FloatArray, noise: FloatArray) -> FloatArray:
+    def fill_gaps(self, t: FloatArray, deviation: FloatArray, noise: FloatArray) -> FloatArray:
         """Interpolate deviations at times t of a log at the model's times [rad], (n, dof)."""
         # In gaps of the log, deviations are estimated by expectation maximization with the model.
         # noise: standard deviation of the white noise of the deviations [rad], (dof,).
@@ -355,9 +359,9 @@ class Lifted:
         if not missing.any():
             return bridged
         bridged[missing] = interpolate(self.t[missing], t, deviation)
-        variance = max(float(np.mean(noise**2)), BRIDGED**2 * float(np.mean(bridged**2)))
+        variance = max(float(np.mean(noise**2)), BRIDGE_ERROR**2 * float(np.mean(bridged**2)))
         penalty = self.choose_penalty(bridged, variance)
-        for _ in range(BRIDGES):
+        for _ in range(BRIDGE_ITERATIONS):
             bridged[missing] = self.smooth(bridged, penalty)[missing]
         return bridged
 

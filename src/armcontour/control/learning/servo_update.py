@@ -12,31 +12,31 @@ from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import GAINS, LONGEST_DEAD_TIME
 
 # Time step of the response in the first, coarse fits [s].
-STEP = 4e-3
+COARSE_STEP = 4e-3
 # Largest ratio of a fitted gain to the nominal gain, and of the nominal gain to a fitted gain.
 MAX_FACTOR = 5.0
 # Velocity feed-forward: smallest value of a joint with acceleration feed-forward, and largest value
 # of any joint.
-LEAST_F, MAX_F = 1e-3, 1.5
+MIN_FEEDFORWARD, MAX_FEEDFORWARD = 1e-3, 1.5
 # Values of velocity feed-forward from which fits start, in addition to the nominal value.
 STARTS = (0.0, 0.9)
 # Longest increase of the dead time in the fit [s]; controllers for contouring have less.
-LONGEST_DELAY = 0.05
+MAX_DELAY_INCREASE = 0.05
 # Prior standard deviations of the parameters: relative changes of gains and changes of
 # feed-forward, and change of the dead time [s].
 PRIOR, DELAY_PRIOR = 0.5, 0.01
-# A joint is at rest if its range is below MOVES times its noise or below STILL [rad]. KNOWN: prior
-# standard deviation of the parameters of such a joint.
-KNOWN, MOVES, STILL = 1e-6, 10.0, 1e-6
+# A joint is at rest if its range is below REST_NOISE times its noise or below REST_RANGE [rad].
+# REST_PRIOR: prior standard deviation of the parameters of such a joint.
+REST_PRIOR, REST_NOISE, REST_RANGE = 1e-6, 10.0, 1e-6
 # Penalty of the coarse fits, which excludes a disturbance as an explanation of the deviations.
 NO_DISTURBANCE = 1e4
-# FIRST: steps of the coarse fit from each start. ROUNDS: number of fits from the best start, each
-# with a new penalty. NEXT: steps of each of these fits.
-FIRST, ROUNDS, NEXT = 8, 2, 20
+# FIRST_STEPS: steps of the coarse fit from each start. ROUNDS: number of fits from the best start,
+# each with a new penalty. NEXT_STEPS: steps of each of these fits.
+FIRST_STEPS, ROUNDS, NEXT_STEPS = 8, 2, 20
 # Damping of the Levenberg-Marquardt method, relative to the diagonal: initial and largest value.
 DAMPING, MAX_DAMPING = 1e-3, 1e6
 # A search ends if a step increases twice the log likelihood by less than this.
-SETTLED = 1e-1
+LEAST_STEP_GAIN = 1e-1
 # A fitted servo is accepted if it increases twice the log likelihood by more than this per joint.
 LEAST_GAIN = 20.0
 
@@ -61,9 +61,9 @@ def fit_servo(
     # fitted servo, without friction and offsets [rad]; both 0 for the nominal servo.
     # The time step of the fine fit is at least half of the interval of the log, because a shorter
     # step adds no information.
-    spans = STEP, min(interval / 2, STEP)
+    spans = COARSE_STEP, min(interval / 2, COARSE_STEP)
     steps = [max(int(x / lifted.step * (1 + 1e-9)), 1) for x in spans]
-    still = np.ptp(lifted.planned, axis=0) < np.maximum(MOVES * noise, STILL)
+    still = np.ptp(lifted.planned, axis=0) < np.maximum(REST_NOISE * noise, REST_RANGE)
     fits = {
         k: _ServoProblem(
             set_points,
@@ -79,7 +79,7 @@ def fit_servo(
     # Starts: the nominal servo, and the nominal servo with each feed-forward of STARTS.
     dof, starts = lifted.dof, np.zeros((1 + len(STARTS), len(fit.spread)))
     starts[1:, dof : 2 * dof] = np.subtract.outer(STARTS, fit.nominal.velocity_feedforward)
-    best = min((coarse.solve(x, FIRST) for x in np.unique(starts, axis=0)), key=coarse.cost)
+    best = min((coarse.solve(x, FIRST_STEPS) for x in np.unique(starts, axis=0)), key=coarse.cost)
     # The penalty of the coarse fit is the initial penalty of the fine fit.
     before, fit.penalty = (
         0.0,
@@ -89,7 +89,7 @@ def fit_servo(
         fit.penalty = lifted.choose_penalty(fit.unexplained(best), variance, fit.penalty)
         if fit.penalty == before:
             break
-        before, best = fit.penalty, fit.solve(best, NEXT)
+        before, best = fit.penalty, fit.solve(best, NEXT_STEPS)
     # The nominal servo with the most probable friction.
     alone, friction = starts[0], slice(2 * dof, 3 * dof)
     columns = fit.derivatives(alone)[:, friction]
@@ -122,9 +122,9 @@ class _ServoProblem:
         self.deviation, self.penalty = float(np.sqrt(variance)), NO_DISTURBANCE
         self.nominal, self.dof = lifted.nominal.servo, lifted.dof
         spread = [PRIOR, PRIOR, np.inf, PRIOR][: 3 if self.nominal.kv is None else 4]
-        each = np.where(still, KNOWN, np.array(spread)[:, None])
+        each = np.where(still, REST_PRIOR, np.array(spread)[:, None])
         if self.nominal.kv is not None:
-            each[3, np.isinf(self.nominal.kv)] = KNOWN
+            each[3, np.isinf(self.nominal.kv)] = REST_PRIOR
         self.spread = np.append(each.ravel(), DELAY_PRIOR)
         self._last: tuple[FloatArray, Lifted, FloatArray, FloatArray] | None = None
 
@@ -133,7 +133,7 @@ class _ServoProblem:
         b, a, _, *c = parameters[:-1].reshape(-1, self.dof)
         nominal = self.nominal
         # Acceleration feed-forward requires velocity feed-forward.
-        smallest = np.where(nominal.acceleration_feedforward > 0, LEAST_F, 0.0)
+        smallest = np.where(nominal.acceleration_feedforward > 0, MIN_FEEDFORWARD, 0.0)
         # Loops with a drive cycle are unstable with gains above 1 / drive cycle.
         low, high = GAINS[0], 1 / nominal.drive_cycle if nominal.drive_cycle else GAINS[1]
         kv = nominal.kv
@@ -144,7 +144,7 @@ class _ServoProblem:
             kp=np.clip(nominal.kp / (1 + b), low, np.maximum(nominal.kp, high)),
             kv=kv,
             velocity_feedforward=np.clip(
-                (nominal.velocity_feedforward + a) / (1 + b), smallest, MAX_F
+                (nominal.velocity_feedforward + a) / (1 + b), smallest, MAX_FEEDFORWARD
             ),
             dead_time=np.clip(nominal.dead_time + parameters[-1], 0.0, LONGEST_DEAD_TIME),
         )
@@ -191,7 +191,7 @@ class _ServoProblem:
         """Derivatives of `residuals` by the parameters, (k, parameters)."""
         nominal, dof = self.nominal, self.dof
         lifted, expected, friction = self.response(parameters)
-        rate, with_feedforward = lifted.rates(self.set_points.q)
+        rate, with_feedforward = lifted.command_velocities(self.set_points.q)
         dq = np.gradient(expected, lifted.step, axis=0)
         causes = [-dq / nominal.kp, rate / nominal.kp]
         if nominal.kv is not None:
@@ -216,7 +216,7 @@ class _ServoProblem:
         lower[self.dof : 2 * self.dof] = -self.nominal.velocity_feedforward
         upper = np.repeat([largest, MAX_FACTOR, free, largest], self.dof)[: len(parameters) - 1]
         lower = np.append(lower, -self.nominal.dead_time.min()) - 1e-9
-        upper = np.append(upper, LONGEST_DELAY) + 1e-9
+        upper = np.append(upper, MAX_DELAY_INCREASE) + 1e-9
         residuals = self.residuals(parameters)
         cost, damping = float(residuals @ residuals), DAMPING
         for _ in range(steps):
@@ -226,7 +226,7 @@ class _ServoProblem:
                 factor = np.linalg.cholesky(square + damping * np.diag(np.diag(square))).T
                 target = -np.linalg.solve(factor.T, down)
                 step = lsq_linear(factor, target, (lower - parameters, upper - parameters)).x
-                if -step @ (2 * down + square @ step) < SETTLED:
+                if -step @ (2 * down + square @ step) < LEAST_STEP_GAIN:
                     return parameters
                 there = parameters + step
                 residuals = self.residuals(there)
@@ -237,7 +237,7 @@ class _ServoProblem:
             else:
                 return parameters
             gained, parameters, cost, damping = cost - trial_cost, there, trial_cost, damping / 10
-            if gained < SETTLED:
+            if gained < LEAST_STEP_GAIN:
                 return parameters
         return parameters
 
