@@ -329,7 +329,7 @@ def test_refused(arm, refuses):
         (partial(ac.simulate, taught_data(np.zeros((4, 3))), plant(arm)), "for 3 joints"),
         (partial(plant, arm, kp=[1.0, 2.0, 3.0]), "kp has 3 values"),
         (partial(plant, arm, limit=[1.0]), "joint_acceleration has 1 values"),
-        (partial(ac.ServoPlant, arm, SERVO, saturation="torque"), "requires the limit joint_torque"),
+        (partial(ac.ServoPlant, arm, SERVO, saturation="torque"), "the limit joint_torque"),
         (partial(ac.ServoPlant, arm, SERVO, saturation="jerk"), "acceleration, torque, none"),
         (partial(ac.ServoPlant, arm, LAG, saturation="acceleration"), "is of order first"),
         (partial(ac.ServoPlant, arm, LAG, saturation="torque"), "is of order first"),

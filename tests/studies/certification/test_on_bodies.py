@@ -137,7 +137,7 @@ FIRST_ORDER = JOB.replace("kv: 150 1/s", "order: first").replace("inverse_dynami
 
 
 def test_what_refuses_a_job_is_found_before_the_search(monkeypatch, refuses):
-    name = "armcontour.studies.certification.certification.search"
+    name = "armcontour.studies.certification.certification.search_plan"
     monkeypatch.setattr(name, lambda case: pytest.fail("the search has begun"))
     job = parse_job(JOB)
     there = ac.Path.polyline([(0.32, 0.22), (0.30, 0.22)])

@@ -27,9 +27,9 @@ from armcontour.core.render import number
 from armcontour.files import parse_job, placement_csv
 from armcontour.robot.scene import ArmShapes, Box, LinkShape, Obstacle, Scene, Sphere
 from armcontour.studies.placement import UNITS, Moves
-from armcontour.studies.placement.grid_search import best_of, search_grid
+from armcontour.studies.placement.grid_search import index_of_best, search_grid
 from armcontour.studies.placement.place_evaluation import CutoffVerdicts, Verdict
-from armcontour.studies.placement.screen import PlaceBounds, beyond_links, longest_reach
+from armcontour.studies.placement.screen import PlaceBounds, longest_reach, reach_excess
 
 GRID = {"x": (-0.35, 0.45, 5), "y": (-0.25, 0.25, 3)}
 CORNER = """\
@@ -317,7 +317,7 @@ def test_distances_beyond_are_those_of_the_farthest_pose():
     bases = np.zeros((2, 3, 4))
     bases[:, :, :3] = np.eye(3)
     bases[1, 0, 3] = 0.5
-    np.testing.assert_allclose(beyond_links(arm.chain, 5, poses, bases), [2 - radius, 1.5 - radius])
+    np.testing.assert_allclose(reach_excess(arm.chain, 5, poses, bases), [2 - radius, 1.5 - radius])
 
 
 class Untidy(Executor):
@@ -406,7 +406,7 @@ def test_the_order_of_answers_changes_nothing(candidates, every, seed):
     assert str(shuffled_result) == str(alone)
     if all(more >= 0.5 for _, more in candidates):
         # With bounds that hold the best is that of all.
-        best = best_of(alone, "duration")
+        best = index_of_best(alone, "duration")
         finite = [x for x in judge.durations if np.isfinite(x)]
         assert (best is None) == (not finite)
         assert best is None or judge.durations[best] == min(finite)

@@ -51,9 +51,9 @@ def fit_servo(
 ) -> tuple[ServoModel, tuple[float, float]]:
     """Servo model that the log supports, and misfits; the nominal servo if none fits better."""
     # The deviation from the expected motion is white noise, friction of each joint, and the
-    # response to an unknown disturbance, which is a random walk of the command (`Lifted.surprise`).
-    # The penalty, which determines the size of the disturbance, is estimated together with the
-    # servo.
+    # response to an unknown disturbance, which is a random walk of the command
+    # (`Lifted.negative_log_likelihood`). The penalty, which determines the size of the disturbance,
+    # is estimated together with the servo.
     # error: deviation from the expected motion [rad], (n, dof), with white noise of the variance
     # `variance` [rad²]. noise: standard deviation of the measurement [rad], (dof,). interval: time
     # between samples of the log [s].

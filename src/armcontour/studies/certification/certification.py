@@ -39,12 +39,12 @@ from armcontour.studies.certification.certification_case import Case
 from armcontour.studies.certification.derating import derated_intervals
 from armcontour.studies.certification.limit_margins import (
     ProgramTrial,
-    distances,
+    contour_errors,
     execute_trial,
     speed_ratios,
 )
 from armcontour.studies.certification.move_search import MoveSearch
-from armcontour.studies.certification.plan_search import execute_servos, search
+from armcontour.studies.certification.plan_search import execute_servos, search_plan
 from armcontour.studies.certification.rigid_body_robots import (
     FIRST_CORNERS,
     largest_errors,
@@ -59,10 +59,10 @@ from armcontour.verification.error_profile import ErrorProfile
 CONTINUOUS = 20
 SHORTEST = 1e-4
 # Shares of the tolerance for the servo if the goal has no servo budget. They are tried in order
-# until a plan is certified, and further while the error is at least NEAR times its budget and the
-# plan becomes faster.
+# until a plan is certified, and further while the error is at least BUDGET_USE times its budget and
+# the plan becomes faster.
 SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
-NEAR = 0.9
+BUDGET_USE = 0.9
 # After the search, the unused part of the tolerance is allotted to the shape. The servo budget
 # becomes this multiple of the servo error of the found plan, because the plan changes. The second
 # multiple is tried if the first results in no faster plan.
@@ -136,7 +136,7 @@ def certify(
     for each in shapes:
         deadline = min(durations.values(), default=np.inf)
         try:
-            case, proven, least = _fastest(job, each, goal, executor, tell, deadline)
+            case, proven, least = _find_fastest(job, each, goal, executor, tell, deadline)
         except NotRealizable as error:
             refusal = error
             continue
@@ -146,7 +146,7 @@ def certify(
     if best is None:
         assert refusal is not None
         raise refusal
-    return _certificate(*best, durations if FREE in durations else {}, plant)
+    return _make_certificate(*best, durations if FREE in durations else {}, plant)
 
 
 def goal_of(job: Job, **overrides: Any) -> CertificateGoal:
@@ -166,7 +166,7 @@ def run_of(job: Job, name: str | None) -> Run:
     )
 
 
-def _fastest(
+def _find_fastest(
     job: Job,
     run: Run,
     goal: CertificateGoal,
@@ -182,7 +182,7 @@ def _fastest(
     """
 
     def case_of(servo: float) -> Case:
-        shaped = _with_shape(run, goal, servo)
+        shaped = _reduce_shape(run, goal, servo)
         planned = plan_one(job, shaped, reuse, tell, clear=False)
         return Case(job, planned, goal, servo, tell, executor)
 
@@ -192,8 +192,8 @@ def _fastest(
     base = case_of(0.0)
     least = base.planned.trajectory.duration
     if base.bodies:
-        _refuse_other_programs(base)
-        _refuse_start(base)
+        _check_program(base)
+        _check_start(base)
     free = run.rounding is not None and run.rounding.free
     bent = free or any(shape_part(x.path) > 0 for x in base.program.contours)
     if goal.tolerance is None or not bent:
@@ -201,9 +201,9 @@ def _fastest(
         assert budget is not None
         if least >= deadline:
             return base, None, least
-        alone = search(replace(base, servo_allowed=budget))
+        alone = search_plan(replace(base, servo_allowed=budget))
         return base, alone, alone[0].trajectory.duration
-    tightest = _tightest(run, goal)
+    tightest = _shared_tolerance(run, goal)
     budgets = (
         [x * tightest for x in SERVO_SHARES] if goal.servo_error is None else [goal.servo_error]
     )
@@ -219,7 +219,7 @@ def _fastest(
         if needed > case.servo_allowed - LEAST_GAIN * tightest:
             break
         with suppress(NotRealizable):
-            better = search(case_of(needed))
+            better = search_plan(case_of(needed))
             if better[0].trajectory.duration < best[0].trajectory.duration:
                 best = better
                 break
@@ -231,7 +231,7 @@ def _search_budgets(case_of: Callable[[float], Case], budgets: Sequence[float]) 
     best: Proven | None = None
     for budget in budgets:
         try:
-            proven = search(case_of(budget))
+            proven = search_plan(case_of(budget))
         except NotRealizable:
             if best is not None:
                 break
@@ -241,7 +241,7 @@ def _search_budgets(case_of: Callable[[float], Case], budgets: Sequence[float]) 
         if best is not None and proven[0].trajectory.duration >= best[0].trajectory.duration:
             break
         best = proven
-        if _worst_error(*best) + best[0].case.model_error < NEAR * budget:
+        if _worst_error(*best) + best[0].case.model_error < BUDGET_USE * budget:
             break
     assert best is not None
     return best
@@ -250,43 +250,43 @@ def _search_budgets(case_of: Callable[[float], Case], budgets: Sequence[float]) 
 def _worst_error(proof: ProgramTrial, moves: Sequence[MoveSearch]) -> float:
     """Largest contour error of a proven plan on all executed robots [m]."""
     robots = [x for y in moves for x in (y.corners, y.spread) if x is not None]
-    largest = [float(distances(x).max()) for x in proof.pieces]
+    largest = [float(contour_errors(x).max()) for x in proof.pieces]
     return max(largest + [float(x.max.max()) for x in robots])
 
 
-def _tightest(run: Run, goal: CertificateGoal) -> float:
+def _shared_tolerance(run: Run, goal: CertificateGoal) -> float:
     """The smallest tolerance that is divided between shape and servo [m]."""
     assert goal.tolerance is not None
     line = None if run.rounding is None else run.rounding.line_tolerance
     return goal.tolerance if line is None else min(line, goal.tolerance)
 
 
-def _with_shape(run: Run, goal: CertificateGoal, servo: float) -> Run:
+def _reduce_shape(run: Run, goal: CertificateGoal, servo: float) -> Run:
     """The run with shape tolerances that are reduced by the part of the servo [m]."""
     rounding = run.rounding
     if rounding is None or goal.tolerance is None:
         return run
     tolerance = goal.tolerance - servo
     single = {k: min(x, tolerance) for k, x in (rounding.at or {}).items()} or None
-    line = None if rounding.line_tolerance is None else _tightest(run, goal) - servo
+    line = None if rounding.line_tolerance is None else _shared_tolerance(run, goal) - servo
     shape = replace(rounding, tolerance=tolerance, at=single, line_tolerance=line)
     return replace(run, rounding=shape)
 
 
-def _refuse_other_programs(case: Case) -> None:
+def _check_program(case: Case) -> None:
     """Raise an error for a program that a certificate on rigid bodies does not support."""
     program = case.program
     others = [x for x in program.moves if not isinstance(x, Contour | Dwell)]
     if len(program.contours) > 1 or others:
         raise InvalidInput(
             "A certificate on rigid bodies supports one contour, with or without dwells, but "
-            f"this program has {_list_moves(program)}, or certify with plant: servo."
+            f"this program has {_describe_moves(program)}, or certify with plant: servo."
         )
     Unknowns.from_uncertainty(case.box or Uncertainty(), case.arm, case.servo)
     case.plant()
 
 
-def _refuse_start(case: Case) -> None:
+def _check_start(case: Case) -> None:
     """Raise an error if the rigid bodies at rest are too far from the start of the contour."""
     (contour,) = case.program.contours
     distance = rest_at_start(case, contour.path, case.compute_set_points(case.planned.trajectory))
@@ -304,7 +304,7 @@ def _refuse_start(case: Case) -> None:
         )
 
 
-def _certificate(
+def _make_certificate(
     base: Case, proven: Proven, shapes: Mapping[str, float], plant: RigidBodyPlant | None
 ) -> Certificate:
     """Evaluate a proven plan, run the experiment, and make the certificate."""
@@ -327,7 +327,7 @@ def _certificate(
         job=job,
         run=chosen,
         goal=case.goal,
-        model=model_of(case),
+        model=describe_model(case),
         objective=case.planned.objective,
         path=case.program,
         trajectory=proof.trajectory,
@@ -335,9 +335,9 @@ def _certificate(
         execution=proof.executed,
         evaluation=result,
         check=proof.check,
-        contours=tuple(_contours(base, proof, [x for x in moves if x.number is not None])),
+        contours=tuple(_make_contours(base, proof, [x for x in moves if x.number is not None])),
         rapids=tuple(x.factors for x in moves if x.number is None),
-        uncertified=_uncertified(base),
+        uncertified=_execute_uncertified(base),
         shapes=shapes,
         experiment=experiment,
         failure=failure,
@@ -345,7 +345,7 @@ def _certificate(
     )
 
 
-def _contours(
+def _make_contours(
     base: Case, proof: ProgramTrial, contours: Sequence[MoveSearch]
 ) -> Iterator[ContourCertificate]:
     """Make the certificates of all contours."""
@@ -382,7 +382,7 @@ def _contours(
                 case.arm.joint_names,
             ),
             trajectory=move.plan,
-            set_points=case.stretch(proof.set_points, span.t, move.plan),
+            set_points=case.move_set_points(proof.set_points, span.t, move.plan),
             error=error,
             coverage_error=coverage_error,
             speed_ratio=float(speed_ratios(case, piece).max()),
@@ -402,7 +402,7 @@ def _contours(
         )
 
 
-def _uncertified(case: Case) -> Uncertified:
+def _execute_uncertified(case: Case) -> Uncertified:
     """Execute the fastest plan without derating."""
     fastest = case.planned.trajectory
     set_points = case.compute_set_points(fastest)
@@ -417,11 +417,11 @@ def _uncertified(case: Case) -> Uncertified:
         contours=tuple(x.t[1] - x.t[0] for x in fastest.contour_spans),
         contour_error=(max(error.max, coverage_error), error.rms),
         saturated=executed.saturated_time / (t[-1] - t[0]),
-        box=_worst_of_box(case, set_points),
+        box=_worst_corner_error(case, set_points),
     )
 
 
-def _worst_of_box(case: Case, set_points: SetPoints) -> float | None:
+def _worst_corner_error(case: Case, set_points: SetPoints) -> float | None:
     """Largest contour error in the corners of the box [m]; None without a box."""
     if case.box is None:
         return None
@@ -433,12 +433,12 @@ def _worst_of_box(case: Case, set_points: SetPoints) -> float | None:
     return max(float(x.max.max()) for x in robots)
 
 
-def model_of(case: Case) -> str:
+def describe_model(case: Case) -> str:
     """Description of the robot model for which a certificate is valid."""
     servo = case.servo
     held = {"linear": "interpolated linearly", "cubic": "interpolated by cubics", "step": "held"}
     if case.bodies:
-        return _model_of_bodies(case, held[servo.interpolation])
+        return _describe_bodies(case, held[servo.interpolation])
     parts = [
         f"independent joint servos{' of order second' * (servo.order == 'second')} with {servo}",
         f"set-points every {case.run.cycle * 1e3:g} ms, " + held[servo.interpolation],
@@ -450,7 +450,7 @@ def model_of(case: Case) -> str:
     return "; ".join(parts)
 
 
-def _model_of_bodies(case: Case, held: str) -> str:
+def _describe_bodies(case: Case, held: str) -> str:
     """Description of the rigid-body model for which a certificate is valid."""
     fed = case.drive_options.get("gravity_feedforward", True)
     parts = [
@@ -478,7 +478,7 @@ def shape_part(path: Path) -> float:
     return float(path.corners.error.max())
 
 
-def _list_moves(program: Program) -> str:
+def _describe_moves(program: Program) -> str:
     """Text with the numbers of moves, and the changes after which a program has one contour."""
     kinds = {"contour": Contour, "rapid": Rapid, "dwell": Dwell, "event": Event}
     counts = {word: sum(isinstance(x, kind) for x in program.moves) for word, kind in kinds.items()}

@@ -32,7 +32,7 @@ RESOLUTION = 1e-4
 # Fields of an experiment that describe the drives of the robot.
 DRIVE_OPTIONS = ("step", "gravity_feedforward", "noise", "seed")
 # Number of time constants of the slowest servo after which a response has decayed to 2e-9.
-FORGOTTEN = 20.0
+MEMORY_TIME_CONSTANTS = 20.0
 # Number of points, in addition to breaks, at which the errors that the servo model does not explain
 # are bounded.
 MAX_POINTS = 1000
@@ -92,7 +92,7 @@ class Case:
         return self.goal.box
 
     @property
-    def saturated(self) -> bool:
+    def allows_saturation(self) -> bool:
         """True if saturation is allowed and reported, False if it is refused."""
         return self.goal.saturation == "report"
 
@@ -159,7 +159,9 @@ class Case:
             plan, self.model, self.run.compensation, cycle=cycle, arm=self.arm
         )
 
-    def stretch(self, set_points: SetPoints, t: tuple[float, float], plan: Trajectory) -> SetPoints:
+    def move_set_points(
+        self, set_points: SetPoints, t: tuple[float, float], plan: Trajectory
+    ) -> SetPoints:
         """Set-points of the move from `t[0]` to `t[1]` in the program [s], in times of the move.
 
         They begin with the earlier set-points that affect the servo during the move.
@@ -200,4 +202,4 @@ class Case:
             dead_time = dead_time + checks.per_joint(
                 "dead_time of the box", box.dead_time, dof, "s"
             )
-        return FORGOTTEN / min(rates) + float(dead_time.max())
+        return MEMORY_TIME_CONSTANTS / min(rates) + float(dead_time.max())

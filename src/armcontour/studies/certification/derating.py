@@ -131,11 +131,12 @@ def plan_derated(
     return plan_optimal(joint_path, arm, rest, options).limited(limits)
 
 
-# LEAST: a cell with a smaller reduction counts as not derated, because searches aim slightly below
-# limits. REPORTED: a limit is reported if its largest reduction exceeds this share.
-LEAST, REPORTED = 1e-5, 1e-3
+# LEAST_REDUCTION: a cell with a smaller reduction counts as not derated, because searches aim
+# slightly below limits. REPORTED_SHARE: a limit is reported if its largest reduction exceeds this
+# share.
+LEAST_REDUCTION, REPORTED_SHARE = 1e-5, 1e-3
 # Derating along more than this share of a contour is described as along the whole contour.
-NEARLY_ALL = 0.995
+WHOLE_SHARE = 0.995
 # Reasons of derating by cause, as phrases after "because of".
 REASONS = {
     "acceleration": "the acceleration limits of the joints",
@@ -166,7 +167,7 @@ class DeratedInterval:
         """Clause with the limit, its reduction, position and cause."""
         joint = f" of joint {self.joint_name}" if self.joint_name else ""
         where = f"over {number(self.length, 'm')} of {number(self.contour, 'm')}"
-        if self.length > NEARLY_ALL * self.contour:
+        if self.length > WHOLE_SHARE * self.contour:
             where = "along the whole contour"
         place = (
             ""
@@ -206,14 +207,17 @@ def derated_intervals(
         for index, cause in enumerate(CAUSES):
             share = np.where(derating.cap_by == index, np.nan_to_num(slower), 0.0)
             k = int(np.argmax(share))
-            if share[k] > REPORTED:
+            if share[k] > REPORTED_SHARE:
                 yield DeratedInterval(
-                    what="speed", cause=cause, share=float(share[k]), **location(k, share > LEAST)
+                    what="speed",
+                    cause=cause,
+                    share=float(share[k]),
+                    **location(k, share > LEAST_REDUCTION),
                 )
         for cause, remaining in derating.share_by.items():
             share = 1 - remaining
             k, j = (int(x) for x in np.unravel_index(np.argmax(share), share.shape))
-            if share[k, j] > REPORTED:
+            if share[k, j] > REPORTED_SHARE:
                 alike = bool((remaining == remaining[:, :1]).all())
                 yield DeratedInterval(
                     what="acceleration",
@@ -221,10 +225,10 @@ def derated_intervals(
                     share=float(share[k, j]),
                     joint=None if alike else j,
                     joint_name="" if alike else joint_label(j + 1, names),
-                    **location(k, np.asarray((share > LEAST).any(axis=1))),
+                    **location(k, np.asarray((share > LEAST_REDUCTION).any(axis=1))),
                 )
         for name, factor in factors.items():
-            if 1 - factor > REPORTED:
+            if 1 - factor > REPORTED_SHARE:
                 yield DeratedInterval(
                     what=name, cause="limit", share=1 - factor, length=contour, contour=contour
                 )

@@ -34,19 +34,19 @@ from armcontour.verification import Check, check
 from armcontour.verification.contour_execution import ContourExecution, pieces_of
 
 # Results per cycle of an execution in a trial: on the nominal robot, and in corners of the box.
-PER_INTERVAL = 16
-BOX_PER_INTERVAL = 4
+RESULTS_PER_CYCLE = 16
+BOX_RESULTS_PER_CYCLE = 4
 # Shortest time between two results [s].
-FINEST = 1.25e-4
+SHORTEST_STEP = 1.25e-4
 # Share by which the executed tool speed may exceed the assigned velocity.
 SPEED_SLACK = 1e-3
 # Number of directions across a path in space in which deviations of robots of the box are summed.
 DIRECTIONS = 16
 # Ratio of ds² that is assigned to a command outside the joint range. A lower speed cannot correct
 # such a command completely, but with this ratio each trial reduces the speed in its cell.
-OUTSIDE = 1.1
+OUTSIDE_RATIO = 1.1
 # Phases within a cycle that differ by less than this share of the cycle are equal.
-SAME = 1e-9
+PHASE_TOLERANCE = 1e-9
 Side = Literal["left", "right"]
 
 
@@ -86,9 +86,9 @@ def execute_trial(case: Case, set_points: SetPoints, resolution: float | None = 
     """Execute a trial on the nominal robot, without saturation if saturation is refused."""
     if case.bodies:
         return simulate(set_points, case.plant(), resolution=resolution or case.resolution)
-    every = min(set_points.cycle, max(set_points.cycle / PER_INTERVAL, FINEST))
+    every = min(set_points.cycle, max(set_points.cycle / RESULTS_PER_CYCLE, SHORTEST_STEP))
     return simulate(
-        set_points, case.plant(ideal=not case.saturated), resolution=resolution or every
+        set_points, case.plant(ideal=not case.allows_saturation), resolution=resolution or every
     )
 
 
@@ -104,18 +104,18 @@ def execute_on_box(case: Case, set_points: SetPoints) -> list[Group]:
     errors = np.broadcast_to(box.dead_time, (dof,))
     shared = box.dead_time_shared and bool(errors.any())
     apart = np.zeros(dof) if box.dead_time_shared else errors
-    resolution = max(set_points.cycle / BOX_PER_INTERVAL, FINEST)
+    resolution = max(set_points.cycle / BOX_RESULTS_PER_CYCLE, SHORTEST_STEP)
     groups = []
     for common in (-1.0, 1.0) if shared else (0.0,):
         moved = np.maximum(servo.dead_time + common * errors, 0.0)
         servos = _corner_servos(servo, moved, box, apart)
-        plants = [case.plant(x, ideal=not case.saturated) for x in servos]
+        plants = [case.plant(x, ideal=not case.allows_saturation) for x in servos]
         runs = [simulate(set_points, x, resolution=resolution) for x in plants]
         groups.append((float((moved - servo.dead_time)[0]) if shared else 0.0, runs))
     return groups
 
 
-def distances(piece: ContourExecution) -> FloatArray:
+def contour_errors(piece: ContourExecution) -> FloatArray:
     """Contour error at each result, the larger of both directions [m], (n,)."""
     error = piece.contour_error
     over_time = np.maximum(piece.followed.distance, piece.followed.coverage_error)
@@ -159,7 +159,7 @@ class ProgramTrial:
         ]
 
 
-def margins_of(case: Case, trial: ProgramTrial, number: int, plan: Trajectory) -> LimitMargins:
+def compute_margins(case: Case, trial: ProgramTrial, number: int, plan: Trajectory) -> LimitMargins:
     """Ratios to the limits for the plan, the command and the executions of a contour."""
     piece, span = trial.pieces[number], trial.trajectory.contour_spans[number]
     path, executed = piece.path, trial.executed
@@ -167,18 +167,18 @@ def margins_of(case: Case, trial: ProgramTrial, number: int, plan: Trajectory) -
     if case.program.single_path is None:
         # The rating ends with the cycle in which the move ends.
         start, cycle = trial.set_points.start_time, trial.set_points.cycle
-        last = start + np.ceil((span.t[1] - start) / cycle - SAME) * cycle
+        last = start + np.ceil((span.t[1] - start) / cycle - PHASE_TOLERANCE) * cycle
         ends = span.t[0], float(last)
         now, since = slice(*np.searchsorted(executed.t, ends)), ends
     t = executed.t[now] - span.t[0]
     s, joints, pace = _planned_ratios(case, path, plan, t)
     pace = np.maximum(pace, _command_ratio(case, trial.set_points, executed.t[now]))
     peak = np.zeros(case.arm.dof)
-    if not case.saturated and not case.bodies:
+    if not case.allows_saturation and not case.bodies:
         for execution in trial.all_runs:
             part = slice(*np.searchsorted(execution.t, since)) if since else slice(None)
             share = case.demand_ratio(execution.demand[part])
-            joints = np.maximum(joints, _larger_around(t + span.t[0], execution.t[part], share))
+            joints = np.maximum(joints, _larger_neighbour(t + span.t[0], execution.t[part], share))
             peak = np.maximum(peak, peak_demand(case, execution, since))
     tool, speed = np.zeros(len(t)), case.limits.speed
     if speed is not None:
@@ -187,9 +187,9 @@ def margins_of(case: Case, trial: ProgramTrial, number: int, plan: Trajectory) -
     counts = slice(piece.which.start - now.start, piece.which.stop - now.start)
     tool[counts] = np.maximum(tool[counts], (speed_ratios(case, piece) / (1 + SPEED_SLACK)) ** 2)
     error, box = np.zeros(len(t)), np.zeros(len(t))
-    error[counts] = distances(piece) / case.budget
+    error[counts] = contour_errors(piece) / case.budget
     if trial.groups:
-        box[counts] = _worst_error(case, trial, number)[piece.which] / case.budget
+        box[counts] = _worst_box_error(case, trial, number)[piece.which] / case.budget
     if trial.box is not None:
         box[counts] = np.interp(executed.t[piece.which], *trial.box) / case.budget
     rms = case.goal.rms
@@ -227,8 +227,8 @@ def peak_demand(
         return every
     set_points = executed.set_points
     begin, end = (np.array(span) - set_points.start_time) / set_points.cycle
-    first = max(0, int(np.ceil(begin - SAME)))
-    last = min(count_intervals(set_points, servo), int(np.ceil(end - SAME)))
+    first = max(0, int(np.ceil(begin - PHASE_TOLERANCE)))
+    last = min(count_intervals(set_points, servo), int(np.ceil(end - PHASE_TOLERANCE)))
     if first >= last:
         return case.demand_ratio(executed.demand[-1])
     row = first * round(set_points.cycle / float(executed.t[1] - executed.t[0]))
@@ -314,12 +314,12 @@ def _command_ratio(case: Case, set_points: SetPoints, t: FloatArray) -> FloatArr
     pace = (states.use("joint_velocity", case.limits).ratio ** 2).max(axis=1)
     lower, upper = case.limits.joint_range(dof)
     outside = ((set_points.q < lower) | (set_points.q > upper)).any(axis=1)
-    pace = np.maximum(pace, np.where(outside, OUTSIDE, 0.0))
+    pace = np.maximum(pace, np.where(outside, OUTSIDE_RATIO, 0.0))
     k = np.clip(np.searchsorted(set_points.t, t, side="right") - 1, 0, len(pace) - 1)
     return np.asarray(pace[k])
 
 
-def _larger_around(t: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
+def _larger_neighbour(t: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
     """Larger of the values before and after each time t, (n, dof); 0 outside of `times`."""
     k = np.clip(np.searchsorted(times, t, side="right"), 1, len(times) - 1)
     larger = np.maximum(values[k - 1], values[k])
@@ -327,7 +327,7 @@ def _larger_around(t: FloatArray, times: FloatArray, values: FloatArray) -> Floa
     return np.asarray(larger)
 
 
-def _worst_error(case: Case, trial: ProgramTrial, number: int) -> FloatArray:
+def _worst_box_error(case: Case, trial: ProgramTrial, number: int) -> FloatArray:
     """Approximate contour error of the worst robot of the box at all times of a trial [m], (n,).
 
     Joints are independent, so the worst deviations of the joints across the path are added.
@@ -337,7 +337,7 @@ def _worst_error(case: Case, trial: ProgramTrial, number: int) -> FloatArray:
     largest = np.zeros(len(t))
     for delay, runs in trial.corner_pieces:
         pieces = [x[number] for x in runs]
-        largest = np.maximum(largest, np.interp(t, *_sum_across(case, delay, pieces, span)))
+        largest = np.maximum(largest, np.interp(t, *_sum_deviations(case, delay, pieces, span)))
         for piece in pieces:
             rows = np.clip(np.searchsorted(t, piece.t), 0, len(t) - 1)
             np.maximum.at(largest, rows, piece.followed.coverage_error)
@@ -364,7 +364,7 @@ def _corner_servos(
     ]
 
 
-def _sum_across(
+def _sum_deviations(
     case: Case, delay: float, pieces: Sequence[ContourExecution], span: Span
 ) -> tuple[FloatArray, FloatArray]:
     """Times [s], and sum of the largest deviations of each joint across the path [m], (n,) each."""
@@ -384,7 +384,7 @@ def _sum_across(
     moved = jacobian[None] * deviations[:, :, None, :]
     s = path.project(point).s
     total = np.zeros(n)
-    for direction in normals(path(s, 1)):
+    for direction in across_directions(path(s, 1)):
         # The distance of the mean motion adds to the deviations of the joints.
         distance = np.abs(np.einsum("nd,nd->n", point - path(s), direction))
         side = np.einsum("rndj,nd->rnj", moved, direction)
@@ -392,7 +392,7 @@ def _sum_across(
     return t, total
 
 
-def normals(tangent: FloatArray) -> list[FloatArray]:
+def across_directions(tangent: FloatArray) -> list[FloatArray]:
     """Unit vectors across the path at each tangent, (n, dimension) for each direction."""
     unit = tangent / np.linalg.norm(tangent, axis=1)[:, None]
     if unit.shape[1] == 2:
@@ -406,16 +406,16 @@ def normals(tangent: FloatArray) -> list[FloatArray]:
     return [np.cos(x) * first + np.sin(x) * second for x in angles]
 
 
-# A limit is exceeded by a ratio above 1 + KEPT, to allow for rounding errors.
-KEPT = 1e-9
+# A limit is exceeded by a ratio above 1 + LIMIT_TOLERANCE, to allow for rounding errors.
+LIMIT_TOLERANCE = 1e-9
 # Number of points per interval at which a plan is checked against its limits.
-POINTS = 5
+CHECK_POINTS = 5
 
 
 def largest_ratios(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
     """Largest ratio to each limit: the larger of a sampled check and a bound for all times."""
     ratios = bound_ratios(plan, arm, limits)
-    for use in check(plan, arm, limits, points=POINTS).uses:
+    for use in check(plan, arm, limits, points=CHECK_POINTS).uses:
         ratios[use.name] = max(ratios.get(use.name, 0.0), use.ratio)
     return ratios
 
@@ -427,7 +427,7 @@ def bound_ratios(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]
     for law in plan.laws:
         assert isinstance(law, PathLaw)
         speeds = _highest_speeds(law.joint_path, limits)
-        shares = np.maximum(shares, largest_shares(law, joints, speeds, 1 + KEPT))
+        shares = np.maximum(shares, largest_shares(law, joints, speeds, 1 + LIMIT_TOLERANCE))
     acceleration, velocity = shares[:4].reshape(2, 2).max(axis=1).tolist()
     speed, bent = shares[4:].tolist()
     return {

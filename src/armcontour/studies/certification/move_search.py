@@ -22,8 +22,8 @@ from armcontour.simulation.robustness.monte_carlo import MonteCarloResult
 from armcontour.studies.certification.certification_case import Case
 from armcontour.studies.certification.derating import Derating, plan_derated
 from armcontour.studies.certification.limit_margins import (
-    KEPT,
-    OUTSIDE,
+    LIMIT_TOLERANCE,
+    OUTSIDE_RATIO,
     LimitMargins,
     execute_on_box,
     execute_trial,
@@ -44,7 +44,7 @@ GOALS = {
 # Derating in one cell changes the motion in its neighbours, so an excess may shrink by less than
 # half per trial. Therefore the excess is squared after this many trials, cubed after twice as many,
 # and so on.
-PATIENCE = 5
+POWER_TRIALS = 5
 # Time before the present for which the plan affects the tool, if the servo lags [time constants].
 TOOL_MEMORY = 8.0
 # Time before the present for which the plan affects the error of rigid bodies [time constants of
@@ -61,7 +61,7 @@ RAPID_GOAL, RAPID_STEP = 1 - 1e-3, 1e-5
 MAX_RAPIDS = 12
 # Largest share of the budget that the deviation from the previous move may use at the start of a
 # contour.
-ENTRY = 0.25
+ENTRY_SHARE = 0.25
 
 
 class StepSizes(NamedTuple):
@@ -89,9 +89,9 @@ class MoveSearch:
     # best: derating, factors and plan of the fastest plan within all limits.
     best: tuple[Derating, dict[str, float], Trajectory] | None = None
     done: bool = False  # True if the search of this contour has ended
-    proving: bool = False  # True if a proof has rejected a plan
+    rejected: bool = False  # True if a proof has rejected a plan
     attempt: int = 0  # Index of the step sizes
-    tries: int = 0  # Number of trials with these step sizes
+    attempt_trials: int = 0  # Number of trials with these step sizes
     trials: int = 1  # Number of all trials
     # share, bracket: only if saturation is allowed. Present factor of all accelerations; largest
     # factor with which all limits were satisfied and smallest factor with which they were not.
@@ -101,10 +101,12 @@ class MoveSearch:
     # trial.
     aims: dict[str, float] = field(default_factory=GOALS.copy)
     tightness: dict[str, float] = field(default_factory=GOALS.copy)
-    binds: tuple[str, float] = ("", 0.0)  # Limiting constraint of the last trial, and its ratio
-    reached: float = np.inf  # Smallest contour error of a trial, for all robots of the box [m]
-    # outside: smallest contour error of a robot of the box that exceeded the budget [m].
-    outside: float = np.inf
+    # active_limit: limiting constraint of the last trial, and its ratio.
+    active_limit: tuple[str, float] = ("", 0.0)
+    # smallest_error: smallest contour error of a trial, for all robots of the box [m].
+    smallest_error: float = np.inf
+    # smallest_excess: smallest contour error of a robot of the box that exceeded the budget [m].
+    smallest_excess: float = np.inf
     # parts: parts of the error of the worst robot of the box, by kind of unknowns [m].
     parts: dict[str, float] = field(default_factory=dict)
     corners: MonteCarloResult | None = None  # Executions in the corners of the box
@@ -122,10 +124,10 @@ class MoveSearch:
     @property
     def squares(self) -> FloatArray:
         """Largest ds² of the fastest plan in the cells of the derating [m²/s²], (n,)."""
-        return squares_of(self.fastest, self.derating.cells)
+        return largest_squares(self.fastest, self.derating.cells)
 
 
-def moves_of(case: Case) -> list[MoveSearch]:
+def plan_moves(case: Case) -> list[MoveSearch]:
     """Moves of a program: contours without derating, and rapids whose execution is within limits.
 
     Raises NotRealizable if a move has no such plan.
@@ -232,10 +234,10 @@ def derate_rapid(
         )
         rate = np.diff(positions, axis=0) / set_points.cycle
         lower, upper = case.limits.joint_range(dof)
-        outside = OUTSIDE if ((positions < lower) | (positions > upper)).any() else 0.0
+        outside = OUTSIDE_RATIO if ((positions < lower) | (positions > upper)).any() else 0.0
         ratio = use_of("joint_velocity", case.limits, rate).ratio
         ratios["joint_velocity"] = max(ratios["joint_velocity"], float(ratio.max(initial=outside)))
-    goal = RAPID_GOAL if span is None else 1.0 + KEPT
+    goal = RAPID_GOAL if span is None else 1.0 + LIMIT_TOLERANCE
     over = {name: x for name, x in ratios.items() if x > goal}
     if not over:
         return None
@@ -256,7 +258,7 @@ def _settling_time(case: Case, moves: Sequence[MoveSearch]) -> float:
     set_points = case.compute_set_points(plan)
     runs = _runs(case, set_points)
     goal = case.arm.tool_position(plan(plan.duration, side="left"))
-    far = [x.t[np.linalg.norm(x.tool - goal, axis=1) > ENTRY * case.budget] for x in runs]
+    far = [x.t[np.linalg.norm(x.tool - goal, axis=1) > ENTRY_SHARE * case.budget] for x in runs]
     return max([0.0, *(float(x[-1]) - plan.duration for x in far if len(x))])
 
 
@@ -268,10 +270,14 @@ def _runs(case: Case, set_points: SetPoints) -> list[Execution]:
     ]
 
 
-def aim_lower(case: Case, move: MoveSearch) -> bool:
+def lower_aims(case: Case, move: MoveSearch) -> bool:
     """Aim lower if a plan exceeds a limit at any time; returns True in this case."""
     shares = largest_ratios(move.plan, case.arm, case.limits)
-    over = {name: ratio * (1 + KEPT) for name, ratio in shares.items() if ratio > 1 + KEPT}
+    over = {
+        name: ratio * (1 + LIMIT_TOLERANCE)
+        for name, ratio in shares.items()
+        if ratio > 1 + LIMIT_TOLERANCE
+    }
     for name, ratio in over.items():
         if name in LOCAL_LIMITS:
             kind = "acceleration" if name.startswith("joint_") else "speed"
@@ -286,10 +292,10 @@ def derate_contour(
 ) -> Derating:
     """Derating of a contour, further reduced in the cells in which a limit is nearly exceeded."""
     derating, tight = move.derating, move.tightness
-    power = 1 + move.tries // PATIENCE
+    power = 1 + move.attempt_trials // POWER_TRIALS
     memory = response_time(case)
     largest = _largest_in_cells(move, margins, case.run.cycle + memory)
-    speed = squares_of(move.plan, derating.cells)
+    speed = largest_squares(move.plan, derating.cells)
 
     def slower(use: FloatArray, share: FloatArray, cause: str) -> Derating:
         """Derating with ds² reduced to a share in the cells with a use above 1."""
@@ -299,7 +305,12 @@ def derate_contour(
     shares = np.ones_like(derating.share)
     for j in range(shares.shape[1]):
         use = largest(over[:, j], 0.0) / tight["acceleration"]
-        if move.tries == 0 and steps.together and not case.saturated and (use > 1).any():
+        if (
+            move.attempt_trials == 0
+            and steps.together
+            and not case.allows_saturation
+            and (use > 1).any()
+        ):
             # Most of the excess is due to the cycle and is equal in all cells. If all cells are
             # derated by it, it does not reappear in other cells when the plan changes.
             common = float(np.median(use[use > 1]))
@@ -314,7 +325,7 @@ def derate_contour(
     delay = TOOL_MEMORY * memory / 2 if lags else 0.0
     use = largest(margins.tool, delay) / tight["tool"]
     derating = slower(use, np.maximum(use, 1.0) ** -power, "tool")
-    if not case.saturated:
+    if not case.allows_saturation:
         use = np.maximum(largest(margins.error, delay), margins.rms) / tight["error"]
         slow = np.clip(np.maximum(use, 1.0) ** (-steps.power * power), steps.share, 1.0)
         derating = slower(use, slow**2, "error").with_share(slow[:, None], "error")
@@ -354,7 +365,7 @@ def _largest_in_cells(
     return largest
 
 
-def squares_of(plan: Trajectory, cells: FloatArray) -> FloatArray:
+def largest_squares(plan: Trajectory, cells: FloatArray) -> FloatArray:
     """Largest ds² of a plan at the ends of each cell [m²/s²], (n,)."""
     squares = plan.speed_at(cells) ** 2
     return np.asarray(np.maximum(squares[:-1], squares[1:]))

@@ -21,23 +21,23 @@ from armcontour.simulation import simulate
 from armcontour.simulation.robustness.monte_carlo import MonteCarloResult, spread, worst_corner
 from armcontour.studies.certification.certification_case import Case
 from armcontour.studies.certification.limit_margins import (
-    KEPT,
-    POINTS,
+    CHECK_POINTS,
+    LIMIT_TOLERANCE,
     LimitMargins,
     ProgramTrial,
+    compute_margins,
     execute_on_box,
     execute_trial,
-    margins_of,
 )
 from armcontour.studies.certification.move_search import (
     GOALS,
     MoveSearch,
     StepSizes,
-    aim_lower,
     derate_contour,
     derate_rapid,
-    moves_of,
+    lower_aims,
     plan_contour,
+    plan_moves,
     plan_rapid,
 )
 from armcontour.studies.certification.refusal import refuse
@@ -60,7 +60,7 @@ MAX_TRIALS = 25
 STEPS = (StepSizes(1 / 3, 0.7, True), StepSizes(1 / 3, 0.85, True), StepSizes(1 / 4, 0.85, False))
 # The remaining step sizes are tried if a certified plan is slower than the uncertified optimum by
 # more than this share.
-GAIN = 1e-4
+OPTIMUM_EXCESS = 1e-4
 # If saturation is allowed, an error can have its cause at any earlier time. Therefore accelerations
 # are derated uniformly: by the factor COARSE_SHARE per trial, then by bisection until the ratio of
 # the bounds is SHARE_PRECISION.
@@ -74,7 +74,7 @@ AIM_STEP = 0.998
 TORQUE_STEP = 1.01
 
 
-def search(case: Case) -> tuple[ProgramTrial, list[MoveSearch]]:
+def search_plan(case: Case) -> tuple[ProgramTrial, list[MoveSearch]]:
     """Search for the fastest plan that satisfies the goal; returns its proof and its moves.
 
     Raises NotRealizable if no plan satisfies the goal; the message names the contour.
@@ -89,7 +89,7 @@ def search(case: Case) -> tuple[ProgramTrial, list[MoveSearch]]:
             needed=case.model_error,
             allowed=case.servo_allowed,
         )
-    moves = moves_of(case)
+    moves = plan_moves(case)
     contours = [x for x in moves if x.number is not None]
     robots: list[FloatArray] = []
     proofs = 0
@@ -98,13 +98,13 @@ def search(case: Case) -> tuple[ProgramTrial, list[MoveSearch]]:
         trial = execute_program(case, moves, robots)
         active = [x for x in contours if not x.done]
         if not active:
-            proven = _prove(case, moves, trial, robots)
+            proven = _prove_trial(case, moves, trial, robots)
             if proven is not None:
                 return proven, moves
             proofs += 1
         for move in active:
             with move.step.named():
-                _rate(case, move, trial)
+                _rate_trial(case, move, trial)
         uncertified = [x for x in contours if not x.done or x.best is None]
         if uncertified and uncertified[0].done or proofs == MAX_PROOFS:
             with (uncertified or moves)[0].step.named():
@@ -147,15 +147,15 @@ def execute_program(
     )
 
 
-def _rate(case: Case, move: MoveSearch, trial: ProgramTrial) -> None:
+def _rate_trial(case: Case, move: MoveSearch, trial: ProgramTrial) -> None:
     """Rate a trial of a contour, and plan its next trial."""
     assert move.number is not None
-    margins = margins_of(case, trial, move.number, move.plan)
+    margins = compute_margins(case, trial, move.number, move.plan)
     worst = _record_ratios(case, move, margins)
-    if case.saturated and worst["error"] > 1.0:
+    if case.allows_saturation and worst["error"] > 1.0:
         _next_attempt(case, move, within=False)
-    elif max(worst.values()) > 1.0 or aim_lower(case, move):
-        _derate(case, move, margins)
+    elif max(worst.values()) > 1.0 or lower_aims(case, move):
+        _derate_contour(case, move, margins)
     elif case.bodies and trial.executed.saturated_time.any():
         _reduce_torque(case, move, margins, torque_ratio(case, trial.executed))
     else:
@@ -168,35 +168,35 @@ def _record_ratios(case: Case, move: MoveSearch, margins: LimitMargins) -> dict[
     """Largest ratio by kind of limit; also recorded in `move` for the message of a refusal."""
     worst = margins.worst()
     kind = max(worst, key=lambda x: worst[x])
-    if case.saturated and worst["error"] > 1.0:
+    if case.allows_saturation and worst["error"] > 1.0:
         kind = "error"
-    move.binds = kind, worst[kind]
+    move.active_limit = kind, worst[kind]
     largest = max(float(margins.error.max()), worst["box"]) * case.budget
-    move.reached = min(move.reached, largest)
+    move.smallest_error = min(move.smallest_error, largest)
     return worst
 
 
-def _derate(case: Case, move: MoveSearch, margins: LimitMargins) -> None:
+def _derate_contour(case: Case, move: MoveSearch, margins: LimitMargins) -> None:
     """Derate a contour further in the cells in which it exceeds limits."""
     move.derating = derate_contour(case, move, margins, STEPS[min(move.attempt, len(STEPS) - 1)])
-    move.tries += 1
+    move.attempt_trials += 1
 
 
 def _reduce_torque(case: Case, move: MoveSearch, margins: LimitMargins, ratio: float) -> None:
     """Reduce torque limits after saturation; `ratio`: largest required torque over its limit."""
-    move.binds = "torque", max(ratio, 1.0)
+    move.active_limit = "torque", max(ratio, 1.0)
     if case.limits.joint_torque is None:
         _next_attempt(case, move, within=False)
         return
     share = move.factors.get("joint_torque", 1.0) / max(ratio, TORQUE_STEP)
     move.factors = {**move.factors, "joint_torque": share}
-    _derate(case, move, margins)
+    _derate_contour(case, move, margins)
 
 
 def _plan_next(case: Case, move: MoveSearch) -> None:
     """Plan a contour within its derating; try the next step sizes if the plan is not faster."""
     while not move.done:
-        if move.tries < MAX_TRIALS:
+        if move.attempt_trials < MAX_TRIALS:
             move.trials += 1
             best = np.inf if move.best is None else move.best[2].duration
             with suppress(NotRealizable):
@@ -212,26 +212,26 @@ def _next_attempt(case: Case, move: MoveSearch, *, within: bool, slow: bool = Fa
 
     `within`: True if the last plan satisfied all limits. `slow`: True if no plan was fast enough.
     """
-    if case.saturated:
+    if case.allows_saturation:
         low, high = (move.share, move.bracket[1]) if within else (move.bracket[0], move.share)
         move.bracket = low, high
         narrow = high <= low * SHARE_PRECISION
-        over = narrow or move.proving if low else slow or move.binds[0] != "error"
-        smaller = 1 / SHARE_PRECISION if move.proving else COARSE_SHARE
+        over = narrow or move.rejected if low else slow or move.active_limit[0] != "error"
+        smaller = 1 / SHARE_PRECISION if move.rejected else COARSE_SHARE
         move.share = float(np.sqrt(low * high)) if low else move.share * smaller
     else:
         move.attempt += 1
-        near = within and move.plan.duration <= move.fastest.duration * (1 + GAIN)
-        over = near or move.proving or move.attempt == len(STEPS)
-    move.tightness, move.tries, move.done = move.aims.copy(), 0, over
+        near = within and move.plan.duration <= move.fastest.duration * (1 + OPTIMUM_EXCESS)
+        over = near or move.rejected or move.attempt == len(STEPS)
+    move.tightness, move.attempt_trials, move.done = move.aims.copy(), 0, over
     move.derating, move.factors = move.nothing, {}
-    if case.saturated and move.share < 1.0:
+    if case.allows_saturation and move.share < 1.0:
         move.derating = move.nothing.with_share(move.share, "error")
     if over and move.best is not None:
         move.derating, move.factors, move.plan = move.best
 
 
-def _reopen(
+def _continue_search(
     case: Case, move: MoveSearch, margins: LimitMargins, aims: Mapping[str, float] | None = None
 ) -> None:
     """Continue the search of a contour whose plan a proof rejected, with lower aims.
@@ -239,21 +239,21 @@ def _reopen(
     `aims`: factors of the aimed shares by cause; by default AIM_STEP for exceeded limits.
     """
     worst = _record_ratios(case, move, margins)
-    move.best, move.done, move.proving, move.tries = None, False, True, 0
+    move.best, move.done, move.rejected, move.attempt_trials = None, False, True, 0
     if aims is None:
         aims = {kind: AIM_STEP for kind in ("error", "tool") if worst[kind] > 1.0}
     for kind, factor in aims.items():
         move.aims[kind] *= factor
     move.tightness = move.aims.copy()
-    if case.saturated and worst["error"] > 1.0:
+    if case.allows_saturation and worst["error"] > 1.0:
         move.bracket = 0.0, move.share
         _next_attempt(case, move, within=False)
     else:
-        _derate(case, move, margins)
+        _derate_contour(case, move, margins)
     _plan_next(case, move)
 
 
-def _prove(
+def _prove_trial(
     case: Case, moves: Sequence[MoveSearch], trial: ProgramTrial, robots: list[FloatArray]
 ) -> ProgramTrial | None:
     """Proof of a trial; None if the proof rejects moves, which are then derated further."""
@@ -267,16 +267,16 @@ def _prove(
     for move in contours:
         assert move.number is not None
         for executed in (trial,) if proven is trial else (trial, proven):
-            margins = margins_of(case, executed, move.number, move.plan)
+            margins = compute_margins(case, executed, move.number, move.plan)
             if max(margins.worst().values()) > 1.0:
                 with move.step.named():
-                    _reopen(case, move, margins)
+                    _continue_search(case, move, margins)
                 outside = True
                 break
     if outside:
         return None
-    checked = check(trial.trajectory, case.arm, case.limits, points=POINTS)
-    if any(x.ratio > 1 + KEPT for x in checked.uses):
+    checked = check(trial.trajectory, case.arm, case.limits, points=CHECK_POINTS)
+    if any(x.ratio > 1 + LIMIT_TOLERANCE for x in checked.uses):
         # This should not occur, because each move has been checked.
         raise NotRealizable(
             f"The plan of the whole program must satisfy all limits, but exceeds one: {checked}."
@@ -289,7 +289,7 @@ def _prove(
 
 def _derate_rapids(case: Case, moves: Sequence[MoveSearch], trial: ProgramTrial) -> bool:
     """Derate rapids that exceed a joint limit in the whole program; True if any was derated."""
-    if case.saturated or case.bodies:
+    if case.allows_saturation or case.bodies:
         return False
     spans = [x for x in trial.trajectory.spans if x.kind != "dwell"]
     outside = False
@@ -325,15 +325,15 @@ def _prove_box(case: Case, move: MoveSearch, trial: ProgramTrial, robots: list[F
             robots += [runs.deviations[k] for k in order if runs.max[k] > case.budget]
             box = largest_errors(case, trial.set_points, robots)
             trial, aims = replace(trial, box=box), {"box": AIM_STEP}
-        margins = margins_of(case, trial, move.number, move.plan)
+        margins = compute_margins(case, trial, move.number, move.plan)
         if saturated:
-            move.best, move.done, move.proving, move.tries = None, False, True, 0
+            move.best, move.done, move.rejected, move.attempt_trials = None, False, True, 0
             _reduce_torque(case, move, margins, float(runs.demand_ratio.max()))
             _plan_next(case, move)
         else:
-            _reopen(case, move, margins, aims)
-            move.outside = min(move.outside, worst)
-            move.binds = "box", worst / case.budget
+            _continue_search(case, move, margins, aims)
+            move.smallest_excess = min(move.smallest_excess, worst)
+            move.active_limit = "box", worst / case.budget
         return False
     return True
 
@@ -365,7 +365,7 @@ def execute_servos(
     since, end_time = None, None
     if case.program.single_path is None:
         since, end_time = (x - span.t[0] for x in span.work)
-    stretch = case.stretch(set_points, span.t, span.trajectory)
+    stretch = case.move_set_points(set_points, span.t, span.trajectory)
     path = case.program.contours[number].path
     arguments = stretch, path, case.arm, case.servo, case.limits, case.box
     if samples is None:

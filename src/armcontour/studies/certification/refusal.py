@@ -12,8 +12,8 @@ from armcontour.studies.certification.limit_margins import SPEED_SLACK
 from armcontour.studies.certification.move_search import MoveSearch
 
 # Parts of an error are reported if they exceed this share of the error.
-REPORTED = 0.01
-LONGER = "a larger slowest"
+REPORTED_SHARE = 0.01
+LARGER_SLOWEST = "a larger slowest"
 
 
 # A clause with its remedies; the name of a limit, its allowed and its required value.
@@ -22,7 +22,7 @@ Reason = tuple[str, str, float, float]
 
 def refuse(case: Case, move: MoveSearch) -> NoReturn:
     """Raise NotRealizable after a search, with the limiting constraint and remedies."""
-    text, limit, allowed, needed = REASONS.get(move.binds[0], _acceleration)(case, move)
+    text, limit, allowed, needed = REASONS.get(move.active_limit[0], _acceleration)(case, move)
     slow = f"within {case.goal.slowest:g} times the {move.fastest.duration:.4g} s of the"
     raise NotRealizable(
         f"No plan {slow} uncertified optimum is certified, because {text}.",
@@ -33,29 +33,29 @@ def refuse(case: Case, move: MoveSearch) -> NoReturn:
 
 
 def _acceleration(case: Case, move: MoveSearch) -> Reason:
-    ratio, shorter = move.binds[1], _shorter(case)
+    ratio, shorter = move.active_limit[1], _advise_finer_command(case)
     held = ", which are held," if case.servo.interpolation == "step" else ""
     if isinstance(case.run.compensation, InverseDynamics) and not case.bodies:
         shorter = "compensation inverse (inverse_dynamics is for rigid bodies)"
     text = (
         f"set-points every {case.run.cycle * 1e3:g} ms{held} require {ratio:.4g} times the "
-        f"acceleration limit of a joint. Use {shorter}, saturation: report, or {LONGER}"
+        f"acceleration limit of a joint. Use {shorter}, saturation: report, or {LARGER_SLOWEST}"
     )
     return text, "joint_acceleration", 1.0, ratio
 
 
 def _speed(case: Case, move: MoveSearch) -> Reason:
-    ratio = move.binds[1]
+    ratio = move.active_limit[1]
     text = (
         f"a limit of speed or joint velocity is exceeded by {ratio - 1:.2g} of its value, or a "
         "command is outside a joint range. Increase the limit, move the path away from the ends "
-        f"of the joint ranges, or use {LONGER}"
+        f"of the joint ranges, or use {LARGER_SLOWEST}"
     )
     return text, "speed", 1.0, ratio
 
 
 def _torque(case: Case, move: MoveSearch) -> Reason:
-    ratio, fix = move.binds[1], "Increase joint_torque"
+    ratio, fix = move.active_limit[1], "Increase joint_torque"
     if case.limits.joint_torque is None:
         fix = (
             "Specify the limit joint_torque (by default the torque limits are those that the "
@@ -69,28 +69,28 @@ def _torque(case: Case, move: MoveSearch) -> Reason:
 
 
 def _tool_speed(case: Case, move: MoveSearch) -> Reason:
-    # binds[1] is a ratio of squared speeds.
-    faster, allowed = (1 + SPEED_SLACK) * move.binds[1] ** 0.5, 1 + SPEED_SLACK
+    # active_limit[1] is a ratio of squared speeds.
+    faster, allowed = (1 + SPEED_SLACK) * move.active_limit[1] ** 0.5, 1 + SPEED_SLACK
     text = (
         f"the executed tool moves at {faster:.5g} times the assigned velocity, but at most "
-        f"{allowed:g} times is allowed. {_follow(case)}, reduce the assigned velocity in smaller "
-        f"steps, or use {LONGER}"
+        f"{allowed:g} times is allowed. {_advise_contour_error(case)}, reduce the assigned "
+        f"velocity in smaller steps, or use {LARGER_SLOWEST}"
     )
     return text, "speed", allowed, faster
 
 
 def _error(case: Case, move: MoveSearch) -> Reason:
-    budget, box = case.budget, move.binds[0] == "box"
+    budget, box = case.budget, move.active_limit[0] == "box"
     # If a trial had an error within the budget, it exceeded another limit, or its error over the
     # box was only an estimate. Then the error of the last trial is reported.
-    reached = move.reached if move.reached > budget else move.binds[1] * budget
+    reached = move.smallest_error if move.smallest_error > budget else move.active_limit[1] * budget
     if box and reached <= budget:
-        reached = move.outside
+        reached = move.smallest_excess
     over = " of the worst robot of the box" if box else ""
-    advice = _reduce_box_error(case, move) if box else _follow(case)
+    advice = _advise_box_error(case, move) if box else _advise_contour_error(case)
     text = (
         f"the largest contour error{over} must be at most {budget * 1e3:.4g} mm, but is at least "
-        f"{reached * 1e3:.4g} mm. {advice}, use {LONGER}, or allow a larger error"
+        f"{reached * 1e3:.4g} mm. {advice}, use {LARGER_SLOWEST}, or allow a larger error"
     )
     return text, "contour error", budget, reached
 
@@ -106,25 +106,25 @@ REASONS: dict[str, Callable[[Case, MoveSearch], Reason]] = {
 }
 
 
-def _shorter(case: Case) -> str:
+def _advise_finer_command(case: Case) -> str:
     """Remedy for the coarseness of the command, as a noun phrase."""
     held = case.servo.interpolation == "step"
     return "linear interpolation" if held else "a shorter cycle"
 
 
-def _follow(case: Case) -> str:
+def _advise_contour_error(case: Case) -> str:
     """Remedy for a contour error, as the start of a sentence; without compensation it is lag."""
     lags = isinstance(case.run.compensation, NoCompensation)
-    return "Compensate the lag of the servo" if lags else f"Use {_shorter(case)}"
+    return "Compensate the lag of the servo" if lags else f"Use {_advise_finer_command(case)}"
 
 
-def _reduce_box_error(case: Case, move: MoveSearch) -> str:
+def _advise_box_error(case: Case, move: MoveSearch) -> str:
     """Remedies for an error over a box, for rigid bodies with the parts of the error."""
     advice = "reduce the uncertainty of the robot (a smaller box), reduce the assigned velocity"
     if not move.parts:
         return advice[0].upper() + advice[1:]
     largest = sorted(move.parts.items(), key=lambda x: -x[1])
-    least = REPORTED * sum(move.parts.values())
+    least = REPORTED_SHARE * sum(move.parts.values())
     parts = ", ".join(f"{name} {value * 1e3:.3g} mm" for name, value in largest if value > least)
     box, first = case.box, largest[0][0]
     if first == "payload" and box is not None and not box.payload_known:

@@ -19,7 +19,7 @@ from armcontour.simulation.robustness.rigid_body_runs import (
 )
 from armcontour.simulation.robustness.uncertainty import Uncertainty, Unknowns
 from armcontour.studies.certification.certification_case import Case
-from armcontour.studies.certification.limit_margins import normals
+from armcontour.studies.certification.limit_margins import across_directions
 
 # Number of corners that trials execute (the worst corners for the first plan), and number of robots
 # that a failed proof adds to the trials.
@@ -61,7 +61,7 @@ def worst_corners(case: Case, set_points: SetPoints) -> tuple[FloatArray, dict[s
     bound, errors = np.zeros(0), np.zeros((0, k))
     largest, parts = -np.inf, {}
     for nominal_part, side in [
-        (np.einsum("nd,nd->n", deviation, x), x) for x in normals(tangent)
+        (np.einsum("nd,nd->n", deviation, x), x) for x in across_directions(tangent)
     ] + ends:
         moved = np.einsum("ndk,nd->nk", each, side)
         corner = middle + np.where(moved >= 0, half, -half)

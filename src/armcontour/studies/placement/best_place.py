@@ -33,7 +33,7 @@ from armcontour.planning import Optimal
 from armcontour.program import Process, Program
 from armcontour.robot import SerialArm
 from armcontour.robot.scene import BASE
-from armcontour.studies.placement.grid_search import best_of, refine, search_grid
+from armcontour.studies.placement.grid_search import index_of_best, refine, search_grid
 from armcontour.studies.placement.place_evaluation import PlaceEvaluator, Verdict
 from armcontour.studies.placement.placed_job import Moves, check_upright_base
 from armcontour.studies.placement.placement import Place, Placement, all_places
@@ -41,7 +41,7 @@ from armcontour.studies.placement.screen import RANGE, REACH, SINGULAR_ARM
 from armcontour.verification.clearance.distances import can_measure
 
 # Number of points per contour from which the bounding box of a program is computed.
-SAMPLES = 200
+EXTENT_SAMPLES = 200
 # Largest number of refused places that are planned to explain a failed search.
 MAX_EXPLAINED = 40
 
@@ -91,7 +91,7 @@ def place(
             "Remove processes."
         )
     options = search or job.placement or PlaceSearch()
-    chosen, notes = _run_of(job, run or options.run, options.objective)
+    chosen, notes = _choose_run(job, run or options.run, options.objective)
     axes = read_axes(options.over, job.arm.dimension)
     uncertainty = read_uncertainty(options.uncertainty, job.arm.dimension)
     check_upright_base((*(x.name for x in axes), *uncertainty), options.what)
@@ -101,12 +101,12 @@ def place(
     unrounded = dataclasses.replace(chosen, rounding=None)
     evaluator = PlaceEvaluator(
         job=dataclasses.replace(job, path=program, process=Process(), runs=(unrounded,)),
-        moves=_moves(job, program, axes, options),
+        moves=_make_moves(job, program, axes, options),
         moved=options.what,
         objective=options.objective,
         uncertainty=uncertainty,
     )
-    _refuse_objective(evaluator)
+    _check_objective(evaluator)
     if job.process.automatic:
         notes.append("The lengths of automatic leads are those of the job's own place.")
     report = subprogress(progress, "placing")
@@ -119,7 +119,7 @@ def place(
         executor=executor,
         progress=report,
     )
-    k = best_of(verdicts, options.objective)
+    k = index_of_best(verdicts, options.objective)
     if k is None:
         _refuse_all(evaluator, places, verdicts)
     best = better = Place(values=places[k], verdict=verdicts[k])
@@ -153,7 +153,7 @@ def _list_range_ends(axes: Sequence[Axis], place: Place) -> list[str]:
     names = [
         x.name
         for x in axes
-        if len(x.values) > 1 and not x.whole_turn and place.values[x.name] in _ends_of(x)
+        if len(x.values) > 1 and not x.whole_turn and place.values[x.name] in _extensible_ends(x)
     ]
     if not names:
         return []
@@ -164,13 +164,13 @@ def _list_range_ends(axes: Sequence[Axis], place: Place) -> list[str]:
     ]
 
 
-def _ends_of(axis: Axis) -> tuple[float, ...]:
+def _extensible_ends(axis: Axis) -> tuple[float, ...]:
     """Ends of an axis at which a wider range is possible; a tilt cannot be negative."""
     first, last = float(axis.values[0]), float(axis.values[-1])
     return (last,) if axis.name == "tilt" and first == 0 else (first, last)
 
 
-def _run_of(job: Job, name: str | None, objective: str) -> tuple[Run, list[str]]:
+def _choose_run(job: Job, name: str | None, objective: str) -> tuple[Run, list[str]]:
     """The compared run, in which arcs replace corners with the shape "free", and notes."""
     optimal = [x for x in job.runs if isinstance(x.timing, Optimal)]
     chosen = choose_run(job, name, "placed", optimal)
@@ -186,7 +186,7 @@ def _run_of(job: Job, name: str | None, objective: str) -> tuple[Run, list[str]]
     return arcs, ["Places are compared with arcs instead of corners with the shape free."]
 
 
-def _refuse_objective(evaluator: PlaceEvaluator) -> None:
+def _check_objective(evaluator: PlaceEvaluator) -> None:
     """Raise an error for an invalid scene, or for an objective without data in the job."""
     arm, scene = evaluator.job.arm, evaluator.job.scene
     measured = evaluator.objective == CLEARANCE or can_measure()
@@ -208,7 +208,7 @@ def _refuse_objective(evaluator: PlaceEvaluator) -> None:
         )
 
 
-def _moves(job: Job, program: Program, axes: Sequence[Axis], search: PlaceSearch) -> Moves:
+def _make_moves(job: Job, program: Program, axes: Sequence[Axis], search: PlaceSearch) -> Moves:
     """Displacement of part or base for values of the axes, with its anchor."""
     about = search.about
     if search.what == BASE:
@@ -217,17 +217,17 @@ def _moves(job: Job, program: Program, axes: Sequence[Axis], search: PlaceSearch
         arm = job.arm
         anchor = arm.chain.base.position if isinstance(arm, SerialArm) else np.zeros(3)
     elif isinstance(about, str):
-        anchor = _middle(program) if about == MIDDLE else np.zeros(3)
+        anchor = _program_center(program) if about == MIDDLE else np.zeros(3)
     else:
         anchor = np.array(about, dtype=np.float64)
     lengths = tuple(x.name for x in axes if x.name in LENGTHS)
     return Moves(anchor=checks.frozen_array(anchor), absolute=lengths if search.absolute else ())
 
 
-def _middle(program: Program) -> FloatArray:
+def _program_center(program: Program) -> FloatArray:
     """Centre of the bounding box of all contours [m], (3,)."""
     points = np.concatenate(
-        [x.path(np.linspace(0, x.path.length, SAMPLES)) for x in program.contours]
+        [x.path(np.linspace(0, x.path.length, EXTENT_SAMPLES)) for x in program.contours]
         + [x.path.vertices for x in program.contours]
     )
     middle = np.zeros(3)

@@ -58,18 +58,18 @@ def search_grid(
         processes = 1
     workers = None if executor else 0 if processes == 1 else processes
     with open_executor(workers, executor=executor) as opened:
-        with TaskQueue[Task, Answer](partial(_work, evaluator, tuple(places)), opened) as queue:
-            return _Search(evaluator, len(places), every, progress).run(queue)
+        with TaskQueue[Task, Answer](partial(_run_task, evaluator, tuple(places)), opened) as queue:
+            return _GridSearch(evaluator, len(places), every, progress).run(queue)
 
 
-def best_of(verdicts: Sequence[Verdict], objective: str) -> int | None:
+def index_of_best(verdicts: Sequence[Verdict], objective: str) -> int | None:
     """Index of the first place with the smallest score; None if no place has a plan."""
     scores = np.array([x.score(objective) for x in verdicts])
     best = int(np.argmin(scores))
     return best if np.isfinite(scores[best]) else None
 
 
-def _work(evaluator: PlaceEvaluator, places: Sequence[Coordinates], task: Task) -> Answer:
+def _run_task(evaluator: PlaceEvaluator, places: Sequence[Coordinates], task: Task) -> Answer:
     """Compute the bounds of some places, or evaluate one place."""
     indices, cutoff = task
     if cutoff is None:
@@ -77,7 +77,7 @@ def _work(evaluator: PlaceEvaluator, places: Sequence[Coordinates], task: Task) 
     return evaluator.evaluate(places[indices[0]], cutoff)
 
 
-class _Search:
+class _GridSearch:
     """State of one call of `search_grid`."""
 
     def __init__(
@@ -177,9 +177,9 @@ def format_score(score: float, objective: str) -> str:
 
 
 # Smallest step of the refinement, as a share of the step of the grid; the first step is half of it.
-FINEST = 1 / 16
+FINEST_STEP = 1 / 16
 # Largest number of evaluated places of the refinement.
-MAX_TRIALS = 200
+MAX_REFINEMENTS = 200
 # A place is better if its score is smaller by more than this relative amount.
 LEAST_GAIN = 1e-6
 
@@ -198,12 +198,12 @@ def refine(
     current, best, score = dict(place), verdict, verdict.score(evaluator.objective)
     varied = [x for x in axes if x.step > 0]
     share, trials = 0.5, 0
-    while varied and share >= FINEST:
+    while varied and share >= FINEST_STEP:
         gained = False
         for axis in varied:
             for sign in (1, -1):
                 neighbour = _neighbour(current, axis, sign * share)
-                if neighbour == current or trials >= MAX_TRIALS:
+                if neighbour == current or trials >= MAX_REFINEMENTS:
                     continue
                 trials += 1
                 progress(Step((f"refining, {format_score(score, evaluator.objective)}",)))

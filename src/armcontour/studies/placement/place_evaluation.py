@@ -163,22 +163,22 @@ class PlaceEvaluator:
         return self.job.runs[0]
 
     @property
-    def bounded(self) -> bool:
+    def is_bounded(self) -> bool:
         """True if lower bounds of the duration apply: the run has optimal timing."""
         return isinstance(self.run.timing, Optimal)
 
     @cached_property
     def screen(self) -> Screen | None:
         """Screen for bounds without plans; None if the job does not support them."""
-        arm, program = self._limited, self.job.program
-        if not isinstance(arm, SerialArm) or not Screen.fits(program, arm):
+        arm, program = self._limited_arm, self.job.program
+        if not isinstance(arm, SerialArm) or not Screen.supports(program, arm):
             return None
         limits = with_reserve(self.run.limits, self.run.timing.reserve)
         every = self.objective == MANIPULABILITY
         return Screen(program, arm, limits, self.job.seed, every=every)
 
     @cached_property
-    def _limited(self) -> Arm:
+    def _limited_arm(self) -> Arm:
         """The arm with the joint ranges of the run, as in tracing."""
         return self.job.arm.with_limits(self.run.limits)
 
@@ -186,8 +186,10 @@ class PlaceEvaluator:
         """Bounds of places, without plans and without their uncertainty."""
         if self.screen is None:
             return [PlaceBounds() for _ in places]
-        assert isinstance(self._limited, SerialArm)
-        bases = place_bases(self._limited.chain.base.matrix, self.moves.frames(places), self.moved)
+        assert isinstance(self._limited_arm, SerialArm)
+        bases = place_bases(
+            self._limited_arm.chain.base.matrix, self.moves.frames(places), self.moved
+        )
         beyond = self.screen.out_of_reach(bases)
         return [
             PlaceBounds(refusal=REACH) if far else self._bounds_of_reachable(x)
@@ -197,10 +199,10 @@ class PlaceEvaluator:
     def _bounds_of_reachable(self, place: Mapping[str, float]) -> PlaceBounds:
         """Bounds of a place that may be within reach, without a plan."""
         assert self.screen is not None
-        arm = place_arm(self._limited, self.moves.frame(place), self.moved)
+        arm = place_arm(self._limited_arm, self.moves.frame(place), self.moved)
         assert isinstance(arm, SerialArm)
         bounds = self.screen.bounds_of(arm)
-        return bounds if self.bounded else dataclasses.replace(bounds, duration=0.0)
+        return bounds if self.is_bounded else dataclasses.replace(bounds, duration=0.0)
 
     def least_score(self, bounds: PlaceBounds) -> float:
         """Lower bound of the score of a place with these bounds."""
@@ -248,17 +250,17 @@ class PlaceEvaluator:
         try:
             reuse, program = Reuse(), job.program
             _, traced = trace_one(job, run, reuse, objective=program, first_only=True)
-            bound = SURE * self._bound(traced) if self.bounded else 0.0
+            bound = SURE * self._bound(traced) if self.is_bounded else 0.0
             if self.objective == DURATION and bound > cutoff:
                 return Verdict(bound=bound)
             planned = plan_one(job, run, reuse, objective=program, first_only=True)
         except ArmContourError as error:
-            return _refused(error, bound)
+            return _refusal_verdict(error, bound)
         assert planned.traced is not None
         return Verdict(
             bound=bound,
             duration=planned.trajectory.duration,
-            singular=_singular(job.arm, planned.traced),
+            singular=_least_singular(job.arm, planned.traced),
             clearance=_least_distance(planned.clearance, job.scene),
             torque_margin=_torque_margin(job.arm, run, planned.trajectory),
             below_base=(planned.clearance and planned.clearance.below_base) or "",
@@ -276,7 +278,7 @@ class PlaceEvaluator:
         return total
 
 
-def _refused(error: ArmContourError, bound: float) -> Verdict:
+def _refusal_verdict(error: ArmContourError, bound: float) -> Verdict:
     """Verdict on a place whose plan has failed with an error."""
     kinds = {"reach": REACH, "singularity": SINGULAR_ARM, "clearance": CLEARANCE}
     kind = kinds.get(error.limit or "", OTHER)
@@ -297,7 +299,7 @@ def _least_distance(clearance: Clearance | None, scene: Scene | None) -> float:
     return min((x.low for x in pairs), default=np.inf)
 
 
-def _singular(arm: Arm, traced: Tracing) -> float:
+def _least_singular(arm: Arm, traced: Tracing) -> float:
     """Smallest singular value at the knots of all contours and midway between them [m/rad]."""
     moves, values = traced.program.moves, []
     for step in traced.steps:

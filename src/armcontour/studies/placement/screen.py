@@ -33,11 +33,11 @@ from armcontour.robot import Arm, Chain, Limits, SerialArm, newton
 from armcontour.robot.inverse import WHOLE, configurations, out_of_reach
 
 # Quintics through the first knots represent the joint path if their deviations from the tool path
-# are at most NEAR [m] and NEAR_ANGLE [rad]. Otherwise the duration has no bound.
-NEAR, NEAR_ANGLE = 1e-5, 1e-4
+# are at most MAX_DEVIATION [m] and MAX_ANGLE [rad]. Otherwise the duration has no bound.
+MAX_DEVIATION, MAX_ANGLE = 1e-5, 1e-4
 # A pose that is out of reach by more than this distance is refused without tracing [m]. Smaller
 # distances are decided by tracing, which is more precise.
-BEYOND = 1e-6
+REACH_TOLERANCE = 1e-6
 # Kinds of refusals, for messages.
 REACH, RANGE, SINGULAR_ARM = "reach", "joint range", "singularity"
 # Number of later poses that are checked for reach if no configuration follows the whole path.
@@ -73,13 +73,13 @@ class Screen:
         self.limits, self.every, self._arm = limits.without_jerk, every, arm
         has_seed = seed is not None and isinstance(program.moves[0], Contour)
         self.contours = [
-            _Poses(x.path, arm, np.asarray(seed, dtype=float) if has_seed and k == 0 else None)
+            _PathPoses(x.path, arm, np.asarray(seed, dtype=float) if has_seed and k == 0 else None)
             for k, x in enumerate(program.contours)
         ]
         self.dwells = sum(x.duration for x in program.moves if isinstance(x, Dwell))
 
     @staticmethod
-    def fits(program: Program, arm: object) -> bool:
+    def supports(program: Program, arm: object) -> bool:
         """True if bounds are available: for a path in space and an arm without redundancy."""
         return isinstance(arm, SerialArm) and all(
             x.path.dimension == 3 and task_dimension(x.path, arm) == arm.dof
@@ -106,7 +106,7 @@ class Screen:
         return PlaceBounds(duration=duration, singular=singular)
 
 
-class _Poses:
+class _PathPoses:
     """Poses of a path at its first knots, and at finer ones for following configurations."""
 
     def __init__(self, path: Path, arm: SerialArm, seed: FloatArray | None) -> None:
@@ -123,8 +123,8 @@ class _Poses:
         """Mask of bases, (n, 3, 4), from which a pose of the path is out of reach, (n,)."""
         closed = arm.closed_form
         if self.task == WHOLE and closed is not None:
-            return closed.beyond(bases, self.fine, BEYOND) > BEYOND
-        return beyond_links(arm.chain, self.task, self.first.row, bases) > 0
+            return closed.beyond(bases, self.fine, REACH_TOLERANCE) > REACH_TOLERANCE
+        return reach_excess(arm.chain, self.task, self.first.row, bases) > 0
 
     def bounds_of(self, arm: SerialArm, limits: Limits, every: bool) -> PlaceBounds:
         """Bounds of the path for an arm."""
@@ -142,14 +142,16 @@ class _Poses:
         inside = [q for q in followed if _fits_range(q, limits, arm.dof)]
         if not inside:
             return PlaceBounds(refusal=RANGE)
-        return self._bound(arm, limits, np.array(inside), every)
+        return self._bound_configurations(arm, limits, np.array(inside), every)
 
-    def _bound(self, arm: SerialArm, limits: Limits, q: FloatArray, every: bool) -> PlaceBounds:
+    def _bound_configurations(
+        self, arm: SerialArm, limits: Limits, q: FloatArray, every: bool
+    ) -> PlaceBounds:
         """Bounds over k configurations with joint positions q at the knots, (k, n + 1, dof)."""
-        begin, end, sound = self._ends(arm, q)
+        begin, end, sound = self._end_states(arm, q)
         if not sound.any():
             return PlaceBounds(refusal=SINGULAR_ARM)
-        exact = self._exact(arm, begin, end)
+        exact = self._mask_exact(arm, begin, end)
         indices = np.flatnonzero(sound)
         durations = [
             self._duration([x[k] for x in begin], [x[k] for x in end], limits) if exact[k] else 0.0
@@ -174,7 +176,7 @@ class _Poses:
             return 0.0
         return bound_duration(joint_path, limits)
 
-    def _ends(self, arm: SerialArm, q: FloatArray) -> tuple[Ends, Ends, BoolArray]:
+    def _end_states(self, arm: SerialArm, q: FloatArray) -> tuple[Ends, Ends, BoolArray]:
         """q, dq_ds and d2q_ds2 at the starts and at the ends of all intervals, (k, n, dof) each.
 
         Also returns the mask of configurations without a singularity, (k,).
@@ -194,7 +196,7 @@ class _Poses:
         end = q[:, first.ends], dq_ds[:, first.ends], d2q_ds2[:, first.ends]
         return begin, end, np.asarray(good.reshape(k, -1).all(axis=1))
 
-    def _exact(self, arm: SerialArm, begin: Ends, end: Ends) -> FloatArray:
+    def _mask_exact(self, arm: SerialArm, begin: Ends, end: Ends) -> FloatArray:
         """Mask of configurations in which quintics between the knots follow the path, (k,)."""
         k, n, dof = begin[0].shape
         flat = [tuple(x.reshape(k * n, dof) for x in ends) for ends in (begin, end)]
@@ -202,7 +204,7 @@ class _Poses:
         q = np.einsum("pk,ikj->pij", PLACES[:, None] ** np.arange(6), coefficients)
         targets = np.tile(self.first.between.reshape(len(PLACES), 1, n, 3, 4), (1, k, 1, 1, 1))
         q, targets = q.reshape(-1, dof), targets.reshape(-1, 3, 4)
-        errors = tool_errors(arm, q, targets, self.task, (NEAR, NEAR_ANGLE))
+        errors = tool_errors(arm, q, targets, self.task, (MAX_DEVIATION, MAX_ANGLE))
         return np.asarray((errors.reshape(len(PLACES), k, n) <= 1).all(axis=(0, 2)))
 
 
@@ -252,7 +254,7 @@ def longest_reach(chain: Chain, task: int) -> tuple[FloatArray, FloatArray, floa
     return point, middle, radius
 
 
-def beyond_links(chain: Chain, task: int, poses: FloatArray, bases: FloatArray) -> FloatArray:
+def reach_excess(chain: Chain, task: int, poses: FloatArray, bases: FloatArray) -> FloatArray:
     """Largest distance by which poses, (m, 3, 4), exceed the reach from bases, (n, 3, 4) [m], (n,).
 
     The distance is at most 0 if the links are long enough for all poses.
