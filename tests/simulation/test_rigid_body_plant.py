@@ -527,11 +527,11 @@ def test_springs_keep_energy_and_dampers_take_it():
 
     def share_left(damping):
         springs = mujoco_model.Springs(stiffness, damping)
-        model = mujoco_model.build(chain, 5e-5, friction=False, springs=springs)
-        data = mujoco_model.load().MjData(model)
+        model = mujoco_model.build_model(chain, 5e-5, friction=False, springs=springs)
+        data = mujoco_model.import_mujoco().MjData(model)
         data.qpos[:], data.qvel[:] = [0.0, 1.0, 0.0, 1.0], [1.0, -2.0, 0.5, 3.0]
         before = energy(data)
-        mujoco_model.load().mj_step(model, data, 4000)
+        mujoco_model.import_mujoco().mj_step(model, data, 4000)
         assert np.abs(data.qpos[:2] - data.qpos[2:]).max() < 0.1
         return energy(data) / before
 

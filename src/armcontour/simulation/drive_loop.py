@@ -47,8 +47,8 @@ class Loops(NamedTuple):
     step: float  # Time between two computations of the loops [s]
     inertia: FloatArray  # J [kg m²], (dof,)
     limit: FloatArray  # Torque limits [N m], (dof,)
-    holds: bool  # True if the controller adds the gravity torque
-    on_top: bool  # True if the gravity torque is added to the limited torque
+    gravity_feedforward: bool  # True if the controller adds the gravity torque
+    gravity_added: bool  # True if the gravity torque is added to the limited torque
 
 
 class Rows(NamedTuple):
@@ -109,7 +109,7 @@ def advance(
     noise: FloatArray,
     first: int,
     end: int,
-    wildest: float,
+    runaway_speed: float,
     rows: Rows,
 ) -> int:
     """Simulate steps `first` to before `end`; returns `end`, or the step with a runaway joint."""
@@ -126,7 +126,7 @@ def advance(
             controller.q[j] = bodies.q[n - dof + j]
             if len(noise):
                 controller.q[j] += noise[k, j]
-        if loops.holds:
+        if loops.gravity_feedforward:
             _call(functions.kinematics, controller.model, controller.data)
             _call(functions.com_pos, controller.model, controller.data)
             _call_rne(
@@ -137,8 +137,8 @@ def advance(
             loops.integral[j] += loops.step * error
             demanded = (commands[k, j] - controller.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
             demanded = (demanded + loops.ki[j] * loops.integral[j]) * loops.kv[j]
-            gravity = 0.0 if loops.on_top else controller.torque[j]
-            fed_forward = controller.torque[j] if loops.on_top else 0.0
+            gravity = 0.0 if loops.gravity_added else controller.torque[j]
+            fed_forward = controller.torque[j] if loops.gravity_added else 0.0
             required = demanded * loops.inertia[j] + gravity
             applied = max(min(required, loops.limit[j]), -loops.limit[j]) + fed_forward
             # Anti-windup of the integrator, as in `ServoModel`.
@@ -156,7 +156,7 @@ def advance(
         for j in range(n):
             speed += bodies.dq[j] ** 2
         # The negation is also true for NaN.
-        if not speed < wildest**2:
+        if not speed < runaway_speed**2:
             return k
     for j in range(n):
         rows.q[end, j], rows.dq[end, j] = bodies.q[j], bodies.dq[j]

@@ -18,14 +18,14 @@ from armcontour.simulation.drive_loop import Functions
 
 # MuJoCo models friction as a stiff constraint, so a sticking joint creeps. With the standard
 # stiffness, the position loop would remove the offset of a sticking joint within a second. With the
-# stiffest constraint, the offset remains for hours. STIFFEST: largest impedance that MuJoCo
-# accepts. SHORTEST_STEPS: shortest time in which a joint can be stopped [integration steps].
-STIFFEST = 0.9999
-SHORTEST_STEPS = 2.0
+# stiffest constraint, the offset remains for hours. MAX_IMPEDANCE: largest impedance that MuJoCo
+# accepts. STOPPING_STEPS: shortest time in which a joint can be stopped [integration steps].
+MAX_IMPEDANCE = 0.9999
+STOPPING_STEPS = 2.0
 # An inertia counts as zero up to this share of the arm's largest inertia, or up to this value
 # [kg m²].
-SINGULAR = 1e-12
-NOTHING = 1e-13
+SINGULAR_SHARE = 1e-12
+LEAST_INERTIA = 1e-13
 
 
 class Springs(NamedTuple):
@@ -35,7 +35,7 @@ class Springs(NamedTuple):
     damping: FloatArray  # Torque per velocity between motor and link [N m s/rad], (dof,)
 
 
-def load() -> Any:
+def import_mujoco() -> Any:
     """Import mujoco; raises an error with the installation command if it is missing."""
     try:
         # Import by name, because mujoco has no type annotations.
@@ -47,10 +47,10 @@ def load() -> Any:
         ) from None
 
 
-def functions() -> Functions:
+def function_addresses() -> Functions:
     """Addresses of the functions of MuJoCo that compiled code calls."""
     # On Linux and macOS, symbols of a module include the symbols of its libraries.
-    module = FilePath(load()._functions.__file__)
+    module = FilePath(import_mujoco()._functions.__file__)
     library = ctypes.CDLL(str(module.with_name("mujoco.dll") if os.name == "nt" else module))
 
     def find(name: str) -> int:
@@ -59,12 +59,14 @@ def functions() -> Functions:
     return Functions(find("mj_step"), find("mj_kinematics"), find("mj_comPos"), find("mj_rne"))
 
 
-def build(chain: Chain, step: float, *, friction: bool, springs: Springs | None = None) -> Any:
+def build_model(
+    chain: Chain, step: float, *, friction: bool, springs: Springs | None = None
+) -> Any:
     """Build the MuJoCo model of a chain; its payload becomes part of the last link."""
     # The degrees of freedom are the links, with springs followed by the motors: rotors with the
     # armature and the friction of the drives. A fixed tendon connects each rotor to its link; its
     # length is the angle between both.
-    mujoco = load()
+    mujoco = import_mujoco()
     spec = mujoco.MjSpec()
     spec.option.timestep = step
     spec.option.gravity = np.array(chain.gravity)
@@ -95,7 +97,7 @@ def build(chain: Chain, step: float, *, friction: bool, springs: Springs | None 
     if friction:
         model.dof_damping[drives] = np.asarray(chain.viscous)
         model.dof_frictionloss[drives] = np.asarray(chain.coulomb)
-    model.dof_solimp[:] = [STIFFEST, STIFFEST, 1e-3, 0.5, 2.0]
+    model.dof_solimp[:] = [MAX_IMPEDANCE, MAX_IMPEDANCE, 1e-3, 0.5, 2.0]
     set_step(model, step)
     # Joints without inertia are detected with additional inertia at every joint, because otherwise
     # MuJoCo writes a warning to a file.
@@ -112,7 +114,7 @@ def build(chain: Chain, step: float, *, friction: bool, springs: Springs | None 
 def set_step(model: Any, step: float) -> None:
     """Set the integration step of a model [s]."""
     model.opt.timestep = step
-    model.dof_solref[:] = [SHORTEST_STEPS * step, 1.0]
+    model.dof_solref[:] = [STOPPING_STEPS * step, 1.0]
 
 
 def mass_matrix(model: Any, q: FloatArray) -> FloatArray:
@@ -123,7 +125,7 @@ def mass_matrix(model: Any, q: FloatArray) -> FloatArray:
 
 def mass_matrices(model: Any, q: FloatArray) -> FloatArray:
     """Mass matrices as in `mass_matrix`, (k, n, n), at several positions, (k, dof)."""
-    mujoco = load()
+    mujoco = import_mujoco()
     # One state is used for all positions, because allocating it takes longer than a matrix.
     data, units = mujoco.MjData(model), np.eye(model.nv)
     matrices = np.empty((len(q), model.nv, model.nv))
@@ -136,9 +138,9 @@ def mass_matrices(model: Any, q: FloatArray) -> FloatArray:
     return matrices
 
 
-def weight(model: Any, data: Any, q: FloatArray) -> FloatArray:
+def gravity_torques(model: Any, data: Any, q: FloatArray) -> FloatArray:
     """Gravity torques at positions q of the links [N m], (dof,); overwrites the state `data`."""
-    mujoco, torque = load(), np.zeros(model.nv)
+    mujoco, torque = import_mujoco(), np.zeros(model.nv)
     data.qpos[: len(q)] = q
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
@@ -149,7 +151,7 @@ def weight(model: Any, data: Any, q: FloatArray) -> FloatArray:
 def _check_inertia(chain: Chain, matrix: FloatArray, springs: Springs | None) -> None:
     """Raise an error if the mass matrix is singular; the message names the joint."""
     values, vectors = np.linalg.eigh(matrix)
-    if values[0] <= max(SINGULAR * values[-1], NOTHING):
+    if values[0] <= max(SINGULAR_SHARE * values[-1], LEAST_INERTIA):
         j = int(np.argmax(np.abs(vectors[:, 0]))) % len(chain)
         drive = f"{', or' if springs is None else ', and'} an armature of its drive"
         raise InvalidInput(
@@ -162,15 +164,15 @@ def _add_links(mujoco: Any, spec: Any, chain: Chain) -> tuple[list[float], list[
     """Add the links of a chain to a specification; returns masses and principal moments."""
     body, masses, moments = spec.worldbody, [], []
     for k in range(len(chain)):
-        mass, center, inertia = _link(chain, k)
+        mass, center, inertia = _link_body(chain, k)
         principal, axes = np.linalg.eigh(inertia)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
         body = body.add_body(
             pos=chain.positions[k],
-            quat=_quaternion(mujoco, chain.rotations[k]),
+            quat=_to_quaternion(mujoco, chain.rotations[k]),
             mass=1.0,
             ipos=center,
-            iquat=_quaternion(mujoco, axes),
+            iquat=_to_quaternion(mujoco, axes),
             inertia=np.ones(3),
             explicitinertial=True,
         )
@@ -190,19 +192,19 @@ def _add_motors(mujoco: Any, spec: Any, count: int) -> None:
         spring.wrap_joint(f"link {k}", -1.0)
 
 
-def _link(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:
+def _link_body(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:
     """Mass, centre of mass and central inertia of link k; the last link includes the payload."""
     assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
     mass, center, inertia = float(chain.masses[k]), chain.centers[k], chain.inertias[k]
-    load = chain.payload
-    if load is None or load.mass == 0.0 or k + 1 < len(chain):
+    payload = chain.payload
+    if payload is None or payload.mass == 0.0 or k + 1 < len(chain):
         return mass, center, inertia
-    load_center = chain.tip.position + chain.tip.rotation @ load.center
-    turned = chain.tip.rotation @ load.inertia @ chain.tip.rotation.T
-    return join_bodies([(mass, center, inertia), (load.mass, load_center, turned)])
+    payload_center = chain.tip.position + chain.tip.rotation @ payload.center
+    turned = chain.tip.rotation @ payload.inertia @ chain.tip.rotation.T
+    return join_bodies([(mass, center, inertia), (payload.mass, payload_center, turned)])
 
 
-def _quaternion(mujoco: Any, rotation: FloatArray) -> FloatArray:
+def _to_quaternion(mujoco: Any, rotation: FloatArray) -> FloatArray:
     """Quaternion of a rotation matrix in the order of MuJoCo, w, x, y, z, (4,)."""
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, np.array(rotation).ravel())
@@ -210,11 +212,11 @@ def _quaternion(mujoco: Any, rotation: FloatArray) -> FloatArray:
 
 
 # Largest number of set-points at which stability is checked before the simulation.
-LOOKS = 50
-# PHASE: largest phase [rad] or decay exponent of the fastest mode of springs and viscous friction
-# per integration step; the integrator is stable up to 2.8. MAX_PARTS: largest number of integration
-# steps per step of the drives.
-PHASE = 0.5
+MAX_CHECKS = 50
+# MAX_PHASE: largest phase [rad] or decay exponent of the fastest mode of springs and viscous
+# friction per integration step; the integrator is stable up to 2.8. MAX_PARTS: largest number of
+# integration steps per step of the drives.
+MAX_PHASE = 0.5
 MAX_PARTS = 50
 
 
@@ -235,12 +237,12 @@ def count_parts(
     stiffness, damping = np.kron(pulls, np.diag(k)), np.kron(pulls, np.diag(d))
     damping[-len(loop) :, -len(loop) :] += np.diag(viscous)
     largest, n = 1, len(damping)
-    looks = np.unique(np.linspace(0, len(set_points.q) - 1, LOOKS).astype(int))
+    looks = np.unique(np.linspace(0, len(set_points.q) - 1, MAX_CHECKS).astype(int))
     for i, mass in zip(looks, mass_matrices(model, set_points.q[looks]), strict=True):
         t = float(set_points.start_time + i * set_points.cycle)
         state = np.eye(2 * n, k=n)
         state[n:] = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
-        parts = int(np.ceil(np.abs(np.linalg.eigvals(state)).max() * step / PHASE))
+        parts = int(np.ceil(np.abs(np.linalg.eigvals(state)).max() * step / MAX_PHASE))
         if parts > MAX_PARTS:
             raise ExecutionError(
                 f"Springs or viscous friction of the joints require {parts} integration steps in a "

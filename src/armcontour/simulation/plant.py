@@ -20,25 +20,25 @@ from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import ServoSimulation, respond_within
 
 # Longest time until rest after the last set-point: in seconds, and in durations of the motion.
-PATIENCE = 60.0
-PATIENCE_IN_DURATIONS = 10.0
+LONGEST_SETTLING = 60.0
+SETTLING_DURATIONS = 10.0
 # A joint runs away (it falls, or its servo is unstable) if its velocity exceeds this [rad/s].
-RUNAWAY = 1e3
+RUNAWAY_SPEED = 1e3
 SATURATIONS = ("acceleration", "torque", "none")
 # A joint is at rest up to this velocity [rad/s] and this distance from the last set-point [rad].
 REST_VELOCITY = 1e-8
 REST_DISTANCE = 1e-8
 # Duration of the parts in which the simulation continues until rest after the last set-point [s].
-CHUNK = 0.25
+REST_CHUNK = 0.25
 # Longest time between two results for which quintics between them are exact enough (1e-11 of the
 # servo's acceleration per s²) [time constants].
-SMOOTH = 1.0
+MAX_TIME_CONSTANTS = 1.0
 # A set-point that reaches a joint within this share of a step from a result counts as reaching the
 # joint at the result.
-REACHED = 1e-6
+ARRIVAL_TOLERANCE = 1e-6
 # Number of parts into which the motion between two results is divided. Cubics over a part have
 # errors below 1e-11 rad for time constants of 1 ms.
-PARTS = 16
+FINE_PARTS = 16
 
 
 class Plant(ABC):
@@ -79,7 +79,7 @@ class LimitedPlant(Immutable, Plant):
     limits: Limits | None
 
     @abstractmethod
-    def _drives(self, planned: Limits | None) -> dict[str, Any]:
+    def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
         """Values of attributes at which drives saturate, by name, for the limits of a plan."""
 
     @checked
@@ -93,7 +93,7 @@ class LimitedPlant(Immutable, Plant):
         if planned is None:
             return self
         other = copy(self)
-        vars(other).update(self._drives(planned))
+        vars(other).update(self._saturation_values(planned))
         return other
 
 
@@ -164,9 +164,9 @@ def count_intervals(set_points: SetPoints, servo: ServoModel) -> int:
     return len(set_points.q) - 1 + delay
 
 
-def patience(duration: float) -> float:
+def longest_settling(duration: float) -> float:
     """Longest time until rest after a motion of some duration [s]."""
-    return max(PATIENCE, PATIENCE_IN_DURATIONS * duration)
+    return max(LONGEST_SETTLING, SETTLING_DURATIONS * duration)
 
 
 class Part(NamedTuple):
@@ -210,7 +210,7 @@ class TorqueBounds:
         # T: torque limit. b: torque of the motion with ddq = 0. If the magnitude of b exceeds T,
         # both bounds have the same sign, so the joint brakes or falls.
         # q [rad], (dof,). dq [rad/s], (dof,).
-        fast = ~(np.abs(dq) < RUNAWAY)
+        fast = ~(np.abs(dq) < RUNAWAY_SPEED)
         if fast.any():
             j = int(np.argmax(fast))
             t = self.set_points.start_time + k * self.set_points.cycle
@@ -327,14 +327,14 @@ class ServoPlant(LimitedPlant):
         self.arm = arm
         self.servo = servo.for_joints(arm.dof)
         self.limits = limits
-        self._asked = saturation
-        vars(self).update(self._drives(None))
+        self._requested_saturation = saturation
+        vars(self).update(self._saturation_values(None))
 
-    def _drives(self, planned: Limits | None) -> dict[str, Any]:
+    def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
         """Values of attributes at which drives saturate, by name, for the limits of a plan."""
         arm, servo = self.arm, self.servo
         resolved = resolve_limits("A ServoPlant", arm, self.limits, planned)
-        saturation = _saturation(self._asked, servo, resolved, arm)
+        saturation = _resolve_saturation(self._requested_saturation, servo, resolved, arm)
         torque_limit = None
         lower, upper = np.full((2, arm.dof), [[-np.inf], [np.inf]])
         if saturation == "acceleration":
@@ -418,7 +418,7 @@ class ServoPlant(LimitedPlant):
                     return None
                 limits = TorqueBounds(self.arm, self.torque_limit, set_points)
                 bounds = limits.bounds_at(k, motion.q[i - phase], motion.dq[i - phase])
-            times = (phase + np.arange(PARTS + 1) / PARTS) * width
+            times = (phase + np.arange(FINE_PARTS + 1) / FINE_PARTS) * width
             held = np.where(self.servo.ki > 0, motion.demand[i], np.clip(motion.demand[i], *bounds))
             if self.servo.drive_cycle and self.servo.kv is None:
                 held = motion.dq[i]
@@ -448,21 +448,21 @@ class ServoPlant(LimitedPlant):
         if not ((self.lower < demand) & (demand < self.acceleration)).all():
             return False
         delay = servo.dead_time / width
-        slow = max(servo.kv.max(), servo.kp.max()) * width <= SMOOTH
-        return bool(slow and (abs(delay - np.round(delay)) < REACHED).all())
+        slow = max(servo.kv.max(), servo.kp.max()) * width <= MAX_TIME_CONSTANTS
+        return bool(slow and (abs(delay - np.round(delay)) < ARRIVAL_TOLERANCE).all())
 
     def _until_rest(
         self, set_points: SetPoints, steps: int
     ) -> tuple[list[Part], FloatArray | None]:
         """Parts of the run from the initial state until rest, and `Execution.unsettled`."""
-        run = self._begin(set_points, steps)
+        run = self._start_run(set_points, steps)
         first, last = set_points.q[0], set_points.q[-1]
         still = np.zeros((1, len(first)))
         begin = Part(first[None], still, still, still, still[0], np.zeros((2, len(first))))
         done = count_intervals(set_points, self.servo)
         parts = [begin, run.advance(0, done, first, np.zeros_like(first))]
-        chunk = int(np.ceil(CHUNK / set_points.cycle))
-        last_one = done + int(np.ceil(PATIENCE / set_points.cycle))
+        chunk = int(np.ceil(REST_CHUNK / set_points.cycle))
+        last_one = done + int(np.ceil(LONGEST_SETTLING / set_points.cycle))
         q, dq = (
             x[-1] if len(x) else y for x, y in zip(parts[1][:2], (first, 0 * first), strict=True)
         )
@@ -474,7 +474,7 @@ class ServoPlant(LimitedPlant):
             done += chunk
         return parts, None
 
-    def _begin(self, set_points: SetPoints, steps: int) -> ServoRun:
+    def _start_run(self, set_points: SetPoints, steps: int) -> ServoRun:
         """Prepare a run of the servos with `steps` results per cycle."""
         bounds = None
         if self.torque_limit is not None:
@@ -482,7 +482,7 @@ class ServoPlant(LimitedPlant):
         return ServoRun(set_points, steps, self.servo, (self.lower, self.acceleration), bounds)
 
 
-def _saturation(requested: str | None, servo: ServoModel, limits: Limits, arm: Arm) -> str:
+def _resolve_saturation(requested: str | None, servo: ServoModel, limits: Limits, arm: Arm) -> str:
     """Check the requested saturation, or select the default if it is None."""
     second = servo.kv is not None
     if requested is None:

@@ -24,24 +24,24 @@ from armcontour.simulation import drive_loop, mujoco_model
 from armcontour.simulation.drive_loop import Bodies, Loops, Rows
 from armcontour.simulation.mujoco_model import Springs, count_parts
 from armcontour.simulation.plant import (
-    PATIENCE,
-    RUNAWAY,
+    LONGEST_SETTLING,
+    RUNAWAY_SPEED,
     LimitedPlant,
     check_joints,
     check_weight,
     count_intervals,
-    patience,
+    longest_settling,
 )
 
 # Default cycle time of a drive [s]. 4 kHz is usual, every usual cycle of set-points is a multiple
 # of it, and it delays the loop by 2 % of the time constant 1 / K_v of the paper's servo.
-STEP = 2.5e-4
+DEFAULT_STEP = 2.5e-4
 # Shortest and longest cycle time of a drive [s]. Each cycle is a step of the simulation, which
 # takes some microseconds. Drives of arms do not have longer cycles.
-STEPS = (1e-6, 0.1)
+STEP_RANGE = (1e-6, 0.1)
 # Largest noise of a position measurement [rad]; real encoders have less.
 LARGEST_NOISE = 0.1
-DriveCycle = Annotated[float, Quantity("s", "4 ms", within=STEPS)]
+DriveCycle = Annotated[float, Quantity("s", "4 ms", within=STEP_RANGE)]
 PositionNoise = Annotated[float, Quantity("rad", "2 deg", within=(0.0, LARGEST_NOISE))]
 # After the last set-point, a joint is at rest if it stays within a range of REST_RANGE [rad] (1 µm
 # at 1 m) for REST_TIME [s] and for the slowest time constant of a position loop. The test does not
@@ -52,8 +52,8 @@ REST_RANGE = 1e-6
 REST_NOISE = 4.0
 # Equilibrium under gravity: position change at which the iteration ends [rad], and largest number
 # of iterations.
-EQUILIBRIUM = 1e-13
-ITERATIONS = 200
+EQUILIBRIUM_TOLERANCE = 1e-13
+MAX_ITERATIONS = 200
 # Default ratio of the damping of a joint spring to its stiffness [s]. It is 0.3 % of critical
 # damping at 10 Hz, less than that of gears. Without damping, modes that are faster than the drive
 # cycle take minutes to decay, because torques that are held for a cycle hardly damp them.
@@ -61,9 +61,9 @@ DAMPING_TIME = 1e-4
 # Number of random poses in which the default torque limits allow the acceleration limits.
 RATED_POSES = 200
 # Duration of one block of the simulation [s].
-BLOCK = 1.0
+BLOCK_DURATION = 1.0
 # Largest number of integration steps in one compiled call; a call takes up to 0.1 s.
-STEPS_AT_ONCE = 1000
+MAX_CALL_STEPS = 1000
 
 
 class RigidBodyPlant(LimitedPlant):
@@ -129,7 +129,7 @@ class RigidBodyPlant(LimitedPlant):
     """
 
     torque_limit: FloatArray
-    _on_top: bool
+    _gravity_added: bool
 
     @checked
     def __init__(
@@ -138,7 +138,7 @@ class RigidBodyPlant(LimitedPlant):
         servo: ServoModel,
         limits: Limits | None = None,
         *,
-        step: DriveCycle = STEP,
+        step: DriveCycle = DEFAULT_STEP,
         gravity_feedforward: bool = True,
         friction: bool = True,
         noise: PositionNoise = 0.0,
@@ -148,8 +148,8 @@ class RigidBodyPlant(LimitedPlant):
         joint_damping: Annotated[npt.ArrayLike, DAMPING] | None = None,
     ) -> None:
         self.arm = arm
-        self.chain = _bodies(arm)
-        self.controller_chain = self.chain if controller is None else _bodies(controller)
+        self.chain = _require_chain(arm)
+        self.controller_chain = self.chain if controller is None else _require_chain(controller)
         if len(self.controller_chain) != arm.dof:
             raise InvalidInput(
                 f"arm and controller must have the same joints, but the arm {arm.name} has "
@@ -173,26 +173,26 @@ class RigidBodyPlant(LimitedPlant):
         self.seed = seed
         self.reference = arm.limits.middle(arm.dof)
         if self.servo.inertia is None:
-            model = mujoco_model.build(
-                self.controller_chain.replace(payload=None), STEP, friction=False
+            model = mujoco_model.build_model(
+                self.controller_chain.replace(payload=None), DEFAULT_STEP, friction=False
             )
             matrix = mujoco_model.mass_matrix(model, self.reference)
             self.nominal_inertia = np.asarray(np.diagonal(matrix))
         else:
             self.nominal_inertia = self.servo.inertia
         self.limits = limits
-        vars(self).update(self._drives(None))
-        self._springs = _springs(self.chain, joint_stiffness, joint_damping)
+        vars(self).update(self._saturation_values(None))
+        self._springs = _make_springs(self.chain, joint_stiffness, joint_damping)
 
-    def _drives(self, planned: Limits | None) -> dict[str, Any]:
+    def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
         """Values of attributes at which drives saturate, by name, for the limits of a plan."""
         resolved = resolve_limits("A RigidBodyPlant", self.arm, self.limits, planned)
         torques = _torque_limits(resolved, self.arm.limits, self.controller_chain)
         # A torque limit restricts the sum of the torques for motion and gravity. A limit that
-        # follows from acceleration limits restricts only the torque for motion (_on_top).
+        # follows from acceleration limits restricts only the torque for motion (_gravity_added).
         return {
             "torque_limit": checks.frozen_array(torques),
-            "_on_top": resolved.joint_torque is None,
+            "_gravity_added": resolved.joint_torque is None,
         }
 
     @property
@@ -230,7 +230,7 @@ class RigidBodyPlant(LimitedPlant):
             robot.model, set_points, span, loop, viscous * self.friction, self._springs
         )
         robot.refine(parts)
-        rows = max(1, round(BLOCK / set_points.cycle))
+        rows = max(1, round(BLOCK_DURATION / set_points.cycle))
         logs = []
         command = self._command(set_points, steps, self.servo)
         integrated = command
@@ -268,7 +268,7 @@ class RigidBodyPlant(LimitedPlant):
         window = rest_window(self.servo)
         commands = np.tile(set_points.q[-1], (int(np.ceil(window / set_points.cycle)) * steps, 1))
         begin = robot.now
-        longest = patience(begin - set_points.start_time)
+        longest = longest_settling(begin - set_points.start_time)
         logs = []
         while robot.now - begin <= longest:
             log = robot.advance(commands, commands)
@@ -405,26 +405,29 @@ class _Robot:
         self.step = step
         self.start = set_points.start_time
         self.steps = 0
-        self.mujoco = mujoco_model.load()
+        self.mujoco = mujoco_model.import_mujoco()
         springs = plant._springs
-        self.model = mujoco_model.build(plant.chain, step, friction=plant.friction, springs=springs)
+        self.model = mujoco_model.build_model(
+            plant.chain, step, friction=plant.friction, springs=springs
+        )
         self.data = self.mujoco.MjData(self.model)
         self.parts = 1
-        # known_model, still: the controller's model with a state at rest, for gravity torques.
-        self.known_model = (
+        # controller_model, controller_data: the controller's model with a state at rest, for
+        # gravity torques.
+        self.controller_model = (
             self.model
             if plant.controller_chain is plant.chain and springs is None
-            else mujoco_model.build(plant.controller_chain, step, friction=False)
+            else mujoco_model.build_model(plant.controller_chain, step, friction=False)
         )
-        self.still = self.mujoco.MjData(self.known_model)
+        self.controller_data = self.mujoco.MjData(self.controller_model)
         self.rng = np.random.default_rng(plant.seed)
         motors, links, torque = self._equilibrium(np.array(set_points.q[0]))
         # Without springs, motors and links are the same degrees of freedom.
         self.data.qpos[-len(motors) :] = motors
         self.data.qpos[: len(links)] = links
-        self.functions = mujoco_model.functions()
+        self.functions = mujoco_model.function_addresses()
         self.bodies = Bodies.from_model(self.model, self.data)
-        self.controller = Bodies.from_model(self.known_model, self.still)
+        self.controller = Bodies.from_model(self.controller_model, self.controller_data)
         ki = np.array(plant.servo.ki)
         integral = torque / (plant.nominal_inertia * plant.kv * np.where(ki > 0, ki, np.inf))
         self.loops = Loops(
@@ -435,8 +438,8 @@ class _Robot:
             step=step,
             inertia=np.array(plant.nominal_inertia),
             limit=np.array(plant.torque_limit),
-            holds=plant.gravity_feedforward,
-            on_top=plant._on_top,
+            gravity_feedforward=plant.gravity_feedforward,
+            gravity_added=plant._gravity_added,
         )
 
     @property
@@ -463,12 +466,12 @@ class _Robot:
             noise = self.rng.normal(0.0, self.plant.noise, (n, dof))
         commands, integrated = (np.ascontiguousarray(x) for x in (commands, integrated))
         # The steps are divided into calls, because Python handles signals only between calls.
-        at_once = max(1, STEPS_AT_ONCE // self.parts)
+        at_once = max(1, MAX_CALL_STEPS // self.parts)
         for first in range(0, n, at_once):
             end = min(first + at_once, n)
             reached = drive_loop.advance(
                 self.functions, self.bodies, self.controller, self.loops, self.parts,
-                commands, integrated, noise, first, end, RUNAWAY, rows,
+                commands, integrated, noise, first, end, RUNAWAY_SPEED, rows,
             )  # fmt: skip
             if reached != end:
                 self._raise_runaway(reached)
@@ -484,17 +487,20 @@ class _Robot:
         gain = plant.nominal_inertia * plant.kv * plant.servo.kp
         gain = np.where(plant.servo.ki > 0, np.inf, gain)
         motors = links = first
-        weight, fed = mujoco_model.weight(self.model, self.data, links), self._fed_forward(motors)
-        for _ in range(ITERATIONS):
+        weight, fed = (
+            mujoco_model.gravity_torques(self.model, self.data, links),
+            self._controller_gravity(motors),
+        )
+        for _ in range(MAX_ITERATIONS):
             before = motors, links
             motors = first - (weight - fed) / gain
             links = motors if springs is None else motors - weight / springs.stiffness
             moved = np.abs(np.subtract((motors, links), before)).max(axis=0)
-            if moved.max() <= EQUILIBRIUM:
+            if moved.max() <= EQUILIBRIUM_TOLERANCE:
                 break
             weight, fed = (
-                mujoco_model.weight(self.model, self.data, links),
-                self._fed_forward(motors),
+                mujoco_model.gravity_torques(self.model, self.data, links),
+                self._controller_gravity(motors),
             )
         else:
             j = int(np.argmax(moved))
@@ -507,19 +513,19 @@ class _Robot:
                 joint=j,
             )
         location, torque = "the first set-point", weight - fed
-        if plant._on_top and plant.gravity_feedforward:
+        if plant._gravity_added and plant.gravity_feedforward:
             weight, location = torque, f"{location}, in addition to gravity feed-forward"
         check_weight(np.abs(weight), plant.torque_limit, location, self.start)
         return motors, links, torque
 
-    def _fed_forward(self, q: FloatArray) -> FloatArray:
+    def _controller_gravity(self, q: FloatArray) -> FloatArray:
         """Gravity torques that the controller adds at positions q [N m], (dof,)."""
         if not self.plant.gravity_feedforward:
             return np.zeros(len(q))
-        return mujoco_model.weight(self.known_model, self.still, q)
+        return mujoco_model.gravity_torques(self.controller_model, self.controller_data, q)
 
     def _raise_runaway(self, k: int) -> None:
-        """Raise the error for a joint that is faster than RUNAWAY in step k of the commands."""
+        """Raise the error for a joint that is faster than RUNAWAY_SPEED in step k."""
         velocity = np.abs(self.data.qvel)
         j = int(np.argmax(np.where(np.isfinite(velocity), velocity, np.inf)))
         speed, j = velocity[j], j % self.plant.arm.dof
@@ -539,14 +545,14 @@ def can_simulate() -> bool:
 
 def require_mujoco() -> None:
     """Raise an error if MuJoCo is not installed."""
-    mujoco_model.load()
+    mujoco_model.import_mujoco()
 
 
 def rest_window(servo: ServoModel) -> float:
     """Time for which the joints must stay within `REST_RANGE` to be at rest [s]."""
     # The slowest time constant of a loop with an integrator is at most the sum of both.
     slowest = 1 / servo.kp + np.where(servo.ki > 0, 1 / np.where(servo.ki > 0, servo.ki, 1.0), 0.0)
-    return min(max(REST_TIME, float(slowest.max())), PATIENCE)
+    return min(max(REST_TIME, float(slowest.max())), LONGEST_SETTLING)
 
 
 def check_damping(stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None) -> None:
@@ -567,7 +573,7 @@ def _interpolate(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
     return np.asarray(between.reshape(-1, q.shape[1]))
 
 
-def _bodies(arm: Arm) -> Chain:
+def _require_chain(arm: Arm) -> Chain:
     """The chain of an arm; raises an error if masses are missing or joints differ."""
     chain = arm.chain
     if chain is None or not arm.has_bodies:
@@ -583,7 +589,7 @@ def _bodies(arm: Arm) -> Chain:
     return chain
 
 
-def _springs(
+def _make_springs(
     chain: Chain, stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None
 ) -> Springs | None:
     """Check and make the springs between drives and links; None for rigid joints."""
@@ -622,7 +628,7 @@ def _torque_limits(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArr
         )
     lower, upper = (np.clip(x, -np.pi, np.pi) for x in arm_limits.joint_range(dof))
     shares = np.random.default_rng(0).uniform(size=(RATED_POSES, dof))
-    model = mujoco_model.build(chain.replace(payload=None), STEP, friction=False)
+    model = mujoco_model.build_model(chain.replace(payload=None), DEFAULT_STEP, friction=False)
     matrices = np.abs(mujoco_model.mass_matrices(model, lower + shares * (upper - lower)))
     return np.asarray(np.max([x @ limits.acceleration_bounds(dof)[1] for x in matrices], axis=0))
 

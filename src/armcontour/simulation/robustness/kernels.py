@@ -20,14 +20,15 @@ CHUNK = 64
 REST_SPEED = 1e-3
 # The execution ends when the tool is slower than this [m/s].
 STILL_SPEED = 1e-9
-# The contour error is evaluated at FINER steps between two results if it can have a peak there, at
-# a corner of the path or next to a result whose squared error exceeds the share NEAR_PEAK of the
-# largest one. A vertex is a corner if the tangent turns by more than CORNER [rad].
-FINER = 16
-CORNER = 1e-3
-NEAR_PEAK = 0.96
+# The contour error is evaluated at FINE_STEPS steps between two results if it can have a peak
+# there, at a corner of the path or next to a result whose squared error exceeds the share
+# PEAK_SHARE of the largest one. A vertex is a corner if the tangent turns by more than LEAST_CORNER
+# [rad].
+FINE_STEPS = 16
+LEAST_CORNER = 1e-3
+PEAK_SHARE = 0.96
 # Approximate bound of the factor by which the speed of a joint with an integrator can grow.
-OVERSHOOT = 10.0
+SPEED_GROWTH = 10.0
 # Times that differ by less than this share of the time between results are equal.
 SNAP = 1e-9
 
@@ -124,12 +125,14 @@ def _measure(
         # The distance to the path grows at most as fast as the tool moves, so between the results
         # it is at most half of this sum.
         higher = math.sqrt(last) + math.sqrt(d2) + math.sqrt(far2) > 2 * math.sqrt(peak)
-        turned = now != segment and (abs(now - segment) > 1 or corners[max(now, segment)] > CORNER)
-        passed = last >= d2 and last > NEAR_PEAK * e.peak and t - 2 * h > counted
+        turned = now != segment and (
+            abs(now - segment) > 1 or corners[max(now, segment)] > LEAST_CORNER
+        )
+        passed = last >= d2 and last > PEAK_SHARE * e.peak and t - 2 * h > counted
         if higher and (turned or passed):
             # Between the results, the tool is on the parabola through the last three tool points.
-            for i in range(1 - FINER if passed else 1, FINER):
-                a = i / FINER
+            for i in range(1 - FINE_STEPS if passed else 1, FINE_STEPS):
+                a = i / FINE_STEPS
                 b = a * (a - 1) / 2
                 between = (
                     e.tool[0] + a * dx + b * (dx - e.moved[0]),
@@ -209,7 +212,7 @@ def _advance_joints(
         if ki > 0.0:
             # An integrator can supply energy, so the bound is larger.
             rate = max(kv, math.sqrt(kv * (kp + ki)))
-            total += OVERSHOOT * (abs(w) + rate * abs(offset) + abs(states[j, 4]) / rate)
+            total += SPEED_GROWTH * (abs(w) + rate * abs(offset) + abs(states[j, 4]) / rate)
         elif kv > 0.0:
             total += math.sqrt(w * w + kp * kv * offset * offset)
         elif offset != 0.0:

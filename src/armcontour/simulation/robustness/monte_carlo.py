@@ -56,12 +56,12 @@ MAX_CORNERS = 1024
 LAGS_BEHIND = 2.0
 LAGS_AHEAD = 1.0
 # Number of times at which the planned arc length is computed: per cycle, and smallest number.
-PLACES_PER_INTERVAL = 2
+PLACES_PER_CYCLE = 2
 FEWEST_PLACES = 4000
 # Longest time until rest after the last set-point, as in `ServoPlant` [s].
-PATIENCE = 60.0
+LONGEST_SETTLING = 60.0
 # Number of samples per task of a thread.
-BATCH = 32
+BATCH_SIZE = 32
 # Largest number of parameters of the worst robot in a summary.
 MAX_NAMED = 4
 
@@ -203,7 +203,7 @@ def spread(
     )
     model = _RobotSet(set_points, path, arm, servo, limits, box, since, end_time)
     unit = np.random.default_rng(seed).uniform(-1, 1, size=(samples, 3 * arm.dof + 1))
-    return model.executed(unit, seed, threads or os.cpu_count() or 1)
+    return model.execute(unit, seed, threads or os.cpu_count() or 1)
 
 
 @checked
@@ -232,12 +232,12 @@ def worst_corner(
     k = int(model.varies.sum())
     if 2**k <= MAX_CORNERS:
         signs = np.where(np.arange(2**k)[:, None] >> np.arange(k) & 1, -1.0, 1.0)
-        return model.executed(model.span(signs), None, use)
+        return model.execute(model.make_corners(signs), None, use)
 
     def errors(signs: FloatArray) -> FloatArray:
-        return model.executed(model.span(signs), None, use).max
+        return model.execute(model.make_corners(signs), None, use).max
 
-    return model.executed(model.span(_search_corners(errors, k)), None, use)
+    return model.execute(model.make_corners(_search_corners(errors, k)), None, use)
 
 
 def jitter_of(seed: int, sample: int, count: int, jitter: float) -> FloatArray:
@@ -270,15 +270,15 @@ class _RobotSet:
             servo.kv is not None,
         )
         self.servo = servo.for_joints(dof)
-        self.spans = spans_of(box, self.servo, arm, set_points.cycle)
+        self.half_widths = half_widths(box, self.servo, arm, set_points.cycle)
         # middle: errors in the middle of the box; not 0 for a payload range that is asymmetric.
         self.middle = np.append(np.zeros(3 * dof), np.mean(box.payload))
-        self.varies: BoolArray = self.spans > 0.0
+        self.varies: BoolArray = self.half_widths > 0.0
         if box.dead_time_shared:
             self.varies[2 * dof + 1 : 3 * dof] = False
         if not self.second:
             self.varies[dof : 2 * dof] = False
-        robot, reach = _robot(arm, path)
+        robot, reach = _robot_kinematics(arm, path)
         if set_points.q.shape[1] != dof:
             raise InvalidInput(
                 f"The set-points and the arm must have the same joints, but the set-points have "
@@ -288,7 +288,7 @@ class _RobotSet:
         lower, upper = self.servo.saturate(*resolved.acceleration_bounds(dof))
         duration = set_points.trajectory.duration
         end = duration if end_time is None else end_time
-        steps = self._steps()
+        steps = self._results_per_cycle()
         last = set_points.start_time + len(set_points.q) * set_points.cycle
         begin = set_points.start_time if since is None else since
         if not begin < end:
@@ -296,11 +296,11 @@ class _RobotSet:
                 f"The evaluation of errors must end after its start at {begin:g} s, but ends at "
                 f"{end:g} s."
             )
-        fixed, patience = end_time is not None, last + PATIENCE
+        fixed, patience = end_time is not None, last + LONGEST_SETTLING
         clock = Clock(set_points.start_time, set_points.cycle, steps, begin, end, fixed, patience)
         kind = CUBIC if servo.interpolation == "cubic" else STRAIGHT
-        line = _searched_path(path, set_points, arm, self._lag())
-        inertia = _inertia(arm, set_points, box)
+        line = _searched_path(path, set_points, arm, self._longest_lag())
+        inertia = _payload_inertia(arm, set_points, box)
         self.setting = Setting(robot, reach, line, clock, kind, inertia, lower, upper)
         plain = self.servo.without_feedforward().for_joints(dof)
         self.commands = with_integrated(
@@ -308,18 +308,18 @@ class _RobotSet:
         )
         _, *self.rates = command_and_rates(set_points.q, set_points.cycle, servo.interpolation)
 
-    def span(self, signs: FloatArray) -> FloatArray:
+    def make_corners(self, signs: FloatArray) -> FloatArray:
         """Corners in units of the box, (n, 3 dof + 1), from signs of the varying parameters."""
-        unit = np.zeros((len(signs), len(self.spans)))
+        unit = np.zeros((len(signs), len(self.half_widths)))
         unit[:, self.varies] = signs
         return unit
 
-    def executed(self, unit: FloatArray, seed: int | None, threads: int) -> MonteCarloResult:
+    def execute(self, unit: FloatArray, seed: int | None, threads: int) -> MonteCarloResult:
         """Execute set-points on robots in units of the box, (n, 3 dof + 1), and the nominal one."""
         rows = np.concatenate([unit, np.zeros((1, unit.shape[1]))])
         if self.box.dead_time_shared:
             rows[:, 2 * self.dof : 3 * self.dof] = rows[:, 2 * self.dof, None]
-        errors = rows * self.spans + self.middle
+        errors = rows * self.half_widths + self.middle
         errors[-1] = 0.0
         dof, servo = self.dof, self.servo
         kp = servo.kp * (1 + errors[:, :dof])
@@ -335,7 +335,7 @@ class _RobotSet:
 
         def batch(first: int) -> FloatArray:
             results = []
-            for i in range(first, min(first + BATCH, len(rows))):
+            for i in range(first, min(first + BATCH_SIZE, len(rows))):
                 # The last robot is the nominal robot, which has no jitter.
                 drawn = None if i == nominal else seed
                 robot = self._sample(kp[i], kv[i], dead_time[i], float(payload[i]), drawn, i)
@@ -345,7 +345,7 @@ class _RobotSet:
         # The first batch is executed alone, because it compiles the kernels.
         parts = [batch(0)]
         with ThreadPoolExecutor(threads) as pool:
-            parts += pool.map(batch, range(BATCH, len(rows), BATCH))
+            parts += pool.map(batch, range(BATCH_SIZE, len(rows), BATCH_SIZE))
         rms, largest, end_time, saturated, ratio = np.concatenate(parts).T
         if np.isnan(rms).any():
             i = int(np.argmax(np.isnan(rms)))
@@ -401,16 +401,16 @@ class _RobotSet:
         return Sample(kp, kv, np.array(servo.ki), load, commands, starts)
 
     def _names(self) -> list[str]:
-        """Names of all parameters, in the order of the columns of `executed`."""
+        """Names of all parameters, in the order of the columns of `execute`."""
         numbers = range(1, self.dof + 1)
         names = [f"{gain} of joint {j}" for gain in ("kp", "kv") for j in numbers]
         shared = self.box.dead_time_shared
         names += ["dead time" if shared else f"dead time of joint {j}" for j in numbers]
         return [*names, "payload"]
 
-    def _steps(self) -> int:
+    def _results_per_cycle(self) -> int:
         """Number of results per cycle."""
-        span = min(RESOLUTION, TIME_CONSTANTS / self._fastest())
+        span = min(RESOLUTION, TIME_CONSTANTS / self._fastest_rate())
         if not self.set_points.cycle < MAX_RESULTS * span:
             raise ExecutionError(
                 f"The fastest servo of the box has a time constant of {1 / self._fastest():.3g} s, "
@@ -422,20 +422,20 @@ class _RobotSet:
         fewest = 2 if self.servo.interpolation == "step" else 1
         return max(fewest, int(np.ceil(self.set_points.cycle / span * (1 - 1e-12))))
 
-    def _fastest(self) -> float:
+    def _fastest_rate(self) -> float:
         """Inverse of the shortest time constant of a servo in the box [1/s]."""
-        kp = self.servo.kp * (1 + self.spans[: self.dof])
+        kp = self.servo.kp * (1 + self.half_widths[: self.dof])
         rates = np.where(np.isfinite(kp), kp, 0.0)
         if self.servo.kv is not None:
-            kv = self.servo.kv * (1 + self.spans[self.dof : 2 * self.dof])
+            kv = self.servo.kv * (1 + self.half_widths[self.dof : 2 * self.dof])
             loop = np.where(kv >= 4 * kp, kv, np.sqrt(kp) * np.sqrt(kv))
             rates = np.where(np.isfinite(kv), loop, rates)
         # Joints with a pure delay have no time constant.
         return float(max(rates.max(), GAINS[0]))
 
-    def _lag(self) -> float:
+    def _longest_lag(self) -> float:
         """Largest time by which the tool can lag behind the plan [s]."""
-        spans, servo, dof = self.spans, self.servo, self.dof
+        spans, servo, dof = self.half_widths, self.servo, self.dof
         lag = 1 / (servo.kp * (1 - spans[:dof]))
         if servo.kv is not None:
             lag = lag + 1 / (servo.kv * (1 - spans[dof : 2 * dof]))
@@ -466,7 +466,7 @@ def _search_corners(errors: Callable[[FloatArray], FloatArray], k: int) -> Float
     return np.concatenate(corners)
 
 
-def spans_of(box: Uncertainty, servo: ServoModel, arm: Arm, cycle: float) -> FloatArray:
+def half_widths(box: Uncertainty, servo: ServoModel, arm: Arm, cycle: float) -> FloatArray:
     """Half-widths of the box for kp, kv and dead time of each joint, and payload, (3 dof + 1,)."""
     dof = arm.dof
     if box.of_bodies:
@@ -500,7 +500,7 @@ def spans_of(box: Uncertainty, servo: ServoModel, arm: Arm, cycle: float) -> Flo
     return np.concatenate([gains[0], gains[1], dead_time, [np.ptp(box.payload) / 2]])
 
 
-def _robot(arm: Arm, path: Path) -> tuple[FloatArray, float]:
+def _robot_kinematics(arm: Arm, path: Path) -> tuple[FloatArray, float]:
     """Link table of the arm, and the largest distance of the tool from a joint [m]."""
     if path.dimension != arm.dimension:
         raise InvalidInput(
@@ -521,7 +521,7 @@ def _searched_path(path: Path, set_points: SetPoints, arm: Arm, lag: float) -> S
     # error is at most the difference of the total lengths. The nearest point is searched only near
     # this arc length, because another part of the path can be close to the tool.
     plan = set_points.trajectory
-    count = max(FEWEST_PLACES, PLACES_PER_INTERVAL * len(set_points.q))
+    count = max(FEWEST_PLACES, PLACES_PER_CYCLE * len(set_points.q))
     t = np.union1d(np.linspace(0, plan.duration, count), plan.breaks)
     tool = arm.tool_position(plan(t))
     drawn = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(tool, axis=0), axis=1)))
@@ -537,7 +537,7 @@ def _searched_path(path: Path, set_points: SetPoints, arm: Arm, lag: float) -> S
     return SearchedPath(rows, corners, path.length if closed else 0.0, low, high)
 
 
-def _inertia(arm: Arm, set_points: SetPoints, box: Uncertainty) -> FloatArray:
+def _payload_inertia(arm: Arm, set_points: SetPoints, box: Uncertainty) -> FloatArray:
     """Inertia of 1 kg at the tool divided by each joint's inertia, at each set-point [1/kg]."""
     # A point mass m at the tool adds `m |dx/dq_j|²` to the inertia M_jj of joint j. The shape is
     # (dof, n); zeros of the shape (dof, 1) are returned if the payload does not vary.

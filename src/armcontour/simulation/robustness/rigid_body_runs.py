@@ -37,7 +37,7 @@ class BodyRuns:
 
     def plant(self, errors: FloatArray) -> RigidBodyPlant:
         """Robot of the box with errors of the unknowns, (k,)."""
-        arm, controller, servo = self.unknowns.robot(errors)
+        arm, controller, servo = self.unknowns.make_robot(errors)
         return RigidBodyPlant(arm, servo, self.limits, controller=controller, **self.options)
 
     def trace(self, errors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | str:
@@ -89,7 +89,7 @@ def _require_results(runs: BodyRuns, rows: list[FloatArray], results: list[R | s
     """Results of all robots; raises an error if a result is the message of a failed execution."""
     for row, result in zip(rows, results, strict=True):
         if isinstance(result, str):
-            robot = describe(runs.unknowns, row) if row.any() else "no errors"
+            robot = describe_errors(runs.unknowns, row) if row.any() else "no errors"
             raise ExecutionError(f"The execution on the robot with {robot} failed: {result}")
     return cast(list[R], results)
 
@@ -111,7 +111,7 @@ def spread_on_bodies(
     results = map_in_processes(runs, rows, processes=processes, executor=executor, done=done)
     results = _require_results(runs, rows, results)
     largest, rms, end_time, saturated, ratio = np.array(results).T
-    servos = [unknowns.robot(x)[2] for x in errors]
+    servos = [unknowns.make_robot(x)[2] for x in errors]
     return MonteCarloResult(
         max=largest[1:],
         rms=rms[1:],
@@ -130,7 +130,7 @@ def spread_on_bodies(
     )
 
 
-def describe(unknowns: Unknowns, errors: FloatArray) -> str:
+def describe_errors(unknowns: Unknowns, errors: FloatArray) -> str:
     """Text with the errors of a robot, (k,); equal values of several joints are listed once."""
     units = {"payload": " kg", "dead time": " s"}
     values_by_kind: dict[str, list[float]] = {}

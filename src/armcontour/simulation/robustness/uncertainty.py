@@ -213,7 +213,7 @@ class Unknowns:
         unit = np.random.default_rng(seed).uniform(size=(samples, len(self)))
         return np.asarray(self.low + unit * (self.high - self.low))
 
-    def robot(self, errors: FloatArray) -> tuple[Arm, Arm, ServoModel]:
+    def make_robot(self, errors: FloatArray) -> tuple[Arm, Arm, ServoModel]:
         """Arm, controller's model of the arm, and servo for errors of the parameters, (k,)."""
         dof, servo, chain = self.arm.dof, self.servo, self.arm.chain
         assert chain is not None and servo.kv is not None

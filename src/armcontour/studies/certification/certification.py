@@ -27,7 +27,7 @@ from armcontour.motion import Method, SetPoints
 from armcontour.planning import Optimal, check_jerk_support
 from armcontour.program import Contour, Dwell, Event, Program, Rapid, contour_called
 from armcontour.simulation import RigidBodyPlant, simulate
-from armcontour.simulation.robustness.monte_carlo import spans_of
+from armcontour.simulation.robustness.monte_carlo import half_widths
 from armcontour.simulation.robustness.uncertainty import Uncertainty, Unknowns
 from armcontour.studies.certification.certificate import (
     Budget,
@@ -122,7 +122,7 @@ def certify(
         # The plant is built before the search, so that invalid options are reported early.
         plant = build_plant(chosen.experiment, job.arm, job.plant_servo, chosen.limits)
     if goal.box is not None and goal.plant == "servo":
-        spans_of(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, chosen.cycle)
+        half_widths(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, chosen.cycle)
     # Derating replaces the reserve, so it is not used.
     free = chosen.rounding is not None and chosen.rounding.free
     intervals = chosen.timing.intervals if free and isinstance(chosen.timing, Optimal) else None

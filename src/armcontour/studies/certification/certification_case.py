@@ -23,7 +23,7 @@ from armcontour.program import Program
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import Plant, RigidBodyPlant, ServoPlant
-from armcontour.simulation.rigid_body_plant import STEP
+from armcontour.simulation.rigid_body_plant import DEFAULT_STEP
 from armcontour.simulation.robustness.uncertainty import Uncertainty
 from armcontour.verification.contour_execution import unexplained_errors
 
@@ -133,7 +133,7 @@ class Case:
         """Time between two results of an execution that proves [s]."""
         if not self.bodies:
             return RESOLUTION
-        return max(RESOLUTION, float(self.drive_options.get("step", STEP)))
+        return max(RESOLUTION, float(self.drive_options.get("step", DEFAULT_STEP)))
 
     def plant(self, servo: ServoModel | None = None, *, ideal: bool = False) -> Plant:
         """The plant with a servo, by default that of the case; if `ideal`, without saturation."""
