@@ -308,7 +308,7 @@ def test_the_base_does_not_change_the_motion_and_gravity_does(monkeypatch):
     np.testing.assert_allclose(hung.torque[0], -plain.torque[0])
     arm = two_link(coulomb=[0.5, 0.0])
     whole = run(arm, swing([0.5, 0.3]), noise=1e-6)
-    monkeypatch.setattr(rigid_body_plant, "STEPS_AT_ONCE", 7)
+    monkeypatch.setattr(rigid_body_plant, "MAX_CALL_STEPS", 7)
     parts = run(arm, swing([0.5, 0.3]), noise=1e-6)
     np.testing.assert_array_equal(whole.q, parts.q)
     np.testing.assert_array_equal(whole.torque, parts.torque)
@@ -394,7 +394,7 @@ def test_a_step_too_long_for_the_gains_is_an_error(fails):
 
 def test_joints_that_run_away_or_do_not_settle_are_errors(fails, monkeypatch):
     # The plant looks at no pose before it runs.
-    monkeypatch.setattr(mujoco_model, "LOOKS", 0)
+    monkeypatch.setattr(mujoco_model, "MAX_CHECKS", 0)
     fails(partial(run, pendulum(), swing(), kv=1000.0, step=4e-3), "runs away")
     # Saturated, it only rattles within steps: at their ends it seems to stand still.
     free, weak = pendulum(gravity=WEIGHTLESS), ac.Limits.only(joint_torque=5.0)
