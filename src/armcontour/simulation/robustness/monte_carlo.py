@@ -201,7 +201,7 @@ def spread(
     checks.check_count(
         f"The spread over {samples} samples", samples * (3 * arm.dof + 1), "use fewer samples"
     )
-    model = _RobotSet(set_points, path, arm, servo, limits, box, since, end_time)
+    model = _RobotSet(set_points, path, arm, servo, limits, box, (since, end_time))
     unit = np.random.default_rng(seed).uniform(-1, 1, size=(samples, 3 * arm.dof + 1))
     return model.execute(unit, seed, threads or os.cpu_count() or 1)
 
@@ -227,7 +227,7 @@ def worst_corner(
 
     Arguments and exceptions are those of `spread`.
     """
-    model = _RobotSet(set_points, path, arm, servo, limits, box, since, end_time)
+    model = _RobotSet(set_points, path, arm, servo, limits, box, (since, end_time))
     use = threads or os.cpu_count() or 1
     k = int(model.varies.sum())
     if 2**k <= MAX_CORNERS:
@@ -251,6 +251,8 @@ def jitter_of(seed: int, sample: int, count: int, jitter: float) -> FloatArray:
 class _RobotSet:
     """Data of all executions, as arrays for the compiled code."""
 
+    # evaluated: start and end of the evaluation of errors [s], None for the defaults of `spread`.
+
     def __init__(
         self,
         set_points: SetPoints,
@@ -259,10 +261,9 @@ class _RobotSet:
         servo: ServoModel,
         limits: Limits | None,
         box: Uncertainty,
-        since: float | None,
-        end_time: float | None,
+        evaluated: tuple[float | None, float | None],
     ) -> None:
-        dof = arm.dof
+        dof, (since, end_time) = arm.dof, evaluated
         self.set_points, self.box, self.dof, self.second = (
             set_points,
             box,
