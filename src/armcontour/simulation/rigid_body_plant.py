@@ -444,7 +444,7 @@ class _Robot:
 
     @property
     def now(self) -> float:
-        """Present time of the simulation in the time of the plan [s]."""
+        """Simulated time, in the time of the plan [s]."""
         return self.start + self.steps * self.step
 
     def refine(self, parts: int) -> None:

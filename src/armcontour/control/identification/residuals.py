@@ -23,16 +23,16 @@ REWEIGHTINGS = 5
 # Description of each pattern of residuals, and the recording that is recommended for it.
 PATTERNS = {
     "velocity": (
-        "is in phase with velocity, as by viscous friction or a changing delay",
-        "the same program at half its speed, too",
+        "is in phase with the velocity, as with viscous friction or a changing delay",
+        "the same program also at half its speed",
     ),
     "sign": (
-        "has the sign of velocity, as by dry friction or backlash",
+        "has the sign of the velocity, as with dry friction or backlash",
         "slow reversals of this joint alone",
     ),
     "position": (
-        "follows position, as by gravity",
-        "the same program at half its speed, and one about the positions of the work",
+        "depends on the position, as with gravity",
+        "the same program at half its speed, and a program around the positions of the work",
     ),
 }
 # The correlation length is computed up to the first autocorrelation below this value.
@@ -67,17 +67,17 @@ def describe_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray])
     fast, slow = np.mean(pitches, axis=0)
     if shares[name] < LEAST_EXPLAINED:
         if fast > FAST_RATIO * slow:
-            pattern = f"is mostly above {fast:.3g} Hz, as by elastic joints"
+            pattern = f"is mostly above {fast:.3g} Hz, as with elastic joints"
             record = f"a multisine up to {4 * fast:.3g} Hz, sampled at 1 kHz"
         else:
-            pattern, record = "has no known pattern", "one program twice, to see what repeats"
+            pattern, record = "has no known pattern", "one program twice, to see which part repeats"
     elif name in PATTERNS:
         pattern, record = PATTERNS[name]
     else:
-        pattern = f"follows the motion of {name}, as by coupled axes"
-        record = f"each of both joints alone, while {name} or this one rests"
-    much = f" by {shares[name]:.0%}" if shares[name] >= LEAST_EXPLAINED else ""
-    return f"The residual {pattern}{much}: record {record}."
+        pattern = f"depends on the motion of {name}, as with coupled axes"
+        record = f"the motion of each of the two joints while {name} or this joint rests"
+    much = f" ({shares[name]:.0%} of its square)" if shares[name] >= LEAST_EXPLAINED else ""
+    return f"The residual {pattern}{much}. Record {record}."
 
 
 def fastest_motion(logs: Sequence[Log]) -> tuple[FloatArray, FloatArray]:

@@ -163,7 +163,7 @@ class Identification(IdentifiedJoints):
         result = self.judgement
         count = f"{sum(x.written for x in self.joints)} of {count_noun(len(self.joints), 'joint')}"
         doubt = "" if result.trusted else "compensation may be worse than none"
-        sole = "judged on one program only, provisional: record a different one"
+        sole = "provisional: judged on only one program; record a different program"
         return Data(
             f"Servo models of {count} from {self.source}",
             (

@@ -130,7 +130,7 @@ class ErrorEstimate:
         return float(np.sqrt(np.mean(squares)))
 
     def _unknown(self, deviation: float) -> FloatArray:
-        """Random sample of the error of `Lifted.smooth` due to noise [rad], (n, dof)."""
+        """Random sample of the error of `Lifted.smooth` that noise causes [rad], (n, dof)."""
         # deviation: standard deviation of the white noise [rad].
         random, shape = np.random.default_rng(0), self.runs[0].q.shape
         walk = random.normal(size=shape).cumsum(axis=0) * deviation / np.sqrt(self._penalty)

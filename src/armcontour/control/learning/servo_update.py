@@ -13,7 +13,7 @@ from armcontour.robot.servo.model import GAINS, LONGEST_DEAD_TIME
 
 # Time step of the response in the first, coarse fits [s].
 COARSE_STEP = 4e-3
-# Largest ratio of a fitted gain to the nominal gain, and of the nominal gain to a fitted gain.
+# Fitted gains are within this factor of the nominal gains, in both directions.
 MAX_FACTOR = 5.0
 # Velocity feed-forward: smallest value of a joint with acceleration feed-forward, and largest value
 # of any joint.

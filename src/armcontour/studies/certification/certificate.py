@@ -494,7 +494,7 @@ class Certificate(Result):
                 previous = largest.get((y.what, y.cause))
                 if previous is None or previous[0] < y.share:
                     largest[y.what, y.cause] = (y.share, f"{prefix}{y}")
-        return tuple(said for _, said in sorted(largest.values(), reverse=True))
+        return tuple(clause for _, clause in sorted(largest.values(), reverse=True))
 
     @property
     def simulate_rigid_bodies(self) -> str | None:

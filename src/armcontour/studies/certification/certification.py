@@ -127,7 +127,7 @@ def certify(
     free = chosen.rounding is not None and chosen.rounding.free
     intervals = chosen.timing.intervals if free and isinstance(chosen.timing, Optimal) else None
     chosen = replace(chosen, timing=Optimal(intervals=intervals))
-    tell, shapes = subprogress(progress), [chosen]
+    report, shapes = subprogress(progress), [chosen]
     if free and chosen.rounding is not None:
         shapes.append(replace(chosen, rounding=chosen.rounding.with_arcs))
     best: tuple[Case, Proven] | None = None
@@ -136,7 +136,7 @@ def certify(
     for each in shapes:
         deadline = min(durations.values(), default=np.inf)
         try:
-            case, proven, least = _find_fastest(job, each, goal, executor, tell, deadline)
+            case, proven, least = _find_fastest(job, each, goal, executor, report, deadline)
         except NotRealizable as error:
             refusal = error
             continue
@@ -171,7 +171,7 @@ def _find_fastest(
     run: Run,
     goal: CertificateGoal,
     executor: Executor | None,
-    tell: Progress,
+    report: Progress,
     deadline: float,
 ) -> tuple[Case, Proven | None, float]:
     """Find the fastest plan of a run that satisfies the goal, over all splits of the tolerance.
@@ -183,8 +183,8 @@ def _find_fastest(
 
     def case_of(servo: float) -> Case:
         shaped = _reduce_shape(run, goal, servo)
-        planned = plan_one(job, shaped, reuse, tell, clear=False)
-        return Case(job, planned, goal, servo, tell, executor)
+        planned = plan_one(job, shaped, reuse, report, clear=False)
+        return Case(job, planned, goal, servo, report, executor)
 
     reuse = Reuse()
     # The plan without derating is the reference of the certificate's cost. It is planned first,

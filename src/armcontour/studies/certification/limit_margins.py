@@ -45,7 +45,7 @@ DIRECTIONS = 16
 # Ratio of ds² that is assigned to a command outside the joint range. A lower speed cannot correct
 # such a command completely, but with this ratio each trial reduces the speed in its cell.
 OUTSIDE_RATIO = 1.1
-# Phases within a cycle that differ by less than this share of the cycle are equal.
+# Times that differ by less than this share of the cycle are equal.
 PHASE_TOLERANCE = 1e-9
 Side = Literal["left", "right"]
 

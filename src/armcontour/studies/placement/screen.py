@@ -127,7 +127,7 @@ class _PathPoses:
         return reach_excess(arm.chain, self.task, self.first.row, bases) > 0
 
     def bounds_of(self, arm: SerialArm, limits: Limits, every: bool) -> PlaceBounds:
-        """Bounds of the path for an arm."""
+        """Bounds of the path for an arm; a refusal if no configuration follows the path."""
         starts = configurations(arm, self.fine[0], self.task, self.seed)[:MAX_STARTS]
         if len(starts) == 0:
             return PlaceBounds(refusal=REACH)

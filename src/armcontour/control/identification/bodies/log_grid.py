@@ -117,7 +117,7 @@ class LogGrid:
 
 
 def largest_noise(grids: list[LogGrid]) -> FloatArray:
-    """Noise of each joint's encoder, standard deviation, largest of several logs [rad], (dof,)."""
+    """Largest encoder noise of each joint in several logs, standard deviation [rad], (dof,)."""
     return np.asarray(np.max([x.noise for x in grids], axis=0))
 
 
