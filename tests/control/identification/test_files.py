@@ -173,7 +173,7 @@ def identification(log):
 def test_the_servo_file_is_the_servo_that_was_judged(identification, tmp_path):
     file = tmp_path / "servo.yaml"
     file.write_text(servo_yaml(identification))
-    assert "one program only" in file.read_text()
+    assert "only one program" in file.read_text()
     data = yaml.safe_load(file.read_text())
     assert list(data) == ["servo"] and data["servo"]["order"] == ["second", "second"]
     assert data["servo"]["acceleration_limit"][0] == "none"
@@ -209,7 +209,7 @@ def test_the_command(log, tmp_path, capsys):
     _write(file, log.t, log.command[:, 0], log.measured[:, 0], "t,u1,q1")
     assert identify_files([file], IdentifyOptions(out=out, validate=[file])) == 9
     printed = capsys.readouterr().out
-    assert "Prediction of log.csv" in printed and "judged on one program only" in printed
+    assert "Prediction of log.csv" in printed and "judged on only one program" in printed
     written = {"servo.yaml", "report.html", "summary.json"}
     assert {x.name for x in out.iterdir()} == {*written, ".armcontour.json"}
     part = IdentifyOptions(

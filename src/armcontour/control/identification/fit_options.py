@@ -122,6 +122,6 @@ def choose_interpolation(logs: Sequence[Log], required: str | None) -> str:
 
 
 def dead_time_range(logs: Sequence[Log], longest: float) -> tuple[float, float]:
-    """Smallest and largest dead time of the search [s]; both are smaller for short logs."""
+    """Smallest (negative) and largest dead time of the search [s]; closer to 0 for short logs."""
     duration = min(float(x.t[-1] - x.t[0]) for x in logs)
     return -min(NEGATIVE_DELAY, duration / 50), min(longest, duration / 4)

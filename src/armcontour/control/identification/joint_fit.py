@@ -256,8 +256,9 @@ class Problem:
         return self.linearize(unknowns, np.full(len(unknowns), False))[0]
 
     def project(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Solve for the linear unknowns: unknowns, residuals [mrad] and normalized derivatives."""
-        # The derivatives are by the linear unknowns that are not at their bounds.
+        """Solve for the linear unknowns; returns unknowns, residuals [mrad], and derivatives."""
+        # The returned derivatives are normalized, and by the linear unknowns that are not at
+        # bounds.
         linear = np.flatnonzero(self.linear)
         start, slopes = self.linearize(unknowns, self.linear)
         if (

@@ -36,7 +36,7 @@ from armcontour.robot.servo.simulation import JointServo
 # the share MAX_NOISE of the largest derivative, and through at most LONGEST_WINDOW seconds on each
 # side.
 MAX_NOISE, LONGEST_WINDOW = 0.015, 0.04
-# TOP: percentile of the magnitudes of a derivative that is the first guess of its limit.
+# TOP_PERCENTILE: percentile of the magnitudes of a derivative that is the first guess of its limit.
 # PLATEAU_RANGE: half-width of the range about the guess in which the limit is sought, as a share of
 # it.
 TOP_PERCENTILE, PLATEAU_RANGE = 99.0, 0.1

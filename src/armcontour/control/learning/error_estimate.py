@@ -173,7 +173,7 @@ class ErrorEstimate:
         return RESPONSE_ERROR
 
     def _combine(self) -> tuple[FloatArray, FloatArray, float]:
-        """Combine runs: set-points [rad], their error [rad], and variance of its noise [rad²]."""
+        """Set-points that combine all runs [rad], their error [rad], and noise variance [rad²]."""
         # The error of a linear robot is an affine function of the set-points, so a weighted mean of
         # runs (weights may be negative) has the weighted mean of their errors. The weights of each
         # joint minimise the error, its noise and its nonlinear part. The model adds the coupling of

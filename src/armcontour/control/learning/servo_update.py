@@ -57,8 +57,8 @@ def fit_servo(
     # error: deviation from the expected motion [rad], (n, dof), with white noise of the variance
     # `variance` [rad²]. noise: standard deviation of the measurement [rad], (dof,). interval: time
     # between samples of the log [s].
-    # misfits: RMS deviations of the joints from the motion with the nominal servo and with the
-    # fitted servo, without friction and offsets [rad]; both 0 for the nominal servo.
+    # The misfits are the RMS deviations of the joints from the motion with the nominal servo and
+    # with the fitted servo, without friction and offsets [rad]; both 0 for the nominal servo.
     # The time step of the fine fit is at least half of the interval of the log, because a shorter
     # step adds no information.
     spans = COARSE_STEP, min(interval / 2, COARSE_STEP)

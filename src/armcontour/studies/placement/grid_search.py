@@ -49,7 +49,7 @@ def search_grid(
     executor: Executor | None = None,
     progress: Progress,
 ) -> list[Verdict]:
-    """Verdicts on places; the best place is planned, and bounds exclude the places without a plan.
+    """Verdicts on places; places that bounds exclude from being the best have no plan.
 
     `every`: if True, all places are planned. `processes`: number of processes, by default one for
     fewer than MIN_PLACES places, otherwise one per processor.

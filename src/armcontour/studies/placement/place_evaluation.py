@@ -137,7 +137,7 @@ class CutoffVerdicts:
         return self.steps[-1][1]
 
     def for_cutoff(self, cutoff: float) -> Verdict | None:
-        """The verdict for a cutoff; None if the evaluation ended early, at a smaller cutoff."""
+        """The verdict for a cutoff; None if the evaluation was ended by a smaller cutoff."""
         ends = (x for bound, x in self.steps if bound > cutoff or bound == np.inf)
         return next(ends, None)
 

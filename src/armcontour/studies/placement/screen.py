@@ -56,7 +56,7 @@ class PlaceBounds:
 
 
 class Screen:
-    """Bounds for a program and a non-redundant arm, at any place.
+    """Computes bounds of a program for a non-redundant arm, without a plan, at any place.
 
     `every`: if True, singular values are the largest over all configurations.
     """

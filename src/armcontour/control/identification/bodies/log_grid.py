@@ -122,7 +122,7 @@ def largest_noise(grids: list[LogGrid]) -> FloatArray:
 
 
 def low_pass(values: FloatArray, interval: float) -> FloatArray:
-    """Values after a zero-phase low-pass filter with the cut-off frequency CUT, (n, ...)."""
+    """Values after a zero-phase low-pass filter with the cut-off frequency CUTOFF, (n, ...)."""
     from scipy.signal import butter, sosfiltfilt
 
     nyquist = 0.5 / interval
