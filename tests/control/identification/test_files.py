@@ -173,7 +173,7 @@ def identification(log):
 def test_the_servo_file_is_the_servo_that_was_judged(identification, tmp_path):
     file = tmp_path / "servo.yaml"
     file.write_text(servo_yaml(identification))
-    assert "only one program" in file.read_text()
+    assert "one program only" in file.read_text()
     data = yaml.safe_load(file.read_text())
     assert list(data) == ["servo"] and data["servo"]["order"] == ["second", "second"]
     assert data["servo"]["acceleration_limit"][0] == "none"
