@@ -381,7 +381,7 @@ def test_a_step_too_long_for_the_gains_is_an_error(fails):
     fails(
         partial(run, free, q, kv=510.0, step=4e-3),
         "unstable at t = 0 s",
-        "shorten the step to 0.002 s",
+        "Shorten the step to 0.002 s",
         t=0.0,
         allowed=2 / 510.0,
         needed=4e-3,
@@ -401,8 +401,8 @@ def test_joints_that_run_away_or_do_not_settle_are_errors(fails, monkeypatch):
     fails(partial(run, free, swing(), weak, kv=1000.0, step=4e-3), "not at rest")
     slow = {"kp": 0.01, "cycle": 0.02, "step": 5e-3, "resolution": 0.02}
     for arm, words in (
-        (pendulum(gravity=WEIGHTLESS), "do not let it settle."),
-        (pendulum(gravity=WEIGHTLESS, armature=[0.0]), "its drive, armature, is missing."),
+        (pendulum(gravity=WEIGHTLESS), "the joint does not settle."),
+        (pendulum(gravity=WEIGHTLESS, armature=[0.0]), "its drive (armature) is missing."),
     ):
         fails(partial(run, arm, [[0.0], [1.0]], **slow), "not at rest", words)
     loose = {"kp": 0.1, "kv": 1.0, "gravity_feedforward": False}
@@ -435,17 +435,17 @@ def test_refused(refuses, monkeypatch):
         return ac.RigidBodyPlant(two_link(), ac.ServoModel(**{"kp": 25.0, "kv": 150.0, **options}))
 
     for call, words in (
-        (partial(plant, pendulum(masses=None)), "masses of the arm pendulum are not known"),
-        (partial(plant, bare), "masses of the arm bare are not known"),
+        (partial(plant, pendulum(masses=None)), "those of the arm pendulum are not known"),
+        (partial(plant, bare), "those of the arm bare are not known"),
         (partial(plant, pendulum(), step=0.0), "step"),
         (partial(plant, pendulum(), noise=-1e-5), "noise"),
         (partial(plant, pendulum(), seed=1.5), "seed"),
         (partial(plant, pendulum(), kp=[1.0, 2.0]), "kp has 2 values"),
         (partial(plant, pendulum(), one_way), "joint_acceleration"),
-        (partial(plant, light), "Joint 1 (hinge) turns no inertia"),
-        (partial(plant, pendulum(), controller=two_link()), "its controller knows has 2"),
+        (partial(plant, light), "joint 1 (hinge) moves none"),
+        (partial(plant, pendulum(), controller=two_link()), "the controller has 2"),
         (partial(plant, pendulum(), controller=pendulum(masses=None)), "pendulum are not known"),
-        (partial(run, pendulum(), np.zeros((4, 3))), "for 3 joints"),
+        (partial(run, pendulum(), np.zeros((4, 3))), "have 3 joints"),
         (partial(run, pendulum(), swing(), resolution=1e-4), "coarser"),
         (partial(ac.RigidBodyPlant, two_link(), first), "of order second"),
         (
@@ -459,8 +459,8 @@ def test_refused(refuses, monkeypatch):
         (partial(plant, pendulum(), joint_stiffness=[1e4, 1e4]), "joint_stiffness has 2 values"),
         (partial(plant, pendulum(), joint_stiffness=1e4, joint_damping=-1.0), "joint_damping"),
         (partial(plant, pendulum(), joint_damping=1.0), "requires joint_stiffness"),
-        (partial(plant, two_link(armature=[0.1, 0.0]), joint_stiffness=SPRING), "Joint 2 (elbow)"),
-        (partial(run, empty, swing(), joint_stiffness=SPRING), "Joint 1 (hinge) turns no inertia"),
+        (partial(plant, two_link(armature=[0.1, 0.0]), joint_stiffness=SPRING), "joint 2 (elbow)"),
+        (partial(run, empty, swing(), joint_stiffness=SPRING), "joint 1 (hinge) moves none"),
     ):
         refuses(call, ac.InvalidInput, words)
     monkeypatch.setitem(sys.modules, "mujoco", None)

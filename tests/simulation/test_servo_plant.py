@@ -326,7 +326,7 @@ def test_refused(arm, refuses):
         (partial(ac.simulate, set_points, "plant"), "simulate needs a Plant"),
         (partial(ac.simulate, set_points, plant(arm), resolution=0.0), "above zero"),
         (partial(ac.simulate, set_points, plant(arm), resolution=np.nan), "finite"),
-        (partial(ac.simulate, taught_data(np.zeros((4, 3))), plant(arm)), "for 3 joints"),
+        (partial(ac.simulate, taught_data(np.zeros((4, 3))), plant(arm)), "have 3 joints"),
         (partial(plant, arm, kp=[1.0, 2.0, 3.0]), "kp has 3 values"),
         (partial(plant, arm, limit=[1.0]), "joint_acceleration has 1 values"),
         (partial(ac.ServoPlant, arm, SERVO, saturation="torque"), "the limit joint_torque"),

@@ -301,8 +301,7 @@ class ServoPlant(LimitedPlant):
     Attributes:
         limits: The explicit limits, or None.
         saturation: The explicit or default saturation.
-        lower, acceleration: Lower and upper acceleration bounds [rad/s²], (dof,); infinite without
-            limits.
+        lower, acceleration: Acceleration bounds [rad/s²], (dof,); infinite without limits.
         torque_limit: Torque limits [N m], (dof,); None unless torques saturate.
 
     Raises:

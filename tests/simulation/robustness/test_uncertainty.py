@@ -67,7 +67,7 @@ def test_refusals(planar, refuses):
     first = ac.ServoModel(kp=25.0, order="first")
     for box, uncertain_arm, model, *words in (
         (Uncertainty(jitter=1e-3), arm, servo),
-        (Uncertainty(gains=[0.1] * 3), arm, servo, "2 joints"),
+        (Uncertainty(gains=[0.1] * 3), arm, servo, "2 numbers (one per joint)"),
         (Uncertainty(dead_time=3e-3), arm, servo, "must not exceed the dead time"),
         (Uncertainty(payload=1.0), arm, servo, "0.5 kg"),
         (Uncertainty(viscous=1.0, friction=0.5), arm, servo),
