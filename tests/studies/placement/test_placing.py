@@ -250,7 +250,7 @@ def test_wrong_wishes_are_refused(square):
     slow = replace(square, runs=(replace(run, timing=ac.Optimal(duration=5.0)),))
     for job, wrong, words in (
         (square, {"objective": "beauty"}, "must be one of duration, manipulability"),
-        (square, {"objective": "clearance"}, "shapes of the arm UR5e are not known"),
+        (square, {"objective": "clearance"}, "those of UR5e are not known"),
         (square, {"run": "first"}, "no run 'first': its runs are compensated"),
         (square, {"what": "base", "about": "origin"}, "A base can turn only about its own origin"),
         (square, {"what": "base", "over": {"tilt": (0, 1, 2)}}, "A base cannot be tilted"),
@@ -293,7 +293,7 @@ def test_a_note_reports_a_best_place_at_the_end_of_a_range(square):
     for first, last in ((best + 0.02, best + 0.06), (best - 0.06, best - 0.02)):
         placement = ac.place(square, ac.PlaceSearch(over={"x": (first, last, 2)}, refined=False))
         (note,) = (x for x in placement.notes if "range" in x)
-        assert note.startswith("The best place is at the end of the range of x: a wider range")
+        assert note.startswith("The best place is at the end of the range of x. A wider range")
 
 
 @pytest.mark.parametrize("name", ["ur5e", "ur10e", "panda"])
