@@ -415,8 +415,8 @@ class _RobotSet:
         if not self.set_points.cycle < MAX_RESULTS * span:
             raise ExecutionError(
                 "The fastest servo of the box has a time constant of "
-                f"{1 / self._fastest_rate():.3g} s, which is too short to simulate cycles of {self.set_points.cycle:g} s. Reduce its "
-                "gains kp and kv [1/s]."
+                f"{1 / self._fastest_rate():.3g} s, which is too short to simulate cycles of "
+                f"{self.set_points.cycle:g} s. Reduce its gains kp and kv [1/s]."
             )
         # A held command causes a ripple with the period of the cycle, which one result per cycle
         # would miss.
