@@ -146,7 +146,7 @@ def test_jobs_runs_and_experiments_that_cannot_be_are_refused(job, in_space):
             lambda: Experiment(joint_stiffness=[1e4, 0.0]),
             "joint_stiffness of an experiment must be above zero",
         ),
-        (lambda: Experiment(joint_damping=1.0), "needs their joint_stiffness"),
+        (lambda: Experiment(joint_damping=1.0), "requires joint_stiffness"),
         (lambda: Experiment(friction=False, coulomb=1.0), "friction"),
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from armcontour.control.compensation import InverseDynamics
 from armcontour.control.learning import LearningResult, LearningRun, Recording, judge_run, learn
-from armcontour.control.learning.alignment import fit_to
+from armcontour.control.learning.alignment import fit_clock
 from armcontour.control.learning.error_estimate import smooth_error
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
@@ -394,7 +394,7 @@ def check_run(set_points: SetPoints, log: Log) -> None:
     times = set_points.times(len(set_points.q), set_points.cycle)
     misfits = []
     for q in (*(x.q for x in set_points.runs), set_points.q):
-        offset, rate = fit_to(log.t, log.command, times, q)
+        offset, rate = fit_clock(log.t, log.command, times, q)
         commanded = interpolate(offset + rate * log.t, times, q)
         misfits.append(float(np.sqrt(np.mean((log.command - commanded) ** 2))))
     k = int(np.argmin(misfits))
