@@ -1,4 +1,4 @@
-"""Jobs of a plan: data of a job file with the values of parameters, and their digests."""
+"""Base jobs of a plan: job data, substitution of parameter values, and digests for the cache."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from armcontour.robot.scene import Scene
 # Keys of a job that read files, and the keys inside them that name files.
 WITH_FILES = ("arm", "tools", "path", "scene")
 FILE_KEYS = ("file", "files", "joint_limits")
-# Keys of a job that may choose the run, by kind of work.
+# Section of a job whose key `run` selects the run, by kind of work.
 CHOOSERS = {CERTIFY: "certificate", PLACE: "placement"}
 
 
@@ -46,17 +46,17 @@ class BaseJob:
     source: str
     # Folder against which relative file names are resolved
     folder: FilePath
-    # Data of the file, in SI units, with one run only
+    # Data of the file in SI units; only the selected run, all runs if `run` is None
     data: Mapping[str, Any]
-    # Name of that run; None if the certificate or the placement chooses
+    # Name of the selected run; None if the certificate or the placement selects the run
     run: str | None
-    # Digests of files that the job reads and no key names, such as meshes
+    # Digests of files that the job reads but no key names, such as meshes
     files: tuple[str, ...] = ()
-    # Dimension of the arm's work space
+    # Dimension of the arm's work space, 2 or 3; 0 before `with_digests`
     dimension: int = 0
 
     def data_with(self, keys: Sequence[Keys], values: Sequence[Any]) -> dict[str, Any]:
-        """The data with values of parameters."""
+        """Data of the job with the values of parameters."""
         with error_context(self.source):
             data: dict[str, Any] = apply_patch(
                 self.data, dict(zip(keys, values, strict=True)), self.run
@@ -68,7 +68,7 @@ class BaseJob:
         return model_of(JobModel, data, self.source)
 
     def job(self, data: Mapping[str, Any], *, trust_xacro: bool = False) -> Job:
-        """The job of some data; arm and path are cached while their data stay the same."""
+        """Create the job from its data; arm, path and scene are cached while their data are equal."""
         model = self.model(data)
         with error_context(self.source):
             text = _text([data.get(x) for x in WITH_FILES])
@@ -77,14 +77,14 @@ class BaseJob:
             )
 
     def key(self, data: Mapping[str, Any], request: Sequence[str]) -> str:
-        """Digest of all that the results of a job depend on."""
+        """Digest of everything that the results of a job depend on."""
         with error_context(self.source):
             named = [_digest_of(self.folder / x) for x in named_files(data)]
         text = _text([__version__, request, data, named, self.files])
         return hashlib.sha256(text.encode()).hexdigest()
 
     def with_digests(self, data: Mapping[str, Any], *, trust_xacro: bool) -> BaseJob:
-        """Copy with the arm's dimension, and digests of the files that arm, path and scene read."""
+        """Copy with the arm's dimension and digests of files that no key names."""
         digests: dict[FilePath, str] = {}
 
         def add_digest(file: FilePath, content: bytes) -> None:
@@ -101,7 +101,7 @@ class BaseJob:
 
 @dataclass(frozen=True, slots=True)
 class _PartFactory:
-    """Factory of arm, path and scene; all instances are equal, so that a cache uses the text."""
+    """Factory of arm, path and scene; ignores `model` in comparisons, so a cache uses the text."""
 
     model: JobModel = field(compare=False)
     folder: FilePath
@@ -114,14 +114,14 @@ class _PartFactory:
 
 @lru_cache(maxsize=4)
 def _cached_parts(text: str, factory: _PartFactory) -> tuple[Arm, Path | Program, Scene | None]:
-    """Arm, path and scene of some data, cached by its text."""
+    """Arm, path and scene of a job, cached by the text of its data."""
     return factory.make()
 
 
 def read_base(
     job: str | Mapping[str, str], folder: FilePath, run: str | None, work: str
 ) -> BaseJob:
-    """Read a job of a plan."""
+    """Read a base job of a plan: a job file, or a drawing and its cell."""
     if isinstance(job, str):
         file = folder / job
         data, source, home = read_data(job_text(file), file.name), file.name, file.parent
@@ -141,14 +141,14 @@ def read_base(
 def _with_run(
     data: Mapping[str, Any], source: str, run: str | None, work: str
 ) -> tuple[dict[str, Any], str | None]:
-    """Data of a job without other runs, and without the keys for their comparison."""
+    """Data with the selected run only, and the name of this run; None if the work selects it."""
     runs, names = data["runs"], ", ".join(data["runs"])
     name = run or (data.get(CHOOSERS.get(work, "")) or {}).get("run")
     if name is None and len(runs) == 1:
         (name,) = runs
-    unknown = f"run: {source} has no run {show(name)}: it has {names}."
+    unknown = f"run: {source} has no run {show(name)}. It has the runs {names}."
     raise_if(name not in (None, *runs), unknown)
-    missing = f"run is missing: {source} has several runs, so choose one: {names}."
+    missing = f"run is missing: {source} has several runs. Choose one of {names}."
     raise_if(name is None and work not in CHOOSERS, missing)
     reduced = dict(data) if work == CERTIFY else _without(data, "certificate")
     if name is None:
@@ -171,17 +171,17 @@ def _without(data: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 
 def check_placed(base: BaseJob, data: Mapping[str, Any]) -> None:
-    """Check that a job has axes for its placement."""
+    """Check that a job has axes for the placement search."""
     placement = data.get("placement") or {}
     if not placement.get("over"):
         raise InvalidInput(
-            f"do: place needs the key placement.over of {base.source}, the axes of the search, "
-            "such as placement: {over: {x: {from: -100 mm, to: 100 mm, places: 5}}}."
+            f"do: place requires the key placement.over in {base.source}, which defines the axes "
+            "of the search, such as placement: {over: {x: {from: -100 mm, to: 100 mm, places: 5}}}."
         )
 
 
 def named_files(data: Mapping[str, Any]) -> Iterator[str]:
-    """Files that keys of a job name."""
+    """Yield the names of the files that keys of a job name."""
     arm = data.get("arm")
     if isinstance(arm, str) and arm.lower().endswith(ARM_FILES):
         yield arm
@@ -208,18 +208,18 @@ def _text(value: Any) -> str:
 
 
 def _digest_of(file: FilePath) -> str:
-    """Digest of a file, cached by size and time of change."""
+    """Digest of a file, cached by its size and modification time."""
     try:
         state = file.stat()
     except OSError:
-        # Reading raises the error.
+        # Reading the file raises the error.
         return _digest(file, (0, 0))
     return _digest(file, (state.st_size, state.st_mtime_ns))
 
 
 @lru_cache(maxsize=10_000)
 def _digest(file: FilePath, state: tuple[int, int]) -> str:
-    """Digest of a file in a state."""
+    """Digest of a file; `state` has its size and modification time, for the cache."""
     return hashlib.sha256(
         file_access.read_bytes(file, "file", maximum=file_access.LARGE)
     ).hexdigest()

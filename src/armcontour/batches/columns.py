@@ -1,4 +1,4 @@
-"""Figures of a job that a batch can have as columns."""
+"""Figures of a job that can be columns of a batch."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armcontour.core.result import Row
 from armcontour.core.text import suggest
 from armcontour.jobs.place_search import UNITS
 
-# Kinds of work on each job: each of the first includes those before it; `PLACE` is separate.
+# Kinds of work on each job. Each of RISING includes the previous kinds; `PLACE` is separate.
 COMPENSATE, RUN, CERTIFY = RISING = ("compensate", "run", "certify")
 PLACE = "place"
 WORKS = (*RISING, PLACE)
@@ -22,9 +22,9 @@ WORKS = (*RISING, PLACE)
 class Column:
     """A figure of a job, known before the job runs."""
 
-    # Its SI unit, as in the row
+    # SI unit of the figure; empty for counts
     unit: str
-    # The smallest work that computes it
+    # The smallest kind of work that computes the figure
     since: str
 
     def is_computed_by(self, work: str) -> bool:
@@ -36,7 +36,7 @@ class Column:
 
 ERRORS = ("contour_error", "objective_error", "tracking_error", "experiment.contour_error")
 PLACED = {"duration": "s", "singular": "m/rad", "clearance": "m", "torque_margin": "1"}
-# Units of the rows by name, for the smallest work that computes them.
+# Units of the figures by name, grouped by the smallest kind of work that computes them.
 ROWS: dict[str, dict[str, str]] = {
     COMPENSATE: {
         **{"duration": "s", "length": "m", "corner_error": "m", "full_stops.count": ""},
@@ -77,7 +77,7 @@ USUAL = {
 
 
 def read_columns(requested: Iterable[str] | None, work: str) -> tuple[str, ...]:
-    """Names of the columns of a plan, or the usual ones."""
+    """Names of the columns of a plan; by default the usual columns of its kind of work."""
     if requested is None:
         return USUAL[work]
     available = [x for x, column in COLUMNS.items() if column.is_computed_by(work)]
@@ -85,22 +85,24 @@ def read_columns(requested: Iterable[str] | None, work: str) -> tuple[str, ...]:
     for k, name in enumerate(names):
         location = f"columns (item {k + 1})"
         if name not in COLUMNS:
-            hint = suggest(name, available, f"there are {', '.join(available)}.")
+            hint = suggest(name, available, f"the columns are {', '.join(available)}.")
             raise InvalidInput(f"{location}: unknown column {name}: {hint}")
         if name not in available:
             raise InvalidInput(
-                f"{location}: {name} comes from do: {COLUMNS[name].since}, but the plan does "
-                f"{work}: change one of them."
+                f"{location}: {name} requires do: {COLUMNS[name].since}, but the plan has do: "
+                f"{work}. Change do, or remove the column."
             )
         if name in names[:k]:
-            raise InvalidInput(f"{location}: {name} is repeated.")
+            raise InvalidInput(f"{location}: the column {name} is repeated.")
     if not names:
-        raise InvalidInput(f"columns is empty: name some of {', '.join(available)}, or remove it.")
+        raise InvalidInput(
+            f"columns is empty. Name at least one of {', '.join(available)}, or remove the key."
+        )
     return names
 
 
 def figures_of(result: Any, names: Iterable[str], work: str) -> tuple[float | None, ...]:
-    """Figures of a job, in the order of the columns."""
+    """Figures of a job in the order of the columns; None if missing or not finite."""
     from armcontour.jobs.job_result import judging_rows
 
     rows: list[Row] = []

@@ -24,7 +24,7 @@ class BatchProgress:
     """Progress of a batch.
 
     Args:
-        total: Number of its jobs.
+        total: Number of jobs of the batch.
         done: Number of jobs with a result.
         before: Number of jobs with a result when the batch started.
         seconds: Time since the start [s].
@@ -58,7 +58,7 @@ class BatchProgress:
 
     @property
     def left(self) -> float | None:
-        """Remaining time at this rate [s]; None if unknown."""
+        """Remaining time at the present rate [s]; None if the rate is 0."""
         return (self.total - self.done) / self.rate if self.rate > 0 else None
 
 
@@ -87,7 +87,7 @@ class Batch:
         return dict(Counter(x["error"] for x in self.rows if x["error"]).most_common())
 
     def table(self) -> dict[str, list[Any]]:
-        """The results as columns, by name."""
+        """Columns of the results: a list of values per column name."""
         return {name: [x[name] for x in self.rows] for name in self.rows[0]}
 
     def __str__(self) -> str:
@@ -153,7 +153,7 @@ def batch(
         remaining = results.left(retry=retry)
         if remaining:
             if not isinstance(opened, InProcess):
-                # Otherwise several processes would compile the same functions.
+                # Compile here first; otherwise several processes would compile the same functions.
                 for dimension in {x.dimension for x in parsed.bases}:
                     compile_kernels("plane" if dimension == 2 else "space", compiling)
             _work(parsed, remaining, opened, results, progress or (lambda tally: None))
@@ -167,7 +167,7 @@ def _work(
     results: Results,
     progress: Callable[[BatchProgress], None],
 ) -> None:
-    """Run the jobs that have no result."""
+    """Run the jobs with the indices `remaining`, and store their outcomes."""
     statuses, errors = Counter[str](), Counter[str]()
     before, begin = len(plan) - len(remaining), time.monotonic()
     with TaskQueue[int, Outcome](Work(plan), executor, killed) as queue:

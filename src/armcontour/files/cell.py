@@ -26,7 +26,7 @@ from armcontour.jobs.job import LONGEST_TITLE
 from armcontour.robot import Arm
 from armcontour.robot.scene import Scene
 
-# Keys of a job's path that a drawing replaces.
+# Keys of `path` with the geometry of a job, which a drawing replaces.
 OWN_PATH = ("points", "start", "segments", "spline")
 YAML = (".yaml", ".yml")
 
@@ -38,11 +38,11 @@ def cell_names() -> tuple[str, ...]:
 
 
 def cell_text(name: str) -> str:
-    """The text of a built-in cell: a job file without a path, with comments."""
+    """Text of a built-in cell, a job file without a path, with its comments."""
     names = cell_names()
     if name not in names:
         raise InvalidInput(
-            f"There is no cell {name!r}: name a job file (.yaml), or one of {', '.join(names)}."
+            f"There is no cell {name!r}. Name a job file (.yaml), or one of {', '.join(names)}."
         )
     file = resources.files("armcontour.files") / "cells" / f"{name}.yaml"
     return file.read_text(encoding="utf-8")
@@ -57,13 +57,12 @@ def read_cell(
     reading: Progress | None = None,
     trust_xacro: bool = False,
 ) -> Job:
-    """Combine a cell or a job file with a drawing; `path` and `patch` override keys."""
-    # The drawing replaces the points or segments of a job file; its frame and its reader options
-    # stay.
+    """Make the job of a cell or job file with a drawing; `path` and `patch` override keys."""
+    # The drawing replaces the geometry of a job file, but not its frame and its reader options.
     values: Patch = {("path", key): value for key, value in (path or {}).items()}
     data, source, folder = cell_data(cell, drawing, {**values, **(patch or {})})
     model = model_of(CellModel, data, source)
-    # Errors in the drawing name the drawing only, because the cell does not cause them.
+    # Messages of errors in the drawing name only the drawing, not the cell.
     program = read_drawing(model.path, str(model.path.file), folder, reading)
     with error_context(source):
         return job_of(model, folder, reading, trust_xacro, program)
@@ -78,7 +77,7 @@ def read_cell_arm(cell: str | FilePath, *, trust_xacro: bool = False) -> Arm:
 
 
 def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple[Arm | None, Scene]:
-    """The arm, or None, and the scene of a cell or of a job file without other keys."""
+    """Arm, or None, and scene of a cell or job file, which needs no other keys."""
     text, source, folder = _text(str(cell))
     specified = read_keys(SpecifiedKeys(CellModel), load(text, source), source)
     model, path, scene = (
@@ -94,7 +93,7 @@ def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple
 def cell_data(
     cell: str | FilePath, drawing: str | FilePath, patch: Patch | None = None
 ) -> tuple[dict[str, Any], str, FilePath]:
-    """Cell and drawing as the data of a job file, the cell's name, and the folder of its files."""
+    """Job data of a cell and a drawing, the cell's name for messages, and its folder."""
     text, source, folder = _text(str(cell))
     data, location = read_data(text, source), FilePath(drawing)
     drawn = _drawn(data, location, str(location.absolute()))
@@ -103,7 +102,7 @@ def cell_data(
 
 
 def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) -> str:
-    """A cell and a drawing as the text of a job file, with the comments of the cell."""
+    """Job file text of a cell and a drawing for the folder `to`, with the comments of the cell."""
     text, source, folder = _text(str(cell))
     location = FilePath(drawing).absolute()
     file = FilePath(os.path.relpath(location, to)).as_posix()
@@ -112,20 +111,20 @@ def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) ->
 
 
 def _drawn(cell: Mapping[str, Any], drawing: FilePath, file: str) -> Patch:
-    """The keys of a cell that a drawing replaces: its path, and name and title of the job."""
+    """Patch that inserts a drawing into a cell: its path, name and title; `file` is its name."""
     cell_title = cell.get("title")
     title = drawing.name if cell_title is None else f"{drawing.name} on {cell_title}"
     return {
         **{("path", key): REMOVE for key in OWN_PATH},
         ("path", "file"): file,
-        # The name of a file may be longer than that of a job, and hold unprintable characters.
+        # A file name may be too long for a job name, and may have unprintable characters.
         ("name",): _fit(drawing.stem, LONGEST_NAME),
         ("title",): _fit(title, LONGEST_TITLE),
     }
 
 
 def _text(cell: str) -> tuple[str, str, FilePath]:
-    """The text of a cell, its name for messages, and the folder of its relative files."""
+    """Text of a cell, its name for messages, and the folder of its relative file names."""
     file = FilePath(cell)
     if file.suffix.lower() in YAML:
         return job_text(file), file.name, file.parent

@@ -1,7 +1,7 @@
-"""Keys of files from dataclasses: fields, annotations, defaults and docstrings.
+"""Validators and schemas of file keys, derived from dataclasses.
 
-Building the validators of all keys of a job takes as long as a small plan, and a job uses few keys.
-So the validator of a nested mapping is built when a file has such a mapping.
+Building the validators of all keys of a job takes as long as a small plan, but a job uses few keys.
+Therefore the validator of a nested mapping is built only if a file has such a mapping.
 """
 
 from __future__ import annotations
@@ -63,16 +63,14 @@ BOUNDS: dict[str, dict[str, float]] = {
     "share": {"minimum": 0, "exclusiveMaximum": 1},
     "turn": {"minimum": -WHOLE_TURN, "maximum": WHOLE_TURN},
 }
-# Shapes of arrays in docstrings, which are removed from the descriptions of keys.
+# Matches array shapes in docstrings, which are removed from the descriptions of keys.
 SHAPE = re.compile(r", \((?:dof|\d)[\w, ]*\)(?: or \([\w, ]*\),)?")
-
-
-# True while validators of nested mappings are built on demand.
+# True while a validator is built whose nested validators are built on demand.
 _later = ContextVar("_later", default=False)
 
 
 class KeyMark(ABC):
-    """Annotation of a value that is read from a mapping of keys."""
+    """Annotation of a value that is made from a mapping of keys."""
 
     __slots__ = ()
 
@@ -82,12 +80,12 @@ class KeyMark(ABC):
         return self.schema(handler)
 
     def _read(self, data: Any) -> Any:
-        """Check a mapping and make its value; its problems become those of the whole file."""
+        """Check a mapping and make its value; problems are reported as problems of the file."""
         return _adapter(self).validate_python(data)
 
     @abstractmethod
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """The pydantic schema of the mapping."""
+        """Pydantic schema that checks the mapping and makes its value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,12 +104,12 @@ class _Outer:
 
 @dataclass(frozen=True, slots=True)
 class MappingKeys(KeyMark):
-    """Annotation of a dataclass that is read from a mapping of keys."""
+    """Annotation of a dataclass that is made from a mapping of its keys."""
 
     target: type
 
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """The pydantic schema that checks the keys and makes the dataclass."""
+        """Pydantic schema that checks the keys and makes the dataclass."""
         inner = handler.generate_schema(_model(self.target))
         return core_schema.no_info_after_validator_function(self._build, inner)
 
@@ -123,37 +121,36 @@ class MappingKeys(KeyMark):
 
 @dataclass(frozen=True, slots=True)
 class SpecifiedKeys(KeyMark):
-    """Annotation of a dictionary of only those fields of a dataclass that a file gives."""
+    """Annotation of a dictionary with only the fields of a dataclass that a file specifies."""
 
     target: type
     null: bool = False  # Whether every key may be `null`
 
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """The pydantic schema that checks the specified keys."""
+        """Pydantic schema that checks the specified keys and makes the dictionary."""
         inner = handler.generate_schema(_model(self.target, specified=True, null=self.null))
         return core_schema.no_info_after_validator_function(partial(_values, self.target), inner)
 
 
 @dataclass(frozen=True, slots=True)
 class Methods(KeyMark):
-    """Annotation of one of several dataclasses, which the key `method` names."""
+    """Annotation of one of several dataclasses, selected by the key `method`."""
 
-    text: str
+    text: str  # Description of the mapping
     method: str  # Description of the key `method`
-    # The dataclasses, each with the name of its method; the first one is the default.
-    kinds: tuple[Any, ...]
-    more: tuple[Any, ...] = ()  # Further annotations of the key `method`
+    kinds: tuple[Any, ...]  # Dataclasses with an attribute `method`; the first is the default
+    more: tuple[Any, ...] = ()  # Additional annotations of the key `method`
 
     @property
     def keys(self) -> list[str]:
-        """Fields of the dataclasses that are keys: they have an `About`."""
+        """Names of the fields that are keys, because they have an `About` annotation."""
         hints = [
             x for kind in self.kinds for x in get_type_hints(kind, include_extras=True).items()
         ]
         return sorted({name for name, x in hints if any(isinstance(y, About) for y in parts_of(x))})
 
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """The pydantic schema that checks the keys and makes the dataclass of the method."""
+        """Pydantic schema that checks the keys and makes the dataclass of the method."""
         inner = handler.generate_schema(_methods_model(self))
         return core_schema.no_info_after_validator_function(self._build, inner)
 
@@ -164,20 +161,20 @@ class Methods(KeyMark):
         specified = {key: x for key, x in values.items() if x is not None and key != "method"}
         kind = next(x for x in self.kinds if x.method == method)
         for key in specified.keys() - _parameters(kind).keys():
-            raise ValueError(f"{key} goes with the method {self.methods(key)}, not {kind.method}")
+            raise ValueError(f"{key} requires the method {self.methods(key)}, not {kind.method}")
         return kind(**specified)
 
     def methods(self, key: str) -> str:
-        """Names of the methods that have a key."""
+        """Text with the names of the methods that have a key."""
         return " and ".join(x.method for x in self.kinds if key in _parameters(x))
 
 
 def read_keys(mark: KeyMark, data: Any, source: str) -> Any:
-    """Check the data of a file and make the value of its dataclass."""
+    """Check the data of a file and make the value that `mark` describes."""
     with suppress(ValidationError):
         return _adapter(mark).validate_python(data)
-    # Only data with an error is validated twice: the schema of the whole file is slow to build, but
-    # its message names the key.
+    # Data with an error is validated again by the validator of the whole file, which is slow to
+    # build but knows the location of each key.
     try:
         return _whole(mark).validate_python(data)
     except ValidationError as error:
@@ -186,25 +183,25 @@ def read_keys(mark: KeyMark, data: Any, source: str) -> Any:
 
 @cache
 def schema_of(mark: KeyMark) -> dict[str, Any]:
-    """The JSON Schema of a file with the keys of a dataclass."""
+    """JSON Schema of a file with the keys of a dataclass."""
     return _whole(mark).json_schema()
 
 
 @cache
 def _adapter(mark: KeyMark) -> TypeAdapter[Any]:
-    """The validator of a mapping, whose nested validators are built on demand."""
+    """Validator of a mapping, whose nested validators are built on demand."""
     return TypeAdapter(Annotated[Any, _Outer(mark)])
 
 
 @cache
 def _whole(mark: KeyMark) -> TypeAdapter[Any]:
-    """The validator of a mapping and all nested mappings."""
+    """Validator of a mapping and all nested mappings."""
     return TypeAdapter(Annotated[Any, mark])
 
 
 @cache
 def _model(kind: type, *, specified: bool = False, null: bool = False) -> type[BaseModel]:
-    """The pydantic model of a dataclass; with `specified` all keys are optional."""
+    """Pydantic model of a dataclass; with `specified` all keys are optional."""
     name = f"Given{kind.__name__}" if specified else kind.__name__
     summary = inspect.cleandoc(kind.__doc__ or "").split("\n\n")[0]
     return _new_model(name, summary, _keys(kind, specified=specified, null=null))
@@ -212,7 +209,7 @@ def _model(kind: type, *, specified: bool = False, null: bool = False) -> type[B
 
 @cache
 def _methods_model(mark: Methods) -> type[BaseModel]:
-    """The pydantic model of the keys of several methods."""
+    """Pydantic model with the keys of all methods."""
     default, *_ = names = tuple(str(x.method) for x in mark.kinds)
     one_of = Annotated[(Literal[names], *mark.more)] if mark.more else Literal[names]
     fields: dict[str, Any] = {"method": (one_of, Field(default, description=mark.method))}
@@ -232,13 +229,13 @@ def _new_model(name: str, summary: str, keys: dict[str, Any]) -> type[BaseModel]
 
 
 def _keys(owner: type, *, specified: bool = False, null: bool = False) -> dict[str, Any]:
-    """The keys of a dataclass, as pydantic makes fields of them."""
+    """Types and pydantic fields of the keys of a dataclass, by key."""
     form = FORMS.get(owner, Form())
     hints = {**get_type_hints(owner, include_extras=True), **form.types}
     described = {**_descriptions(owner), **form.texts}
     fields: dict[str, Any] = {}
     own_names = inspect.get_annotations(owner)
-    # Keys of the class come before those of the options that it extends.
+    # Keys of the class itself come before the keys of its base classes.
     for field in sorted(dataclasses.fields(owner), key=lambda x: x.name not in own_names):
         if field.name in form.omit or not field.init:
             continue
@@ -257,7 +254,7 @@ def _keys(owner: type, *, specified: bool = False, null: bool = False) -> dict[s
 
 
 def _default(owner: type, field: dataclasses.Field[Any]) -> Any:
-    """The default of a field's key; null for a default factory that does not make it empty."""
+    """Default of the key of a field; None for a factory other than `dict` and `list`."""
     if field.default_factory in (dict, list):
         return field.default_factory()
     if _is_made(field):
@@ -277,30 +274,30 @@ def _is_made(field: dataclasses.Field[Any]) -> bool:
 
 @cache
 def _made(owner: type) -> frozenset[str]:
-    """Fields of a dataclass with a default factory, for which null means the default."""
+    """Names of the fields with a default factory, for which null means the default."""
     return frozenset(x.name for x in dataclasses.fields(owner) if _is_made(x))
 
 
 def _values(owner: type, model: BaseModel) -> dict[str, Any]:
-    """The values that a file gives, by the fields of the dataclass."""
+    """Values that a file specifies, by field of the dataclass."""
     names, specified = _names_of(owner), model.model_fields_set
     return {names.get(x, x): getattr(model, x) for x in type(model).model_fields if x in specified}
 
 
 @cache
 def _names_of(owner: type) -> dict[str, str]:
-    """Names of the fields of a dataclass by their keys, where these differ."""
+    """Names of the fields of a dataclass by key, for keys with another name than the field."""
     return {key: name for name, key in FORMS.get(owner, Form()).names.items()}
 
 
 def _descriptions(owner: type) -> dict[str, str]:
-    """Descriptions of the keys of a dataclass: those of its fields, with null for None."""
+    """Descriptions of the fields of a dataclass for users of files: null replaces None."""
     fields = describe_fields(owner).items()
     return {name: SHAPE.sub("", text).replace("None ", "null ") for name, text in fields}
 
 
 def _type_of(hint: Any) -> Any:
-    """The pydantic type of a key, from the annotation of a field."""
+    """Pydantic type of a key, from the annotation of its field."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return _annotated(*parts)
@@ -315,7 +312,7 @@ def _type_of(hint: Any) -> Any:
 
 
 def _annotated(annotated: Any, *marks: Any) -> Any:
-    """The pydantic type of an annotated field."""
+    """Pydantic type of a key whose field has an `Annotated` type."""
     mark = marks[0]
     if isinstance(mark, Quantity):
         number = _number(mark)
@@ -347,14 +344,14 @@ def _annotated(annotated: Any, *marks: Any) -> Any:
 
 
 def _bounds(kind: Quantity) -> dict[str, float]:
-    """The range of a quantity, as JSON Schema has it."""
+    """Bounds of a quantity as keywords of JSON Schema."""
     if kind.within is None:
         return BOUNDS[kind.sign]
     return dict(zip(("minimum", "maximum"), kind.within, strict=True))
 
 
 def _number(kind: Quantity) -> Any:
-    """The pydantic type of a quantity: a plain number, or text with a unit."""
+    """Pydantic type of a quantity: a plain number, or text with a unit."""
     text = f"A number in {kind.unit}, or text with a unit such as '{kind.example}'."
     if kind.unit == "1":
         text = f"A plain number, or text in percent such as '{kind.example}'."

@@ -1,4 +1,4 @@
-"""Keys of files that differ from the fields of their dataclasses, in name, type or default."""
+"""File keys that differ from the fields of their dataclasses in name, type or default."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class AxesModel:
     tilt: AnglesModel | None = None
 
     def ranges(self) -> dict[str, tuple[float, float, int]]:
-        """The first value, the last value and the number of values of each axis."""
+        """First value, last value and number of values of each specified axis."""
         axes = {name: getattr(self, name) for name in AXES}
         return {name: (x.start, x.end, x.places) for name, x in axes.items() if x is not None}
 
@@ -95,7 +95,7 @@ class OffModel:
     tilt: AngularDistance | None = None
 
     def sizes(self) -> dict[str, float]:
-        """The position error along each axis."""
+        """Position error of each specified axis [m or rad]."""
         axes = {name: getattr(self, name) for name in AXES}
         return {name: x for name, x in axes.items() if x is not None}
 
@@ -109,22 +109,23 @@ TENSOR = [[0, 1, 2], [1, 3, 4], [2, 4, 5]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Form:
-    """Differences between the keys of a file and the fields of their dataclass."""
+    """Differences between the keys of a file and the fields of their dataclass, by field."""
 
-    # Keys with another name than the field, by the fields.
+    # Names of keys that differ from the field
     names: Mapping[str, str] = field(default_factory=dict)
-    # Annotations of keys with another type than the field, by the fields.
+    # Annotations of keys that differ from the field
     types: Mapping[str, Any] = field(default_factory=dict)
-    # Defaults of such keys, by the fields.
+    # Defaults of keys that differ from the field
     defaults: Mapping[str, Any] = field(default_factory=dict)
-    # Descriptions of such keys, by the fields.
+    # Descriptions of keys that differ from the field
     texts: Mapping[str, str] = field(default_factory=dict)
+    # Fields without a key
     omit: frozenset[str] = frozenset()
 
 
-# Ends of a range.
+# Names of the keys for the ends of a range.
 ENDS = {"start": "from", "end": "to"}
-# For every other dataclass the keys are its fields.
+# The keys of dataclasses that are not listed equal the fields.
 FORMS: dict[type, Form] = {
     AnglesModel: Form(names=ENDS),
     LengthsModel: Form(names=ENDS),

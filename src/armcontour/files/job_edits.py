@@ -1,4 +1,4 @@
-"""Edits of keys of job files, which keep all other text and the comments."""
+"""Edits of keys in the text of job files; all other text and the comments do not change."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from typing import Any, Final, TypeAlias
 import yaml
 
 from armcontour.core.errors import InvalidInput
+from armcontour.core.text import show
 from armcontour.core.yaml_loader import Loader, load_with_node
 from armcontour.files.job_arm import ARM_FILES
 from armcontour.files.problems import key_text
@@ -21,12 +22,12 @@ from armcontour.files.yaml_text import Shared, Splice, YamlText, equal_data, flo
 
 Key: TypeAlias = str | int
 Keys: TypeAlias = tuple[Key, ...]
-# Keys whose values are names of files, relative to the folder of the job file.
+# Keys whose values are file names relative to the folder of the job file.
 FILES = ("file", "files", "joint_limits", "srdf", "packages")
 
 
 class Remove(Enum):
-    """Marker for the value of a key that is removed."""
+    """Type of `REMOVE`, the value of a change that removes a key."""
 
     REMOVE = "remove"
 
@@ -36,26 +37,26 @@ REMOVE: Final = Remove.REMOVE
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A change of one key of a job file: a value that is set, inserted into a list, or removed."""
+    """Change of one key of a job file: set a value, insert it into a list, or remove the key."""
 
-    # The keys of the value, from the outermost; a number is a position in a list, from 0, or the
-    # key of a mapping.
+    # Key path of the value, from the outermost key; a number is a list index, from 0, or the key of
+    # a mapping
     keys: Keys
-    value: Any = REMOVE  # The new value; `REMOVE` removes the key or the item, if it exists
-    # Whether the value becomes a new item of a list, before the item at this position; the position
-    # after the last item is allowed.
+    value: Any = REMOVE  # New value; `REMOVE` removes the key or the item if it exists
+    # Whether the value is inserted into a list, before the item with the index at the end of `keys`;
+    # the length of the list is allowed as an index
     insert: bool = False
 
 
 def change_text(text: str, changes: Sequence[Change], source: str = "job") -> str:
-    """A YAML text with some keys changed; all other lines stay as they were written."""
+    """Apply changes to YAML text; all other lines do not change."""
     data, root = _parsed(text, source)
     for group in _together(data, changes):
         written = YamlText(text, root)
         try:
             text = _spliced(text, [y for x in group for y in _splices(written, data, x)])
             changed = change_data(data, group)
-            # If the text is no YAML any more, the change removed an anchor that is still used.
+            # Parsing fails if the change removed an anchor that an alias still uses.
             data, root = _parsed(text, source)
             if not equal_data(data, changed):
                 raise Shared
@@ -65,14 +66,14 @@ def change_text(text: str, changes: Sequence[Change], source: str = "job") -> st
 
 
 def change_data(data: Any, changes: Sequence[Change]) -> Any:
-    """The data of a job file with some keys changed; the given data stay as they are."""
+    """Copy of the data of a job file with changes."""
     for change in changes:
         data = _changed(data, change.keys, change)
     return data
 
 
 def move_files(text: str, folder: FilePath, to: FilePath) -> str:
-    """A job file that names the same files from another folder."""
+    """Text of a job file whose relative file names are converted from `folder` to `to`."""
     root = yaml.compose(text, Loader=Loader)
     edits = []
     for node in _file_names(root):
@@ -84,12 +85,12 @@ def move_files(text: str, folder: FilePath, to: FilePath) -> str:
 
 
 def file_names(text: str, source: str = "job") -> list[str]:
-    """The files and folders that a job file names."""
+    """Names of the files and folders in a job file."""
     return [x.value for x in _file_names(_parsed(text, source)[1])]
 
 
 def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
-    """The values of a job file that are names of files or folders."""
+    """Yield the nodes of a job file that are names of files or folders."""
     if not isinstance(root, yaml.MappingNode):
         return
     for key, value in root.value:
@@ -107,12 +108,12 @@ def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
 
 @lru_cache(maxsize=1)
 def _parsed(text: str, source: str) -> tuple[Any, yaml.Node | None]:
-    """Data and nodes of a text, read-only; the last text is cached, as it is often edited next."""
+    """Data and root node of a text, read-only; the last text is cached for the next edit."""
     return load_with_node(text, source)
 
 
 def _changed(data: Any, keys: Keys, change: Change) -> Any:
-    """Data with a change, whose keys start there; what is no mapping or list becomes one."""
+    """Copy of data with a change at `keys`; creates missing mappings and lists."""
     key, *inner = keys
     last, removing = not inner, change.value is REMOVE
     if isinstance(data, list) and isinstance(key, int):
@@ -130,11 +131,11 @@ def _changed(data: Any, keys: Keys, change: Change) -> Any:
 
 
 def _changed_list(data: list[Any], index: int, inner: Keys, change: Change) -> list[Any]:
-    """A list with a change at one of its positions, or inside it."""
+    """Copy of a list with a change of the item at an index, or inside this item."""
     adding = change.insert and not inner
     if not 0 <= index < len(data) + adding:
         raise InvalidInput(
-            f"{key_text(change.keys)} cannot be changed: the list there has {len(data)} "
+            f"{key_text(change.keys)} cannot be changed, because its list has only {len(data)} "
             f"item{'' if len(data) == 1 else 's'}."
         )
     if adding:
@@ -146,14 +147,16 @@ def _changed_list(data: list[Any], index: int, inner: Keys, change: Change) -> l
 
 
 def _position(key: Key, change: Change) -> int:
-    """The position in a list that a key names."""
+    """Check that a key is an index of a list, and return the index."""
     if not isinstance(key, int):
-        raise InvalidInput(f"{key_text(change.keys)} is no position in a list.")
+        raise InvalidInput(
+            f"{key_text(change.keys)} cannot be inserted, because {show(key)} is not a list index."
+        )
     return key
 
 
 def _together(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
-    """The changes in groups whose locations in the text are independent."""
+    """Yield the changes in groups; the changes of a group have independent locations in the text."""
     group: list[Change] = []
     for change in changes:
         alone = (
@@ -172,13 +175,13 @@ def _together(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
 
 
 def key_in(sentence: str) -> str:
-    """The key that an error message of a job names, such as "limits.speed"; "" without a key."""
+    """Key in the error message of a job, such as "limits.speed"; empty if it has no key."""
     named = re.search(r": (?:unknown key )?([\w-]+(?:\.[\w-]+)*)", sentence)
     return named[1] if named else ""
 
 
 def line_of(text: str, sentence: str) -> int | None:
-    """The line of a job file, from 1, to which an error message refers; None if it names no key."""
+    """Number of the line, from 1, of the key in an error message; None if the key is not found."""
     node, line = yaml.compose(text, Loader=Loader), None
     for key in key_in(sentence).split("."):
         if not isinstance(node, yaml.MappingNode):
@@ -191,7 +194,7 @@ def line_of(text: str, sentence: str) -> int | None:
 
 
 def value_at(data: Any, keys: Keys, default: Any = None) -> Any:
-    """The value of data at some keys."""
+    """Value at a key path in data; `default` if the path does not exist."""
     for key in keys:
         if isinstance(data, list) and isinstance(key, int) and 0 <= key < len(data):
             data = data[key]
@@ -203,13 +206,13 @@ def value_at(data: Any, keys: Keys, default: Any = None) -> Any:
 
 
 def overlap(one: Keys, other: Keys) -> bool:
-    """True if one of two locations in data is inside the other, or they are the same."""
+    """True if two key paths are equal or one contains the other."""
     shared = min(len(one), len(other))
     return one[:shared] == other[:shared]
 
 
 def _splices(text: YamlText, data: Any, change: Change) -> list[Splice]:
-    """The splices of a text that make a change."""
+    """Splices of the text that apply a change."""
     part = text.root
     for depth, key in enumerate(change.keys):
         inner_keys = change.keys[depth + 1 :]
@@ -234,18 +237,19 @@ def _splices(text: YamlText, data: Any, change: Change) -> list[Splice]:
 
 
 def _spliced(text: str, splices: Sequence[Splice]) -> str:
-    """A text with parts replaced."""
+    """Text after the replacement of all splices, from the end to the start."""
     for splice in sorted(splices, key=lambda x: (x.begin, x.end), reverse=True):
         text = text[: splice.begin] + splice.text + text[splice.end :]
     return text
 
 
 def _shared(source: str, change: Change) -> InvalidInput:
-    """The error for a change that would also change other keys."""
+    """Error for a change that would also change other keys, because of YAML anchors."""
     name = key_text(change.keys)
     by_hand = f"write {name}: {flow_text(change.value)}"
     if change.value is REMOVE:
         by_hand = f"remove {name}"
     return InvalidInput(
-        f"{source}: {name} is shared with other keys, so it is not changed: {by_hand} by hand."
+        f"{source}: {name} is not changed, because other keys share its value (a YAML anchor). "
+        f"Edit the file by hand: {by_hand}."
     )
