@@ -68,7 +68,7 @@ class BaseJob:
         return model_of(JobModel, data, self.source)
 
     def job(self, data: Mapping[str, Any], *, trust_xacro: bool = False) -> Job:
-        """Create the job from its data; arm, path and scene are cached while their data are equal."""
+        """Create the job of some data; equal data of arm, path and scene are read only once."""
         model = self.model(data)
         with error_context(self.source):
             text = _text([data.get(x) for x in WITH_FILES])

@@ -199,7 +199,7 @@ def read_plan(plan: str | FilePath | Mapping[str, Any], *, trust_xacro: bool = F
 def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> Plan:
     """Create a plan from its model, and check the jobs with their parameter values."""
     if (model.job is None) == (model.jobs is None):
-        raise InvalidInput("a plan requires either the key job, or the key jobs with a list.")
+        raise InvalidInput("a plan must have either the key job, or the key jobs with a list.")
     sampled = isinstance(model.combine, SamplesModel)
     parameters = tuple(read_parameter(k, x, sampled=sampled) for k, x in model.over.items())
     _refuse_overlaps([x.key for x in parameters])

@@ -216,9 +216,9 @@ def read_table(
 ) -> CsvTable[Key]:
     """Read a table from CSV text with commas, semicolons, tabs or blanks between cells."""
     # Lines that start with #, and lines above the titles, are comments. The unit of a column is in
-    # brackets after the title, `q1 [deg]`, a part of the name, such as `q1_deg`, or in a second line
-    # that has only units. Numbers may have a decimal comma if the separator is not a comma or if
-    # they are quoted.
+    # brackets after the title, `q1 [deg]`, a part of the name, such as `q1_deg`, or in a second
+    # line that has only units. Numbers may have a decimal comma if the separator is not a comma or
+    # if they are quoted.
     # `splitlines` would also split at characters that are allowed in a cell.
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     numbered = [(k, x) for k, x in enumerate(lines, start=1) if x.lstrip()[:1] not in ("", "#")]

@@ -43,8 +43,8 @@ class Change:
     # a mapping
     keys: Keys
     value: Any = REMOVE  # New value; `REMOVE` removes the key or the item if it exists
-    # Whether the value is inserted into a list, before the item with the index at the end of `keys`;
-    # the length of the list is allowed as an index
+    # Whether the value is inserted into a list, before the item with the index at the end of
+    # `keys`; the length of the list is allowed as an index
     insert: bool = False
 
 
@@ -156,7 +156,7 @@ def _position(key: Key, change: Change) -> int:
 
 
 def _together(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
-    """Yield the changes in groups; the changes of a group have independent locations in the text."""
+    """Yield the changes in groups whose locations in the text are independent."""
     group: list[Change] = []
     for change in changes:
         alone = (

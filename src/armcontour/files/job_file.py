@@ -116,9 +116,7 @@ def read_data(text: str, source: str) -> dict[str, Any]:
     """Data of the text of a job file, a mapping whose keys are not checked."""
     data = load(text, source)
     if not isinstance(data, dict):
-        raise InvalidInput(
-            f"{source} must be a mapping of keys such as name, arm, path and runs."
-        )
+        raise InvalidInput(f"{source} must be a mapping of keys such as name, arm, path and runs.")
     return data
 
 

@@ -218,8 +218,8 @@ def _fields(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> list[Field]:
 def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Field:
     """Form field of a key, from its schema: name, text, unit, example, default, and its kind."""
     # Entries for the kind: `choices`; `fields` of a mapping; `each`, the field of the values of a
-    # mapping by name; `items`, the fields of a list of mappings; `list`; `plain` for numbers without
-    # units; `tick` for booleans; `open` if other values than the choices are allowed.
+    # mapping by name; `items`, the fields of a list of mappings; `list`; `plain` for numbers
+    # without units; `tick` for booleans; `open` if other values than the choices are allowed.
     parts = list(_parts(schema, defs))
     text = str(schema.get("description") or parts[0].get("description", ""))
     unit = UNIT.search(text)

@@ -59,8 +59,8 @@ def _method(value: Any) -> Any:
     """Reject the timing method that changes the path; in a job, `corners` changes the path."""
     if value == Shaped.method:
         raise ValueError(
-            "shaped is not a timing method of a job. Write corners: {shape: free, tolerance: 1 mm}, "
-            "with timing: {method: optimal}"
+            "shaped is not a timing method of a job. Write corners: {shape: free, tolerance: 1 "
+            "mm}, with timing: {method: optimal}"
         )
     return value
 
@@ -214,8 +214,8 @@ class SplineModel:
 class FollowModel(RotationModel):
     """A fixed tool orientation relative to the tangent, which is the x axis of the moving frame.
 
-    `rpy` or `quaternion` specify the tool orientation in this frame; by default the tool axis points
-    opposite to `up`.
+    `rpy` or `quaternion` specify the tool orientation in this frame; by default the tool axis
+    points opposite to `up`.
 
     Args:
         up: Direction of the z axis of the moving frame.

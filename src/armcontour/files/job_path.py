@@ -62,8 +62,8 @@ def unplaced_path(
     for field in dataclasses.fields(model):
         if field.name in options and getattr(model, field.name) != field.default:
             raise InvalidInput(
-                f"path.{field.name} is an option for reading a file and requires path.file. If this "
-                "job is a cell, specify a drawing (armcontour run DRAWING --cell CELL)."
+                f"path.{field.name} is an option for reading a file and requires path.file. If "
+                "this job is a cell, specify a drawing (armcontour run DRAWING --cell CELL)."
             )
     return _oriented(model)
 

@@ -141,7 +141,8 @@ def read_joint_title(
     of_tool = not (kind or named) and joint.lower() in TOOL_ANGLES
     if not joint or of_tool or (joint.isdigit() and len(joint) > MAX_DIGITS):
         return None
-    # Columns of motors (theta), and copies of commands in the state of a drive, have lower priority.
+    # Positions of motors (theta) and titles with two command words, which are copies of commands,
+    # have lower priority.
     rank = (roles.count("command") > 1) + any(x.text.lower() == "theta" for x in words)
     key = Key(kind or "q", roles[-1] if roles else "measured", joint)
     return Title(key, key.si, unit, rank)
@@ -298,8 +299,8 @@ def read_samples(
     table: CsvTable[Key], keys: Sequence[Key], start: float = -math.inf, end: float = math.inf
 ) -> TableSamples:
     """Read the times and the columns `keys`; `start` and `end` [s] limit the checks only."""
-    # Rows that repeat the previous row, and rows that have cells only in other columns, are omitted.
-    # Rounded times are replaced by equidistant times if they agree with them.
+    # Rows that repeat the previous row, and rows that have cells only in other columns, are
+    # omitted. Rounded times are replaced by equidistant times if they agree with them.
     times = [x for x in (TIME, FRACTION) if x in table.columns]
     if not times:
         table.need(TIME)
@@ -307,9 +308,11 @@ def read_samples(
     rows = _filled_rows(table, values, [*times, *keys], len(times))
     values, notes = values[rows], list[str]()
     if len(rows) < len(table.lines):
-        left_out = count_noun(len(table.lines) - len(rows), "row")
-        skipped = f"{left_out} of {table.source} without positions "
-        notes.append(f"{skipped}{'was' if left_out.startswith('1 ') else 'were'} skipped.")
+        count = len(table.lines) - len(rows)
+        verb = "was" if count == 1 else "were"
+        notes.append(
+            f"{count_noun(count, 'row')} of {table.source} without positions {verb} skipped."
+        )
     clock, t, part = times[0], values[:, 0], values[:, len(times) - 1]
     if len(times) == 2 and ((part >= 0) & (part < 1)).all():
         # A float has too few digits for nanoseconds since 1970, so the first second is subtracted.
@@ -378,8 +381,8 @@ def tidy_times(
         if step is not None:
             t = t[0] + step * np.arange(len(t))
             notes.append(
-                f"The times of {source} are rounded to {digit:g} s. They are replaced by times with "
-                f"a constant step of {step:g} s, which agree with the rounded times."
+                f"The times of {source} are rounded to {digit:g} s. They are replaced by times "
+                f"with a constant step of {step:g} s, which agree with the rounded times."
             )
     elif (steps > 0).all() and (bursts := describe_bursts(t, source)):
         notes.append(bursts)
@@ -426,8 +429,8 @@ def _ask_for_times(table: CsvTable[Key], clock: Key, t: FloatArray, q: FloatArra
     if 0 < speed < SLOWEST:
         unit = next((x for x, y in (("ms", 1e-3), ("us", 1e-6)) if speed / y > SLOWEST), "ns")
         raise InvalidInput(
-            f"{table.heading}: the column {show(column.title)} has no unit. In seconds, its step is "
-            f"{np.median(steps[usable]):g} s, and the fastest joint has only {speed:.2g} rad/s. "
+            f"{table.heading}: the column {show(column.title)} has no unit. In seconds, its step "
+            f"is {np.median(steps[usable]):g} s, and the fastest joint has only {speed:.2g} rad/s. "
             f"Specify the unit, for example --columns 't [{unit}]={column.title}' "
             f"('t [s]={column.title}' for seconds)."
         )

@@ -217,8 +217,8 @@ def _check_triangle_count(count: int, source: str) -> None:
         raise InvalidInput(f"The mesh {source} has no triangles. Export the mesh again.")
     if count > MAX_TRIANGLES:
         raise InvalidInput(
-            f"The mesh {source} has {count:,} triangles, but at most {MAX_TRIANGLES:,} are allowed. "
-            "Export a coarser mesh."
+            f"The mesh {source} has {count:,} triangles, but at most {MAX_TRIANGLES:,} are "
+            "allowed. Export a coarser mesh."
         )
 
 

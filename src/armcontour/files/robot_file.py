@@ -1,4 +1,4 @@
-"""Files about one robot: limits, an identified arm and its servo."""
+"""Files of limits, of an identified arm, and of an identified servo."""
 
 from __future__ import annotations
 
@@ -39,26 +39,25 @@ class LimitsFile(Limits):
 def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, float | None]:
     """Read limits from a YAML file.
 
-    Limits that are not in the file are the arm's own; infinity lifts a limit, as in a job file.
+    Limits that are not in the file are those of the arm. Infinity removes a limit, as in a job
+    file.
 
     Returns:
         The limits, and the largest deviation from the path [m] and from the required orientation
-        [rad]; None if the file gives none.
+        [rad]; None if the file does not specify it.
 
     Raises:
-        InvalidInput: No such file, not YAML, an unknown key, or a value that is not a limit.
+        InvalidInput: The file does not exist, is not YAML, or has an unknown key or invalid value.
     """
     location = FilePath(file)
     text = read_text(location, "limits file")
     data = load(text, location.name)
     if not isinstance(data, dict):
-        raise InvalidInput(
-            f"{location.name} must hold a mapping of limits such as speed: 0.15 m/s."
-        )
+        raise InvalidInput(f"{location.name} must be a mapping of limits such as speed: 0.15 m/s.")
     if "joint_limits" in data:
         raise InvalidInput(
-            f"{location.name} is a file of joint limits of MoveIt, which belongs to the arm: give "
-            "it with --joint-limits."
+            f"{location.name} has joint limits of MoveIt, which belong to the arm. Specify it with "
+            "--joint-limits."
         )
     specified = read_keys(SpecifiedKeys(LimitsFile), data, location.name)
     deviations = [specified.pop(name, None) for name in ("deviation", "orientation_deviation")]
@@ -70,7 +69,7 @@ def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, f
 def robot_yaml(
     identification: BodyIdentification, arm: str | Mapping[str, str], folder: FilePath
 ) -> str:
-    """The identified arm as an arm file: another arm, with payload, friction and drive inertias."""
+    """Arm file of an identified arm: the nominal arm with other payload, friction and armature."""
     chain = identification.arm.dynamics.chain
     base: Any = arm if isinstance(arm, str) else _relative(arm, folder)
     page: dict[str, Any] = {
@@ -100,13 +99,13 @@ def robot_yaml(
 
 
 def robot_servo_yaml(identification: BodyIdentification) -> str:
-    """The key `servo` of a job file, with identified values."""
+    """YAML text of the key `servo` of a job file, identified together with the arm's bodies."""
     servo = identification.servo_model()
     lines = [
-        f"# Identified from {identification.source} by armcontour {__version__}: goes into a job "
-        "file, with robot.yaml as its arm.",
-        "# inertia is J, by which the controller scales its loops: a log shows only its products "
-        "with gains.",
+        f"# Identified from {identification.source} by armcontour {__version__}. Copy it into a "
+        "job file whose arm is robot.yaml.",
+        "# inertia is J, by which the controller scales its loops. A log determines only products "
+        "of J and gains.",
         *(f"# {joint.name}: {_ranges((joint.kp, joint.kv))}" for joint in identification.joints),
         "servo:",
         "  order: second",
@@ -120,11 +119,11 @@ def robot_servo_yaml(identification: BodyIdentification) -> str:
 
 
 def read_servo(file: FilePath, dof: int) -> ServoModel:
-    """The key `servo` of a YAML file, such as a job file or an identified servo.yaml."""
+    """Read the key `servo` of a YAML file, such as a job file or an identified servo.yaml."""
     data = load(read_text(file, "servo file"), file.name)
     if not isinstance(data, dict) or not isinstance(data.get("servo"), dict):
         raise InvalidInput(
-            f"{file.name} has no key servo with gains: give a job file, or the servo.yaml of an "
+            f"{file.name} has no key servo with gains. Specify a job file, or the servo.yaml of an "
             "identification."
         )
     servo: ServoModel = read_keys(MappingKeys(ServoModel), data["servo"], f"{file.name}: servo")
@@ -132,7 +131,7 @@ def read_servo(file: FilePath, dof: int) -> ServoModel:
 
 
 def _relative(arm: Mapping[str, str], folder: FilePath) -> dict[str, str]:
-    """Files of an arm relative to a folder."""
+    """Keys of an arm with its file names converted to be relative to a folder."""
     files = ("file", "joint_limits")
     return {
         key: FilePath(os.path.relpath(value, folder)).as_posix() if key in files else value
@@ -141,7 +140,7 @@ def _relative(arm: Mapping[str, str], folder: FilePath) -> dict[str, str]:
 
 
 def _quantity(values: Any, unit: str, estimates: Sequence[Estimate]) -> dict[str, Any]:
-    """A quantity of an arm file, whose source states the interval of each value."""
+    """Quantity of an arm file; its source contains the confidence interval of each estimate."""
     source = "nominal"
     if any(x.determined for x in estimates):
         source = f"identified, 95 % intervals: {_ranges(estimates)}"
@@ -149,7 +148,7 @@ def _quantity(values: Any, unit: str, estimates: Sequence[Estimate]) -> dict[str
 
 
 def _list(values: Any) -> str:
-    """Numbers as a list in YAML."""
+    """Text of numbers as a list in YAML."""
     return "[" + ", ".join(f"{float(x):.9g}" for x in values) + "]"
 
 
@@ -159,7 +158,7 @@ def _ranges(estimates: Sequence[Estimate]) -> str:
     )
 
 
-# Parameters with one value per joint in a servo file, with their units.
+# Parameters with one value per joint in a servo file, and their comments (unit and meaning).
 LISTS = {
     "kp": "1/s",
     "kv": "1/s",
@@ -168,25 +167,25 @@ LISTS = {
     "acceleration_feedforward": "",
     "friction": "rad",
     "dead_time": "s",
-    "acceleration_limit": "rad/s^2; none: it never saturates",
+    "acceleration_limit": "rad/s^2; none means no saturation",
     "model_error": "rad, largest error on motion that was not fitted",
-    "logged_velocity": "rad/s, largest one of that motion",
-    "logged_acceleration": "rad/s^2",
+    "logged_velocity": "rad/s, largest velocity of this motion",
+    "logged_acceleration": "rad/s^2, largest acceleration of this motion",
 }
-# Parameters with one value.
+# Parameters with one value for all joints, and their comments.
 SINGLE = {
-    "contour_ratio": "contour error with compensation over without, on motion that was not fitted",
-    "programs": "programs on which it was determined",
+    "contour_ratio": "contour error with / without compensation, on motion that was not fitted",
+    "programs": "number of programs from which contour_ratio was determined",
     "drive_cycle": "s",
 }
 
 
 def servo_yaml(identification: Identification) -> str:
-    """The key `servo` of a job file, with identified values."""
+    """YAML text of the key `servo` of a job file, with identified values and their intervals."""
     servo = identification.servo_model()
     lines = [
-        f"# Identified from {identification.source} by armcontour {__version__}: goes into a job "
-        "file.",
+        f"# Identified from {identification.source} by armcontour {__version__}. Copy it into a "
+        "job file.",
         *(
             f"# {x.note}"
             if x.note
@@ -202,12 +201,12 @@ def servo_yaml(identification: Identification) -> str:
 
 
 def servo_values(identification: Identification) -> dict[str, Any]:
-    """The values of the key `servo` of a job file, as `servo_yaml` writes them."""
+    """Values of the key `servo` of a job file, as `servo_yaml` writes them."""
     return dict(load(servo_yaml(identification), "servo")["servo"])
 
 
 def servo_lines(servo: ServoModel, dof: int) -> list[str]:
-    """The key `servo` with one value per joint, as lines of YAML."""
+    """Lines of YAML with the key `servo`, with one value per joint."""
     orders = [servo.order] * dof if isinstance(servo.order, str) else servo.order
     lines = ["servo:", f"  order: [{', '.join(orders)}]"]
     for name, unit in LISTS.items():
@@ -222,7 +221,7 @@ def servo_lines(servo: ServoModel, dof: int) -> list[str]:
 
 
 def _comment_on(estimate: Estimate) -> str:
-    """Comment with the value and the range of an estimate."""
+    """Text with the value and the interval of an estimate, for a comment."""
     if not estimate.determined:
         return f"{estimate.label} not determined"
     return f"{estimate.label} {figure(estimate.row)} {estimate.row.note}".rstrip()

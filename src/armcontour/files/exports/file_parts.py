@@ -16,8 +16,8 @@ from armcontour.files.exports.table import ON_THE_POINT, UNITS, SetPointTable
 # Largest number of points per file, by controller: the limit of MotoROS2, and a conservative value
 # for programs of UR, whose limit is not published.
 POINTS_PER_FILE = {"motoros2": 200, "ur": 1000}
-# Largest change of a joint position from a point at rest to its neighbours [rad]. It moves a tool at
-# 1 m by 1 um.
+# Largest change of a joint position from a point at rest to its neighbours [rad]. It moves a tool
+# at 1 m by 1 um.
 REST_STEP = 1e-6
 
 

@@ -22,8 +22,8 @@ def interpolate_set_points(
 ) -> SetPoints:
     """Commands that a controller sends to its drives for exported set-points.
 
-    A plant executes the commands as set-points with the controller's cycle. The plant's
-    interpolation is "linear", with a dead time of one cycle, for a drive that moves linearly to each
+    A plant executes the commands as set-points with the controller's cycle. The interpolation of
+    the plant is "linear", with a dead time of one cycle, for a drive that moves linearly to each
     command within one cycle. It is "step" for a drive that holds each command (zero-order hold).
 
     Args:

@@ -136,8 +136,8 @@ def write_ros_yaml(
 def write_mcap(table: SetPointTable, file: FilePath) -> None:
     """Write a bag with MCAP storage: a folder with the trajectory message and the events."""
     # The trajectory message is at time 0 of the bag. Each event is a std_msgs/msg/String with JSON
-    # on the topic /armcontour/events at the time of the event, so that playing the bag publishes the
-    # events in sync with the motion.
+    # on the topic /armcontour/events at the time of the event, so that playing the bag publishes
+    # the events in sync with the motion.
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore

@@ -318,7 +318,7 @@ def tabulate(
 
 
 def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
-    """Fields of the table with tool points and, if `motion`, orientations and speeds of the tool."""
+    """Fields of the table: tool points and, with `motion`, tool orientations and speeds."""
     # Rows are computed in blocks, because the matrices of millions of rows need gigabytes.
     blocks: dict[str, list[FloatArray]] = {}
     for i in range(0, len(samples.q), AT_ONCE):
@@ -377,8 +377,8 @@ def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> f
     check_export_cycle(step, trajectory.duration, name)
     if trajectory.duration > MAX_SAMPLES * step:
         raise InvalidInput(
-            f"{name!r} takes {trajectory.duration:.6g} s. With a cycle of {step:g} s, it would have "
-            f"more than {MAX_SAMPLES} samples. Specify a longer cycle.",
+            f"{name!r} takes {trajectory.duration:.6g} s. With a cycle of {step:g} s, it would "
+            f"have more than {MAX_SAMPLES} samples. Specify a longer cycle.",
             needed=trajectory.duration / step,
             allowed=float(MAX_SAMPLES),
         )

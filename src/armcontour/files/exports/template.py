@@ -140,8 +140,8 @@ def describe_program(
     if switches:
         example = name_output(next(iter(switches)), EXAMPLES[name])
         sentences.append(
-            f"the program does not switch {list_some(list(switches), MAX_NAMES)}, because no output "
-            f"is named. It has {INSTEAD[name]} instead. Name an output, such as {example}."
+            f"the program does not switch {list_some(list(switches), MAX_NAMES)}, because no "
+            f"output is named. It has {INSTEAD[name]} instead. Name an output, such as {example}."
         )
     if valued:
         sentences.append(
@@ -189,8 +189,8 @@ def _read(template: str | FilePath) -> tuple[str, str, FilePath]:
         file = FilePath(template)
         if isinstance(template, str) and file.suffix == "" and not os.path.exists(file):
             raise InvalidInput(
-                f"There is no template {template!r}. Specify one of {', '.join(SHIPPED)}, or a file "
-                f"such as house{ENDING}."
+                f"There is no template {template!r}. Specify one of {', '.join(SHIPPED)}, or a "
+                f"file such as house{ENDING}."
             )
     return file.name, read_text(file, "template"), file.parent
 
@@ -207,7 +207,7 @@ def _read_included(folder: FilePath, name: str) -> str:
     file = FilePath(os.path.realpath(file))
     if not file.is_relative_to(os.path.realpath(folder)):
         raise InvalidInput(
-            f"the template {show(name)} is a symbolic link to a file outside the folder of templates"
+            f"the template {show(name)} must not be a symbolic link to a file outside its folder"
         )
     return read_text(file, "template")
 

@@ -141,8 +141,8 @@ def _set_levels(name: str, number: int, values: FloatArray) -> list[tuple[float,
     low, high = float(values.min()), float(values.max())
     if not -SAME_LEVEL <= low <= high <= 1.0 + SAME_LEVEL:
         raise InvalidInput(
-            f"The analog output {name} has values from {low:.6g} to {high:.6g}, but URScript allows "
-            "levels from 0 to 1 (the range of the output). Scale rest, full and off.",
+            f"The analog output {name} has values from {low:.6g} to {high:.6g}, but URScript "
+            "allows levels from 0 to 1 (the range of the output). Scale rest, full and off.",
             needed=high,
             allowed=1.0,
         )
@@ -195,8 +195,9 @@ def _digital_outputs(table: SetPointTable, outputs: Mapping[str, int | str]) -> 
     for name, number in outputs.items():
         if isinstance(number, bool) or not isinstance(number, int | np.integer):
             raise InvalidInput(
-                f"The output of {name} must be a number, but is {number!r}. If several exports need "
-                f"different outputs, specify urscript:{name}=0 and abb:{name}=doTool, for example."
+                f"The output of {name} must be a number, but is {number!r}. If several exports "
+                f"need different outputs, specify for example urscript:{name}=0 and "
+                f"abb:{name}=doTool."
             )
         if not 0 <= number < OUTPUTS:
             raise InvalidInput(

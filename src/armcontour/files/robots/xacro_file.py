@@ -1,7 +1,8 @@
-"""Xacro files, expanded by the library xacro in a child process, and folders of ROS packages.
+"""Expansion of xacro files in a child process, and search for folders of ROS packages.
 
-A xacro file is a program: it can run any code with the rights of the user. The limits of time and
-memory end a file that does not terminate; they are no protection. Only trusted files are expanded.
+A xacro file is a program that can run any code with the rights of the user. Therefore only trusted
+files are expanded. The limits of time and memory stop a file that does not terminate, but they are
+not a protection against malicious files.
 """
 
 from __future__ import annotations
@@ -22,19 +23,20 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.text import make_printable
 from armcontour.files.robots.arm_options import Value
 
+# File that marks the folder of a ROS package.
 MARK = "package.xml"
-# Largest number of parent folders in which the package of a description is searched.
+# Maximum number of parent folders in which the package of a description is searched.
 MAX_UP = 4
-# Largest number of folders in the search for one package.
+# Maximum number of folders in the search for one package.
 MAX_FOLDERS = 2000
 COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 NAME = re.compile(rb"<name>\s*([^<>]*?)\s*</name>")
 
 
 def find_near(folder: FilePath, name: str) -> FilePath | None:
-    """The nearest folder whose `package.xml` has a given name; None if there is none."""
-    # The search order is the package of the description, its sibling folders, the siblings of its
-    # parent folder, and one level below them, as packages are located in a workspace of ROS.
+    """Nearest folder whose `package.xml` has the package name `name`; None if not found."""
+    # The search order is: the package of the description, its subfolders, its sibling folders, the
+    # siblings of its parent folder, and their subfolders, as in a workspace of ROS.
     for count, candidate in enumerate(_places(folder)):
         if count >= MAX_FOLDERS:
             break
@@ -44,7 +46,7 @@ def find_near(folder: FilePath, name: str) -> FilePath | None:
 
 
 def _places(folder: FilePath) -> Iterator[FilePath]:
-    """The folders that may be a package, nearest first."""
+    """Yield the folders that can be a package near a folder, the nearest first."""
     near = (folder, *folder.parents[:MAX_UP])
     package = next((x for x in near if (x / MARK).is_file()), folder)
     yield package
@@ -56,7 +58,7 @@ def _places(folder: FilePath) -> Iterator[FilePath]:
 
 
 def _subfolders(folder: FilePath) -> list[FilePath]:
-    """The folders in a folder, in alphabetical order; none if it cannot be listed."""
+    """Subfolders of a folder in alphabetical order; empty if it cannot be read."""
     try:
         with os.scandir(folder) as entries:
             names = [x.name for x in entries if not x.name.startswith(".") and x.is_dir()]
@@ -66,7 +68,7 @@ def _subfolders(folder: FilePath) -> list[FilePath]:
 
 
 def _name(file: FilePath) -> str | None:
-    """The name of the package of a `package.xml`; None if the file names none."""
+    """Package name in a `package.xml`; None if the file or the name does not exist."""
     if not file.is_file():
         return None
     try:
@@ -76,12 +78,12 @@ def _name(file: FilePath) -> str | None:
     return None if match is None else match[1].decode("utf-8", "replace")
 
 
-# Time limit [s]; the largest public descriptions take about 2 s.
+# Time limit of an expansion [s]; the largest public descriptions take about 2 s.
 SECONDS = 10.0
-# Memory limit of the process [MB]; the largest public descriptions need a tenth of it.
+# Memory limit of the process [MB]; the largest public descriptions need about 100 MB.
 MEGABYTES = 1000
-# Folder of missing packages. A description may name them, but not read their files: many
-# descriptions name packages of simulators.
+# Placeholder for the folder of a missing package. A description may name a missing package, such as
+# a simulator, but an error is raised if it reads files of the package.
 NOWHERE = os.path.join(os.sep, "package-not-found", "")
 
 
@@ -94,8 +96,8 @@ def expand_xacro(
     """Expand a trusted xacro file to the text of a robot description."""
     if importlib.util.find_spec("xacro") is None:
         raise InvalidInput(
-            f"{file} needs the package xacro, which is not installed: pip install "
-            "'armcontour[ros]', or expand it to a .urdf elsewhere."
+            f"Expanding {file} requires the package xacro, which is not installed. Install it with "
+            "pip install 'armcontour[ros]', or expand the file to a .urdf with other tools."
         )
     from armcontour.core.child_process import import_path
 
@@ -108,28 +110,30 @@ def expand_xacro(
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             cwd=os.path.dirname(path),
-            # Modules next to the file, such as xacro.py, do not replace libraries.
+            # The folder of the file is not in the import path, so that modules next to the file,
+            # such as xacro.py, do not replace libraries.
             env=os.environ | {"PYTHONPATH": os.pathsep.join(import_path(os.path.dirname(path)))},
             timeout=SECONDS,
             creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
         )
         answer = json.loads(done.stdout)
     except subprocess.TimeoutExpired:
-        answer = {"error": f"it takes longer than {SECONDS:g} s"}
+        answer = {"error": f"the expansion takes longer than {SECONDS:g} s"}
     except OSError as error:
-        answer = {"error": f"Python cannot be started for it ({error.strerror})"}
+        answer = {"error": f"its Python process cannot be started ({error.strerror})"}
     except ValueError:
-        answer = {"error": "its process ended without an answer"}
+        answer = {"error": "its Python process ended without a result"}
     if "error" in answer:
         message = make_printable(answer["error"][:500].rstrip(". "))
         raise InvalidInput(f"{file} cannot be expanded by xacro: {message}.")
-    # The child process reads the included files, so listeners get the expanded text.
+    # Listeners cannot observe the files that the child process reads, so they get the expanded
+    # text.
     file_access.report_content(file.with_name(f"{file.name} expanded"), answer["text"].encode())
     return str(answer["text"])
 
 
 def _folders(packages: Mapping[str, str | FilePath]) -> dict[str, str]:
-    """The absolute folders of packages."""
+    """Absolute paths of the folders of packages, by name; checks that they exist."""
     for name, folder in packages.items():
         if not os.path.isdir(folder):
             raise InvalidInput(f"The folder of the package {name}, {folder}, does not exist.")
@@ -137,12 +141,12 @@ def _folders(packages: Mapping[str, str | FilePath]) -> dict[str, str]:
 
 
 def _texts(arguments: Mapping[str, Value]) -> dict[str, str]:
-    """The values of arguments as xacro reads them."""
+    """Values of arguments as texts that xacro can read, by name."""
     for name, value in arguments.items():
         if not isinstance(value, Value):
             raise InvalidInput(
-                f"The argument {name} of a xacro file must be text, a number, or true or false, "
-                f"not {type(value).__name__}."
+                f"The argument {name} of a xacro file must be a text, a number or a boolean, but "
+                f"is of type {type(value).__name__}."
             )
     return {
         str(name): str(value).lower() if isinstance(value, bool) else str(value)
@@ -151,11 +155,11 @@ def _texts(arguments: Mapping[str, Value]) -> dict[str, str]:
 
 
 class _Lacking(BaseException):
-    """A package or an argument is lacking; a BaseException, so that xacro does not catch it."""
+    """Error for a missing package or argument; a BaseException, which xacro does not catch."""
 
 
 class _Arguments(dict[str, str]):
-    """Values of arguments by name; remembers the names that the file declares or reads."""
+    """Values of arguments by name; `known` has the names that the file declares or reads."""
 
     def __init__(self, values: Mapping[str, str]) -> None:
         super().__init__(values)
@@ -168,7 +172,7 @@ class _Arguments(dict[str, str]):
     def __getitem__(self, name: str) -> str:
         if name not in self:
             raise _Lacking(
-                f"it needs a value of its argument {name!r}: give it with "
+                f"it requires a value of its argument {name!r}. Specify "
                 f"arguments={{{name!r}: ...}} (in a job, arm.arguments; with --arm, "
                 f"--xacro-arg {name}=VALUE)"
             )
@@ -176,18 +180,18 @@ class _Arguments(dict[str, str]):
 
 
 def main() -> None:
-    """In the child process: write the expanded text, or the error, as JSON to standard output."""
+    """Entry point of the child process: write the expanded text or the error as JSON to stdout."""
     request = json.load(sys.stdin)
     try:
         answer = {"text": _expand(**request)}
-    # Expressions of the file may raise any exception.
+    # Expressions in the file can raise any exception.
     except (Exception, _Lacking) as error:
         answer = {"error": _message(error)}
     json.dump(answer, sys.stdout)
 
 
 def _expand(file: str, packages: dict[str, str], arguments: dict[str, str]) -> str:
-    """The expanded text of a description."""
+    """Expanded text of a xacro file; runs in the child process."""
     import xacro
     from xacro import substitution_args as substitution
 
@@ -205,8 +209,8 @@ def _expand(file: str, packages: dict[str, str], arguments: dict[str, str]) -> s
         if name.startswith(NOWHERE):
             package = name[len(NOWHERE) :].split("/")[0]
             raise _Lacking(
-                f"it reads files of the package {package!r}, which no package.xml near it names, "
-                f"nor a sourced ROS: give its folder with packages={{{package!r}: ...}} (in a "
+                f"it reads files of the package {package!r}, which was not found in a sourced ROS "
+                f"or near the file. Specify its folder with packages={{{package!r}: ...}} (in a "
                 f"job, arm.packages; with --arm, --package {package}=FOLDER)"
             )
         return str(absolute(name))
@@ -217,12 +221,14 @@ def _expand(file: str, packages: dict[str, str], arguments: dict[str, str]) -> s
     mappings = _Arguments(arguments)
     text = str(xacro.process_file(file, verbosity=0, mappings=mappings).toxml())
     for name in arguments.keys() - mappings.known.keys():
-        raise _Lacking(f"it has no argument {name!r}: it takes {', '.join(mappings.known)}")
+        raise _Lacking(
+            f"it has no argument {name!r}. Its arguments are {', '.join(mappings.known)}"
+        )
     return text
 
 
 def _limit() -> None:
-    """Limit memory and processor time of this process, where the system supports it."""
+    """Limit memory and processor time of this process if the operating system supports it."""
     with suppress(ImportError):
         import resource
 
@@ -235,7 +241,7 @@ def _limit() -> None:
 
 
 def _message(error: BaseException) -> str:
-    """The message of an error, or of a memory error that xacro wrapped in it."""
+    """Message of an error on one line; reports a memory error that xacro has wrapped in it."""
     cause: Any = error
     while cause is not None:
         if isinstance(cause, MemoryError):
