@@ -129,8 +129,8 @@ X = "placement.over.x"
 PLACE, SOBOL = {"do": "place"}, {"combine": {"sobol": 8}}
 # Further keys of the plan, its parameters, words of the message.
 WRONG = [
-    (PLACE, {}, ["do: place needs the key placement.over of bend.yaml"]),
-    (PLACE, {"placement.objective": ["duration", "torque"]}, ["needs the key placement.over of"]),
+    (PLACE, {}, ["do: place requires the key placement.over in bend.yaml"]),
+    (PLACE, {"placement.objective": ["duration", "torque"]}, ["requires the key placement.over in"]),
     (
         PLACE | {"columns": ["duration"]},
         {X: [{"from": 0, "to": 0.1, "places": 2}]},
@@ -159,7 +159,7 @@ WRONG = [
     ({}, {"corners": ["sharp"], TOLERANCE: [1]}, ["over.corners and over.corners.tolerance"]),
     (SOBOL, {SPEED: [1]}, ["combine.sobol", "ranges"]),
     (SOBOL, {SPEED: [1, 2]}, ["over.limits.speed", "ranges"]),
-    (SOBOL, {SPEED: between(1, 2, 3)}, ["remove steps"]),
+    (SOBOL, {SPEED: between(1, 2, 3)}, ["Remove steps"]),
     ({"run": "onyl"}, {}, ["bend.yaml", "no run 'onyl'", "only"]),
     ({"job": "none.yaml"}, {}, ["no job file none.yaml"]),
     ({"jobs": ["a.yaml"]}, {}, ["either the key job", "or the key jobs"]),

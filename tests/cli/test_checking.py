@@ -146,7 +146,7 @@ def test_wrong_files_and_options_are_refused(folder, refused):
     (folder / "bare.csv").write_text("0,1,2,open\n1,2,3,open\n")
     arm = "--arm pmk3s"
     rows = [
-        (f"none.csv {arm}", ["There is no trajectory file"]),
+        (f"none.csv {arm}", ["none.csv does not exist"]),
         (f"bare.csv {arm}", []),
         ("planned.csv --arm ur5e", ["positions of 2 joints ('joint 1 [rad]'", "UR5e has 6"]),
         (f"planned.csv {arm} --limits limits.yaml", ["with --path"]),

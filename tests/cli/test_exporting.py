@@ -179,7 +179,7 @@ def test_refuses_in_one_sentence_and_writes_nothing(result, folder, refused, cal
     text = file.read_text()
     file.write_text(text + "\n")
     rows = [
-        (("export", tmp_path, "a.csv"), ["holds no result"]),
+        (("export", tmp_path, "a.csv"), ["has no result"]),
         ("export out a.csv", ["set_points.csv changed since"]),
     ]
     assert refused(folder, rows, codes=(2,)) == []

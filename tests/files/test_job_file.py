@@ -130,8 +130,8 @@ def test_a_file_that_is_no_job(tmp_path):
     flood = "".join(f"{y}: &{y} [{', '.join(['*' + x] * 10)}]\n" for x, y in tens)
     table = [
         ("{", "not valid YAML: ... line 1"),
-        ("- 1", "must hold a mapping"),
-        ("", "must hold a mapping"),
+        ("- 1", "must be a mapping"),
+        ("", "must be a mapping"),
         ("name: a\nname: b", "'name' is repeated"),
         ("[" * 20000, "nested too deeply"),
         ("a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + flood, "fewer aliases"),

@@ -266,12 +266,12 @@ def test_rows_of_other_topics_are_left_out():
 
 
 BAD = """
-q1=none => no column or joint 'none' ... it has 't', 'u1', 'q1'
+q1=none => no column or joint 'none' ... It has 't', 'u1', 'q1'
 q1= => NEW=NAME ... 'q1='
 q#=u1 => NEW=NAME
 q*=u# => NEW=NAME
-q1 => 3 columns, but names of 1
-q1=u1 => there are two columns 'q1': remove one, such as with --columns '-=q1'
+q1 => 3 columns, but --columns has 1 names
+q1=u1 => there are two columns 'q1'. Remove one (for example with --columns '-=q1')
 """
 
 

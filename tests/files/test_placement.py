@@ -108,7 +108,7 @@ def test_a_base_that_moves_among_obstacles_writes_no_job():
     far = Obstacle(name="far", shape=Sphere(radius=0.1), place=ac.Frame(position=[0, 0, 3]))
     job = replace(parse_job(SQUARE), scene=Scene(obstacles=(far,)))
     placement = ac.place(job, ac.PlaceSearch(over={"x": (0.0, 0.0, 1)}, what="base", refined=False))
-    refusals(written, [(placement, "stay where they are when it moves")])
+    refusals(written, [(placement, "do not move with it")])
 
 
 @needs_dynamics

@@ -85,7 +85,7 @@ def test_force_removes_nothing_that_a_foreign_summary_names(tmp_path):
     for files in (["thesis.tex"], {"thesis.tex": "0"}):
         summary = json.dumps({"armcontour": "0.1.0", "files": files})
         (tmp_path / "summary.json").write_text(summary)
-        refused("holds no result of armcontour", tmp_path)
+        refused("no result of armcontour", tmp_path)
         assert contents(tmp_path) == {"thesis.tex", "summary.json"}
 
 

@@ -242,7 +242,7 @@ def test_names_with_a_prefix_and_new_names(tmp_path):
 
 
 OTHERS = f"""
-trajectory: [{INNER}, {INNER}] => holds 2 trajectories, but a check
+trajectory: [{INNER}, {INNER}] => has 2 trajectories, but a file
 a: 1 => no JointTrajectory ... joint_names and points
 joint_names: [a] | points: [] => without points
 joint_names: [a] | points: [{{positions: [1]}}] => point 1: ... time_from_start

@@ -128,9 +128,9 @@ def test_a_file_that_is_not_there_or_no_text(tmp_path, read):
     refusals(read, contents)
     refusals(lambda x: read(x, "a.bag"), contents[2:])
     text = "t,q1\n0,1\n1,1\n"
-    with pytest.raises(InvalidInput, match="CSV, which has no topics"):
+    with pytest.raises(InvalidInput, match="CSV file, which has no topics"):
         read(text, topic="/joint_states")
-    with pytest.raises(InvalidInput, match="no columns to name"):
+    with pytest.raises(InvalidInput, match="no columns"):
         read(text, "a.yaml", columns="t,q1")
 
 
@@ -161,7 +161,7 @@ joint_velocity: [[-90 deg/s, 1], [-2, 3]] => {0.joint_velocity: [[-1.57079632679
 deviation: 0.1 mm => {1: 0.0001}
 """
 BAD_LIMITS = r"""
-- 1 => must hold a mapping of limits
+- 1 => must be a mapping of limits
 { => not valid YAML
 joint_limits: {elbow_joint: {max_velocity: 3}} => of MoveIt ... --joint-limits
 deviation: 1 s => deviation: must be a quantity in m
@@ -199,7 +199,7 @@ def test_columns_that_are_not_known_or_named_beside_the_file(read):
 
 
 BAD_NAMES = """
-t,q1 => log.csv, line 1: 3 columns, but names of 2 are given
+t,q1 => log.csv, line 1: the table has 3 columns, but --columns has 2 names
 t,-,- => log.csv, --columns: the column q1 is missing
 1,2,3 => log.csv, --columns: the first line must name
 """
@@ -212,7 +212,7 @@ def test_names_that_do_not_fit():
     six = [kind.format(x) for kind in kinds for x in ("a", "b", "wrist_1", "c", "d", "e")]
     table = [
         (["t [s]", *six], "6 joints ('a', 'b', 'wrist_1' ... the arm has 2 ('joint 1', 'joint 2')"),
-        (["t", *(f"x{k}" for k in range(20))], "'x7' and 12 more are not known"),
+        (["t", *(f"x{k}" for k in range(20))], "'x7' and 12 more are not recognized"),
     ]
 
     def parse(titles):

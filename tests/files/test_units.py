@@ -135,7 +135,7 @@ def test_the_unit_of_a_quantity_is_the_one_written():
     assert unit_of(None, SHARE) == ("%", 0.01)
     # Degrees without their unit are refused where angles are within a turn.
     turn = Quantity("rad", "90 deg", "turn")
-    with pytest.raises(ValueError, match="but is 180 rad: for 180 degrees write 180 deg"):
+    with pytest.raises(ValueError, match="but is 180 rad. For 180 degrees, write 180 deg"):
         read_quantity(180, turn)
     assert read_quantity("720 deg", turn) == pytest.approx(4 * math.pi)
     assert read_quantity("7 rad", turn) == 7.0 and read_quantity(-6.2832, turn) == -6.2832

@@ -121,7 +121,7 @@ class CsvTable(Generic[Key]):
         missing = next((x for x in keys if x not in self.columns), None)
         if missing is None:
             return
-        also = f", or rename them with {self.rename(str(missing), 'NAME')}" if self.option else ""
+        also = f" (or rename them with {self.rename(str(missing), 'NAME')})" if self.option else ""
         unknown = list_some([show(x) for x in self.unknown], MAX_NAMED)
         other = f" The columns {unknown} are not recognized." if unknown else ""
         raise InvalidInput(
@@ -350,7 +350,7 @@ def _read_titles(
 ) -> tuple[dict[Key, CsvColumn], tuple[str, ...]]:
     """Recognized columns by quantity, in the order of the file, and titles of other columns."""
     if all(map(NUMBER.fullmatch, titles)):
-        fix = f" If the file has no such line, name the columns with {option}." if option else ""
+        fix = f" If the file has no such line, name the columns ({option})." if option else ""
         raise InvalidInput(
             f"{location}: the first line must name the columns, such as {example}.{fix}"
         )
@@ -374,7 +374,7 @@ def _read_titles(
         if other is not None and other.rank == column.rank:
             same = f"the columns {show(other.title)} and {show(title)} have the same quantity"
             twice = f"there are two columns {show(title)}" if other.title == title else same
-            fix = f", for example with {option} '{SKIPPED}={title}'" if option else ""
+            fix = f" (for example with {option} '{SKIPPED}={title}')" if option else ""
             raise InvalidInput(f"{location}: {twice}. Remove one{fix}.")
         if other is None or column.rank < other.rank:
             recognised[content.key] = column

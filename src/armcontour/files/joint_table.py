@@ -336,7 +336,7 @@ def read_samples(
     if any("joint_states" in table.columns[x].title and x.joint.isdigit() for x in keys):
         time_notes += (
             "Joints of /joint_states are assigned in the order of their numbers. Compare them with "
-            "the names in the messages. If the order differs, rename columns with --columns.",
+            "the names in the messages. If the order differs, rename columns (--columns).",
         )
     return TableSamples(t, values, last, digits[len(times) :], (*notes, *time_notes))
 
@@ -411,7 +411,7 @@ def _ask_for_angles(table: CsvTable[Key], keys: Sequence[Key], values: FloatArra
         raise InvalidInput(
             f"{table.heading}: the column {show(table.columns[keys[k]].title)} has no unit. Its "
             f"values from {low:.4g} to {high:.4g} would be up to "
-            f"{max(-low, high) / (2 * math.pi):.3g} turns in rad. Specify the unit, for example "
+            f"{max(-low, high) / (2 * math.pi):.3g} turns in rad. Specify the unit, such as "
             f"--columns '{','.join(f'{x} [deg]={x}' for x in every)}' for degrees ([rad] for "
             "radians)."
         )
@@ -431,7 +431,7 @@ def _ask_for_times(table: CsvTable[Key], clock: Key, t: FloatArray, q: FloatArra
         raise InvalidInput(
             f"{table.heading}: the column {show(column.title)} has no unit. In seconds, its step "
             f"is {np.median(steps[usable]):g} s, and the fastest joint has only {speed:.2g} rad/s. "
-            f"Specify the unit, for example --columns 't [{unit}]={column.title}' "
+            f"Specify the unit, such as --columns 't [{unit}]={column.title}' "
             f"('t [s]={column.title}' for seconds)."
         )
 

@@ -201,7 +201,7 @@ def _pair(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[list[str]
     if not any(joints.values()):
         raise InvalidInput(
             f"{table.heading}: no column is a command or a measured position. Name the columns, "
-            f"such as {EXAMPLE}, or rename them with --columns 'u#=COMMAND_#,q#=MEASURED_#'."
+            f"such as {EXAMPLE} (or rename them with --columns 'u#=COMMAND_#,q#=MEASURED_#')."
         )
     single = [key for key in table.columns if key.kind == "q" and key.joint not in pairs]
     if not pairs:
@@ -210,8 +210,8 @@ def _pair(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[list[str]
         raise InvalidInput(
             f"{table.heading}: there is no {other} column for the same joint as the column "
             f"{show(table.columns[key].title)}. Name a column {letter}"
-            f"{'' if key.joint.isdigit() else '_'}{key.joint}, or rename it with --columns "
-            f"'{letter}#=NAME_#'."
+            f"{'' if key.joint.isdigit() else '_'}{key.joint} (or rename it with --columns "
+            f"'{letter}#=NAME_#')."
         )
     notes = []
     for role, other in (BOTH, BOTH[::-1]):

@@ -307,8 +307,8 @@ def _describe_missing(source: str, names: Sequence[str], requested: Sequence[str
     return (
         f"{source} has the joints {', '.join(map(show, names))}, but "
         f"{', '.join(map(show, requested)) or 'the names of joints'} are required. Specify the arm "
-        "of the file with --arm, or rename the joints, for example with --columns "
-        f"'{requested[0] if requested else 'NAME'}={next(iter(names), 'NAME')}'."
+        "of the file (--arm), or rename the joints (for example with --columns "
+        f"'{requested[0] if requested else 'NAME'}={next(iter(names), 'NAME')}')."
     )
 
 

@@ -145,8 +145,8 @@ def _keys(table: CsvTable[Key], joint_names: Sequence[str]) -> tuple[list[Key], 
     if len(roles) > 1:
         notes.append(
             f"{table.source} has commands and measured positions. The measured positions are read. "
-            "To read the commands instead, skip the measured positions with --columns "
-            f"'-={title_pattern(table.columns[Key('q', role, joints[0])].title)}'."
+            "To read the commands instead, skip the measured positions (--columns "
+            f"'-={title_pattern(table.columns[Key('q', role, joints[0])].title)}')."
         )
     keys = [Key("q", role, x) for x in joints]
     for kind in ("dq", "ddq"):
@@ -180,11 +180,11 @@ def _raise_other_joints(
 ) -> None:
     """Raise the error for a file whose joint names the arm does not have."""
     have, arm = (list_some([show(x) for x in y], MAX_NAMED) for y in (joints, joint_names))
-    fix = "Specify the arm of the file with --arm"
+    fix = "Specify the arm of the file (--arm)"
     if len(joints) >= len(joint_names):
         fix = (
-            "Rename its columns to the arm's joints with --columns, such as "
-            f"'{joint_names[0]}={title}' or 'q#=NAME_#', or specify its arm with --arm"
+            "Rename its columns to the arm's joints (for example with --columns "
+            f"'{joint_names[0]}={title}'), or specify its arm (--arm)"
         )
     raise InvalidInput(
         f"{heading}: the file has positions of {count_noun(len(joints), 'joint')} ({have}), but "

@@ -80,7 +80,7 @@ def _parse_text(text: str, unit: str) -> float:
         )
     if plain_number(text) is not None:
         raise ValueError(
-            f"the text {text!r} has no unit. Write a unit, such as '{text} {unit}', or a plain "
+            f"{text!r} has no unit. Write a unit, such as '{text} {unit}', or a plain "
             f"number in {unit}"
         )
     # The form is checked here, because pint would compute any arithmetic expression in the text.

@@ -144,7 +144,7 @@ def test_refuses_what_cannot_be_a_table(set_points, conventional, arm):
     data, three = set_points(np.zeros((3, 2))), set_points(np.zeros((3, 3)))
     too_early = set_points(np.zeros((3, 2)), events=early(-0.05))
     table = [
-        ((data, {"cycle": 0.008}), "their own cycle of 0.004 s"),
+        ((data, {"cycle": 0.008}), "have a cycle of 0.004 s"),
         ((three, {"arm": arm}), "has 2 joints, but 'x' has 3"),
         ((data, {"joint_names": ["a", "b" * 81]}), "81 characters, more than 80"),
         (([1, 2], {}), "not list"),
@@ -326,7 +326,7 @@ def test_yaml_is_a_joint_trajectory(table, tmp_path):
 
 
 def test_refuses_times_that_ros_cannot_hold(table, tmp_path):
-    words = {1e-10: "less than a nanosecond", 3e9: "at most 2147483647 s"}
+    words = {1e-10: "at least 1 ns apart", 3e9: "at most 2147483647 s"}
     for form in ("ros-yaml", "mcap"):
 
         def write(t, form=form):
@@ -386,7 +386,7 @@ def bytes_of(place):
     return {x.name: x.read_bytes() for x in files if x.is_file()}
 
 
-@pytest.mark.filterwarnings("ignore:.*switched for ")
+@pytest.mark.filterwarnings("ignore:.*does not switch ")
 def test_the_format_follows_from_ending_or_class_and_bytes_are_reproducible(six, tmp_path):
     for form in PLAIN:
         first, second = (tmp_path / f"{x}{form.kind}" / f"part{form.ending}" for x in "ab")
@@ -404,7 +404,7 @@ def test_the_format_follows_from_ending_or_class_and_bytes_are_reproducible(six,
 def test_events_without_an_output_are_warned_of_once(set_points, six, tmp_path):
     kuka = TemplateFormat(template="kuka", outputs={"tool": 17})
     abb = TemplateFormat(template="abb", outputs={"tool": "doTool"})
-    with pytest.warns(UserWarning, match="switched for gas,"):
+    with pytest.warns(UserWarning, match="does not switch gas,"):
         export(six, tmp_path / "part.src", kuka)
     assert "DEF part( )" in (tmp_path / "part.src").read_text()
     q = np.zeros((20, 6))
@@ -412,7 +412,7 @@ def test_events_without_an_output_are_warned_of_once(set_points, six, tmp_path):
     points, place = set_points(q, events=switches), tmp_path / "part.txt"
     bare = (TemplateFormat(template=x) for x in ("kuka", "abb"))
     for form in (*bare, URScriptFormat()):
-        with pytest.warns(UserWarning, match="nothing is switched for tool,") as caught:
+        with pytest.warns(UserWarning, match="does not switch tool,") as caught:
             export(points, place, form)
         assert len(caught) == 1 and caught[0].filename == __file__
     # Values that these programs cannot switch.
@@ -499,8 +499,8 @@ def test_a_bag_replaces_a_bag_but_nothing_else(six, tmp_path):
     file.write_text("a file")
     places = [
         (precious, "other things than a bag ... thesis.tex"),
-        (file, "a file of that name is in the way"),
-        (folder, "a folder of that name is in the way"),
+        (file, "because a file has this name"),
+        (folder, "because a folder has this name"),
     ]
     refusals(lambda x: export(six, x), places)
     assert (precious / "thesis.tex").read_text() == "all of it"

@@ -202,7 +202,7 @@ def test_without_any_inertial_only_kinematics_are_known(tmp_path):
     refusals(lambda x: x.dynamics, [(arm, "masses of the arm lifter")])
     # Efforts mean nothing then, and must not keep the arm from being planned for.
     assert arm.limits.joint_torque is None and whole.limits.joint_torque is not None
-    assert any("limits of effort are left out" in note for note in arm.notes)
+    assert any("effort limits are ignored" in note for note in arm.notes)
     # Frames of tool and work go with it.
     tool = Frame.rpy([0, 0.1, 0.2], [0.1, 0, 0])
     points, rotations = whole.pose(np.ones(4))
@@ -227,7 +227,7 @@ lower="-2.5" upper="2.5" => => range of joint elbow is empty
 <mimic joint="left" => <mimic joint="right" => right ... mimics no joint
 """
 NO_ROBOTS = """
-solid gripper => is not XML ... line 1
+solid gripper => is not valid XML ... line 1
 <mujoco/> => is not a robot description ... <mujoco>
 <robot name="r"/> => without links
 <robot xmlns:xacro="http://ros.org/wiki/xacro"><xacro:arm/></robot> => xacro
@@ -305,8 +305,8 @@ def test_zero_and_less_count_as_not_given(tmp_path):
     ):
         change = (elbow, f'effort="{effort}" velocity="{velocity}"')
         arm = load(tmp_path, change)
-        (note,) = (x for x in arm.notes if "count as not given" in x)
-        assert note.startswith(f"robot.urdf: it gives no {lacking} of elbow")
+        (note,) = (x for x in arm.notes if "values of at most 0 are ignored" in x)
+        assert note.startswith(f"robot.urdf: it has no {lacking} of elbow")
         assert (arm.limits.joint_torque is None) == ("no effort" in note)
         assert (arm.limits.joint_velocity is None) == ("no velocity" in note)
         # Without speeds no accelerations are assumed.
@@ -316,7 +316,7 @@ def test_zero_and_less_count_as_not_given(tmp_path):
     arm = load(tmp_path, change, joint_limits=tmp_path / "joint_limits.yaml")
     np.testing.assert_array_equal(arm.limits.joint_torque, [80, 70, 33, 15])
     np.testing.assert_array_equal(arm.limits.joint_velocity, [2, 1.5, 1.25, 4])
-    assert not any("not given" in x for x in arm.notes)
+    assert not any("ignored" in x for x in arm.notes)
     # Those of some joints only are not enough.
     change = ('effort="80" velocity="2"', 'effort="0" velocity="2"')
     words = "joint pan has no joint_torque ... joint_limits"
@@ -349,7 +349,7 @@ def test_links_that_are_no_bodies_leave_out_dynamics_only(tmp_path):
     for old, new, words in table:
         arm = load(tmp_path, (old, new))
         assert not arm.has_bodies and arm.limits.joint_torque is None
-        assert any(words in note and "limits of effort are left out" in note for note in arm.notes)
+        assert any(words in note and "effort limits are ignored" in note for note in arm.notes)
         q = np.random.default_rng(3).normal(size=(20, 4))
         np.testing.assert_array_equal(arm.tool_position(q), whole.tool_position(q))
         refusals(lambda x: x.dynamics, [(arm, "masses of the arm lifter")])
@@ -380,12 +380,12 @@ def test_joints_beside_the_arm_stand_at_the_nearest_end_of_their_range(tmp_path)
 
 
 CHOICES = """
-{tip: gripper} => no link 'gripper' to be the tip ... left_finger ... tcp
+{tip: gripper} => tip must be a link of ... 'gripper' ... left_finger ... tcp
 {tip: null} => 4 links that could be the tip ... cover ... tcp ... (in a job, arm: {tip:
-{tip: base_link, base: upper} => base upper does not carry the tip base_link
-{tip: base_link, base: base_link} => No joint turns
+{tip: base_link, base: upper} => tip base_link is not below the base upper
+{tip: base_link, base: base_link} => No joint moves
 {base: null} => lift ... is prismatic ... locked={'lift': ...}
-{locked: {thumb: 0}} => no joint 'thumb' to be locked ... hinge
+{locked: {thumb: 0}} => joint 'thumb' cannot be locked ... hinge
 {locked: {hinge: 2}} => hinge ... locked at 2 ... -1 to 1
 {locked: {hand_tcp: 1}} => hand_tcp ... is fixed and cannot be locked
 """
@@ -402,9 +402,9 @@ def test_xml_that_cannot_be_read_is_refused(tmp_path):
     )
     head = '<?xml version="1.0" encoding="{}"?><robot name="r"/>'
     names = ("utf-7", "zlib_codec", "nowhere", "utf-16")
-    table = [(head.format(x), "is not XML") for x in names]
+    table = [(head.format(x), "is not valid XML") for x in names]
     grown = f'<!DOCTYPE robot [{entities}]><robot name="r">&a11;</robot>'
-    table.append((grown, "is not XML ... amplification"))
+    table.append((grown, "is not valid XML ... amplification"))
 
     def read(text):
         (tmp_path / "robot.urdf").write_text(text)

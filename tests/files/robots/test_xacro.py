@@ -160,14 +160,14 @@ def test_arguments_are_given(tmp_path):
 
 
 def test_arguments_that_lack_or_are_too_many_are_named(tmp_path):
-    size = "it needs a value of its argument 'size' ... --xacro-arg size=VALUE"
+    size = "it requires a value of its argument 'size' ... --xacro-arg size=VALUE"
     texts = ("$(arg size)", "${xacro.arg('size')}", r"$(eval arg('size'${'\x29'})")
     refusals(lambda x: load(write(tmp_path, link(x))), [(x, size) for x in texts])
     file = write(tmp_path, '<xacro:arg name="soft" default="no"/>' + ARM)
     (tmp_path / "robot.urdf").write_text(f"{HEAD}{ARM}</robot>")
     table = [
         ((file, {"sofd": True}), "it has no argument 'sofd': it takes soft"),
-        ((tmp_path / "robot.urdf", {"a": 1}), "takes no arguments"),
+        ((tmp_path / "robot.urdf", {"a": 1}), "has no arguments"),
         (("ur5e", {"a": 1}), "no option arguments"),
     ]
     loaded = lambda x: ac.load_arm(x[0], ac.ArmOptions(arguments=x[1]), trust_xacro=True)  # noqa: E731
