@@ -129,8 +129,8 @@ X = "placement.over.x"
 PLACE, SOBOL = {"do": "place"}, {"combine": {"sobol": 8}}
 # Further keys of the plan, its parameters, words of the message.
 WRONG = [
-    (PLACE, {}, ["do: place requires the key placement.over in bend.yaml"]),
-    (PLACE, {"placement.objective": ["duration", "torque"]}, ["requires the key placement.over in"]),
+    (PLACE, {}, ["do: place the key placement.over in bend.yaml"]),
+    (PLACE, {"placement.objective": ["duration", "torque"]}, ["the key placement.over in"]),
     (
         PLACE | {"columns": ["duration"]},
         {X: [{"from": 0, "to": 0.1, "places": 2}]},

@@ -95,7 +95,7 @@ def test_any_key_of_the_job_is_set(tmp_path, run, refused):
         (("--set", "limits.speed=1 mm"), ["--set: job.yaml: limits.speed: must be", "m/s"]),
         (("--tolerance", "1 s"), ["--tolerance: job.yaml: corners.tolerance: must be"]),
         (("--set", "limits.speed=1", "--speed", "1 m/s"), ["--speed and --set limits.speed"]),
-        (("--set", "limits.speed"), ["--set: 'limits.speed' sets no key. Write KEY=VALUE, such as"]),
+        (("--set", "limits.speed"), ["--set: 'limits.speed' sets no key. Write KEY=VALUE"]),
         (("--set", "runs.plan.end_time=1"), ["--set: job.yaml: runs.plan.end_time names no run"]),
         # The tolerance is not what is wrong.
         (

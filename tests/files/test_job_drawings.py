@@ -132,7 +132,8 @@ def test_a_process_has_values_by_layer_with_their_units(folder):
     assert made.process.of_layer("CUT").lead_in is not None
     cut, mark = prepare(made.program, made.process).contours
     assert cut.path.length == pytest.approx(0.065) and len(mark.events) == 10
-    assert made.program.notes[-1] == "process.by_layer has the layer 'GONE', but no contour is on this layer."
+    note = "process.by_layer has the layer 'GONE', but no contour is on this layer."
+    assert made.program.notes[-1] == note
     open_speeds = "{process: {analog: [{name: power}]}, limits: {speed: inf}}"
     refusals(lambda x: job(folder, x), [(open_speeds, "Run compensated ... power ... contour a")])
     speeds = {"file": "layers.csv", "layers": {x: {"speed": "1 mm/s"} for x in ("CUT", "MARK")}}

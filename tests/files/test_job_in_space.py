@@ -121,7 +121,7 @@ BAD = """
 arm: {name: ur5e, file: x.urdf} => arm requires either name
 arm: {file: robot.txt} => arm.file must have one of the extensions .yaml
 arm: {name: ur5e, tool: {position: [0, 0, 1 deg]}} => arm.tool.position (item 3): ... quantity in m
-arm: {name: ur5e, tool: {rpy: [0, 0, 0], quaternion: [0, 0, 0, 1]}} => arm.tool must have either rpy or
+arm: {name: ur5e, tool: {rpy: [0, 0, 0], quaternion: [0, 0, 0, 1]}} => must have either rpy or
 arm: {name: ur5e, tool: {quaternion: [0, 0, 0, 2]}} => arm.tool.quaternion: ... length 1
 arm: {name: ur5e, payload: {mass: 1, inertia: [1, 0, 0, 1, 0, 5]}} => arm.payload: No body can have
 arm: {file: robot.urdf, tip: tcp, locked: {lift: 10 deg}} => arm.locked.lift: ... in m, ... '10 deg'
@@ -189,14 +189,14 @@ points: P, orientation: {rpy: [0, 0, 0], axis: [0, 0, 1]} => path.orientation ..
 points: P, orientation: {rpyy: [0, 0, 0]} => unknown key path.orientation.r
 points: P, orientation: [] => path.orientation is an empty list
 points: P, orientation: [{rpy: [0, 0, 0]}, {rpy: [0, 0, 0]}] => has 2 values ... 3 waypoints
-points: P, orientation: [{rpy: [0, 0, 0]}, {rpy: [0, 0, 0]}, {axis: [0, 0, 1]}] => must have axis, or none
+points: P, orientation: [{rpy: [0, 0, 0]}, {rpy: [0, 0, 0]}, {axis: [0, 0, 1]}] => axis, or none
 points: P, orientation: [&x {follow_tangent: {up: [0, 0, 1]}}, *x, *x] => (item 1): follow_tangent
 points: P, orientation: {axis: [[0, 0, -1], [0, 0.1, -1]]} => path.orientation.axis: must be one
 points: [[0.3, 0.2], [0.4, 0.2]], orientation: {axis: [0, 0, 1]} => three coordinates
 spline: {points: P}, orientation: [&x {rpy: [0, 0, 0]}, *x, *x] => single mapping for a spline
 spline: {points: []} => path.spline.points is empty
 spline: {points: P}, points: P => exactly one of points, start with segments
-start: [0.4, 0, 0.2], segments: [{via: [0.5, 0.1, 0.2]}] => path.segments (item 1) requires either to
+start: [0.4, 0, 0.2], segments: [{via: [0.5, 0.1, 0.2]}] => segments (item 1) requires either to
 """
 
 

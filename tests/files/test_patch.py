@@ -113,7 +113,7 @@ BAD = """
 {runs.onw.duration: 1} => runs.onw.duration names no run of the job: did you mean own?
 {runs: {}} => runs names no run of the job
 {limits.joint_velocity.1: 1} => limits.joint_velocity is 2.0, which has no key 1
-{path.points.9.0: 1} => path.points (item 10, item 1) cannot be changed, because its list has only 3 items.
+{path.points.9.0: 1} => path.points (item 10, item 1) cannot be changed ... list has only 3 items.
 """
 OF_NO_RUN = """
 {corners.shape: free} => corners.shape requires a run with rounded corners

@@ -249,7 +249,7 @@ BAD_MESHES = [
     ("a.stl", ascii_stl().rsplit("vertex", 1)[0].encode(), "35 vertices ... multiple of 3"),
     ("a.obj", b"", "no triangles"),
     ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 x 0\nf 1 2 3\n", "line 3 ... finite numbers ... '0 x 0'"),
-    ("a.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 3\n", "line 3 ... vertex '3' ... 2 vertices are defined before it"),
+    ("a.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 3\n", "line 3 ... vertex '3' ... 2 vertices are defined"),
     ("a.dae", b"<COLLADA/>", ".stl or .obj"),
 ]
 

@@ -17,7 +17,7 @@ from armcontour.files.units import (
     MAX_CHARACTERS,
     PERCENT,
     QUANTITY,
-    USUAL,
+    UNIT_FACTORS,
     parse_quantity,
     parse_share,
     read_quantity,
@@ -94,7 +94,7 @@ def test_long_texts_are_no_quantities():
 
 def test_usual_units_are_those_of_pint():
     registry = pint.UnitRegistry(cache_folder=None)
-    for unit, names in USUAL.items():
+    for unit, names in UNIT_FACTORS.items():
         for name, number in itertools.product(names, ("5", "-.25", "+3.7e-2", "123456789.")):
             text = f" {number}{' ' if name == '1/s' else ''}{name} "
             assert parse_quantity(text, unit) == float(registry.Quantity(text).to(unit).magnitude)

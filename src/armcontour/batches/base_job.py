@@ -30,10 +30,10 @@ from armcontour.robot import Arm
 from armcontour.robot.scene import Scene
 
 # Keys of a job that read files, and the keys inside them that name files.
-WITH_FILES = ("arm", "tools", "path", "scene")
+FILE_SECTIONS = ("arm", "tools", "path", "scene")
 FILE_KEYS = ("file", "files", "joint_limits")
 # Section of a job whose key `run` selects the run, by kind of work.
-CHOOSERS = {CERTIFY: "certificate", PLACE: "placement"}
+RUN_SELECTORS = {CERTIFY: "certificate", PLACE: "placement"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +71,7 @@ class BaseJob:
         """Create the job of some data; equal data of arm, path and scene are read only once."""
         model = self.model(data)
         with error_context(self.source):
-            text = _text([data.get(x) for x in WITH_FILES])
+            text = _canonical_json([data.get(x) for x in FILE_SECTIONS])
             return assemble_job(
                 model, *_cached_parts(text, _PartFactory(model, self.folder, trust_xacro))
             )
@@ -80,7 +80,7 @@ class BaseJob:
         """Digest of everything that the results of a job depend on."""
         with error_context(self.source):
             named = [_digest_of(self.folder / x) for x in named_files(data)]
-        text = _text([__version__, request, data, named, self.files])
+        text = _canonical_json([__version__, request, data, named, self.files])
         return hashlib.sha256(text.encode()).hexdigest()
 
     def with_digests(self, data: Mapping[str, Any], *, trust_xacro: bool) -> BaseJob:
@@ -133,44 +133,44 @@ def read_base(
         data, source, home = cell_data(cell, drawing)
         name = drawing.stem
     model_of(JobModel, data, source)
-    reduced, chosen = _with_run(data, source, run, work)
+    reduced, chosen = _select_run(data, source, run, work)
     si_data = in_si(reduced, JobModel)
     return BaseJob(name=name, source=source, folder=home.absolute(), data=si_data, run=chosen)
 
 
-def _with_run(
+def _select_run(
     data: Mapping[str, Any], source: str, run: str | None, work: str
 ) -> tuple[dict[str, Any], str | None]:
     """Data with the selected run only, and the name of this run; None if the work selects it."""
     runs, names = data["runs"], ", ".join(data["runs"])
-    name = run or (data.get(CHOOSERS.get(work, "")) or {}).get("run")
+    name = run or (data.get(RUN_SELECTORS.get(work, "")) or {}).get("run")
     if name is None and len(runs) == 1:
         (name,) = runs
     unknown = f"run: {source} has no run {show(name)}. It has the runs {names}."
     raise_if(name not in (None, *runs), unknown)
     missing = f"run is missing: {source} has several runs. Choose one of {names}."
-    raise_if(name is None and work not in CHOOSERS, missing)
-    reduced = dict(data) if work == CERTIFY else _without(data, "certificate")
+    raise_if(name is None and work not in RUN_SELECTORS, missing)
+    reduced = dict(data) if work == CERTIFY else _remove_key(data, "certificate")
     if name is None:
         return reduced, None
     reduced["runs"] = {name: runs[name]}
-    for key in CHOOSERS.values():
+    for key in RUN_SELECTORS.values():
         if reduced.get(key):
-            reduced[key] = _without(reduced[key], "run")
+            reduced[key] = _remove_key(reduced[key], "run")
     experiment = reduced.get("experiment")
     if isinstance(experiment, dict) and experiment.get("runs") is not None:
         if name in experiment["runs"]:
-            reduced["experiment"] = _without(experiment, "runs")
+            reduced["experiment"] = _remove_key(experiment, "runs")
         else:
             del reduced["experiment"]
     return reduced, name
 
 
-def _without(data: Mapping[str, Any], name: str) -> dict[str, Any]:
+def _remove_key(data: Mapping[str, Any], name: str) -> dict[str, Any]:
     return {key: x for key, x in data.items() if key != name}
 
 
-def check_placed(base: BaseJob, data: Mapping[str, Any]) -> None:
+def check_placement_axes(base: BaseJob, data: Mapping[str, Any]) -> None:
     """Check that a job has axes for the placement search."""
     placement = data.get("placement") or {}
     if not placement.get("over"):
@@ -185,24 +185,24 @@ def named_files(data: Mapping[str, Any]) -> Iterator[str]:
     arm = data.get("arm")
     if isinstance(arm, str) and arm.lower().endswith(ARM_FILES):
         yield arm
-    for key in WITH_FILES:
-        yield from _files_in(data.get(key))
+    for key in FILE_SECTIONS:
+        yield from _iterate_file_names(data.get(key))
 
 
-def _files_in(data: Any) -> Iterator[str]:
+def _iterate_file_names(data: Any) -> Iterator[str]:
     if isinstance(data, list):
         for value in data:
-            yield from _files_in(value)
+            yield from _iterate_file_names(value)
     elif isinstance(data, Mapping):
         for key, value in data.items():
             if key in FILE_KEYS:
                 yield from (
                     y for y in (value if isinstance(value, list) else [value]) if isinstance(y, str)
                 )
-            yield from _files_in(value)
+            yield from _iterate_file_names(value)
 
 
-def _text(value: Any) -> str:
+def _canonical_json(value: Any) -> str:
     """Canonical JSON of a value."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), default=str)
 

@@ -13,9 +13,9 @@ from armcontour.core.text import suggest
 from armcontour.jobs.place_search import UNITS
 
 # Kinds of work on each job. Each of RISING includes the previous kinds; `PLACE` is separate.
-COMPENSATE, RUN, CERTIFY = RISING = ("compensate", "run", "certify")
+COMPENSATE, RUN, CERTIFY = INCREASING_WORKS = ("compensate", "run", "certify")
 PLACE = "place"
-WORKS = (*RISING, PLACE)
+WORKS = (*INCREASING_WORKS, PLACE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,13 +31,13 @@ class Column:
         """True if a kind of work computes the figure."""
         if PLACE in (work, self.since):
             return work == self.since
-        return RISING.index(self.since) <= RISING.index(work)
+        return INCREASING_WORKS.index(self.since) <= INCREASING_WORKS.index(work)
 
 
 ERRORS = ("contour_error", "objective_error", "tracking_error", "experiment.contour_error")
-PLACED = {"duration": "s", "singular": "m/rad", "clearance": "m", "torque_margin": "1"}
+PLACEMENT_UNITS = {"duration": "s", "singular": "m/rad", "clearance": "m", "torque_margin": "1"}
 # Units of the figures by name, grouped by the smallest kind of work that computes them.
-ROWS: dict[str, dict[str, str]] = {
+UNITS_BY_WORK: dict[str, dict[str, str]] = {
     COMPENSATE: {
         **{"duration": "s", "length": "m", "corner_error": "m", "full_stops.count": ""},
         "set_points": "",
@@ -55,12 +55,14 @@ ROWS: dict[str, dict[str, str]] = {
     },
     PLACE: {
         **{f"best.place.{x}": unit for x, unit in UNITS.items()},
-        **{f"{x}.{y}": unit for x in ("best", "own_place") for y, unit in PLACED.items()},
+        **{f"{x}.{y}": unit for x in ("best", "own_place") for y, unit in PLACEMENT_UNITS.items()},
         **{"gain": "1", "places": "", "planned": "", "refused_places": ""},
     },
 }
-COLUMNS = {x: Column(unit, since) for since, rows in ROWS.items() for x, unit in rows.items()}
-USUAL = {
+COLUMNS = {
+    x: Column(unit, since) for since, rows in UNITS_BY_WORK.items() for x, unit in rows.items()
+}
+DEFAULT_COLUMNS = {
     COMPENSATE: ("duration", "corner_error"),
     RUN: ("duration", "contour_error.rms", "contour_error.max", "corner_error", "demand_ratio"),
     PLACE: (
@@ -79,7 +81,7 @@ USUAL = {
 def read_columns(requested: Iterable[str] | None, work: str) -> tuple[str, ...]:
     """Names of the columns of a plan; by default the usual columns of its kind of work."""
     if requested is None:
-        return USUAL[work]
+        return DEFAULT_COLUMNS[work]
     available = [x for x, column in COLUMNS.items() if column.is_computed_by(work)]
     names = tuple(requested)
     for k, name in enumerate(names):

@@ -57,7 +57,7 @@ class Work:
         try:
             base = self.plan.bases[self.plan.base(index)]
             job = base.job(self.plan.data(index), trust_xacro=self.plan.trust_xacro)
-            result = _do(self.plan.work, job, base.run)
+            result = _execute_work(self.plan.work, job, base.run)
             outcome = Outcome(DONE, figures=figures_of(result, self.plan.columns, self.plan.work))
         except ArmContourError as error:
             outcome = Outcome(REFUSED, type(error).__name__, str(error))
@@ -66,7 +66,7 @@ class Work:
         return outcome._replace(seconds=time.perf_counter() - begin)
 
 
-def killed() -> Outcome:
+def process_ended() -> Outcome:
     """Outcome of a job whose process ended."""
     return Outcome(
         FAILED,
@@ -76,7 +76,7 @@ def killed() -> Outcome:
     )
 
 
-def _do(work: str, job: Job, run: str | None) -> Any:
+def _execute_work(work: str, job: Job, run: str | None) -> Any:
     """Execute the work of the plan on a job; returns the result of the job."""
     if work == CERTIFY:
         from armcontour.studies.certification import certify

@@ -69,7 +69,7 @@ def read_parameter(key: str, specified: Any, *, sampled: bool) -> Parameter:
         if sampled:
             return Parameter(key, unit, (low, high), True, log, True)
         values = _interpolate(low, high, np.linspace(0.0, 1.0, count), log=log).tolist()
-        if quantity is None and all(_whole(specified[x]) for x in ("from", "to")):
+        if quantity is None and all(_is_integer(specified[x]) for x in ("from", "to")):
             # Integer keys, such as numbers of knots, need integer values.
             values = [round(x) if abs(x - round(x)) < 1e-9 * abs(x) else x for x in values]
         return Parameter(key, unit, tuple(values), True, log)
@@ -84,7 +84,7 @@ def read_parameter(key: str, specified: Any, *, sampled: bool) -> Parameter:
     raise_if(
         count > MAX_VALUES, f"{location} has {count} values, but at most {MAX_VALUES} are allowed."
     )
-    return Parameter(key, unit, tuple(_in_si(key, x) for x in listed))
+    return Parameter(key, unit, tuple(_value_in_si(key, x) for x in listed))
 
 
 def _read_range(
@@ -108,7 +108,7 @@ def _read_range(
     scale = checks.check_choice(f"{location}.scale", ends.get("scale", "linear"), SCALES)
     low, high = (_read_end(f"{location}.{x}", ends[x], quantity) for x in ("from", "to"))
     count = 2 if sampled else ends["steps"]
-    if not (_whole(count) and 1 <= count <= MAX_VALUES):
+    if not (_is_integer(count) and 1 <= count <= MAX_VALUES):
         raise InvalidInput(
             f"{location}.steps must be a whole number from 1 to {MAX_VALUES}, but is {show(count)}."
         )
@@ -136,7 +136,7 @@ def _read_end(location: str, value: Any, quantity: Quantity | None) -> float:
         raise InvalidInput(f"{location}: {str(error).rstrip('.')}.") from None
 
 
-def _in_si(key: str, value: Any) -> Any:
+def _value_in_si(key: str, value: Any) -> Any:
     """Value of a key in SI units; a value that is not a quantity is unchanged."""
     keys = full_key(key_of(key))
     return value_at(in_si(change_data({}, [Change(keys, value)]), JobModel), keys)
@@ -152,6 +152,6 @@ def _interpolate(low: float, high: float, fractions: FloatArray, *, log: bool) -
     return np.clip(values, min(low, high), max(low, high))
 
 
-def _whole(value: Any) -> bool:
+def _is_integer(value: Any) -> bool:
     """True if a value is an integer, not a boolean."""
     return isinstance(value, int) and not isinstance(value, bool)

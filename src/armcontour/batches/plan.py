@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from armcontour.batches.base_job import BaseJob, check_placed, named_files, read_base
+from armcontour.batches.base_job import BaseJob, check_placement_axes, named_files, read_base
 from armcontour.batches.columns import COLUMNS, PLACE, RUN, WORKS, read_columns
 from armcontour.batches.parameters import Parameter, read_parameter
 from armcontour.core import checks
@@ -193,10 +193,10 @@ def read_plan(plan: str | FilePath | Mapping[str, Any], *, trust_xacro: bool = F
             )
     model: PlanModel = read_keys(MappingKeys(PlanModel), data, source)
     with error_context(source):
-        return _plan(model, folder, FilePath(source).stem, trust_xacro)
+        return _make_plan(model, folder, FilePath(source).stem, trust_xacro)
 
 
-def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> Plan:
+def _make_plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> Plan:
     """Create a plan from its model, and check the jobs with their parameter values."""
     if (model.job is None) == (model.jobs is None):
         raise InvalidInput("a plan must have either the key job, or the key jobs with a list.")
@@ -215,11 +215,13 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
     )
     for base in bases:
         if model.do == PLACE:
-            check_placed(base, _first(base, parameters))
+            check_placement_axes(base, _first_data(base, parameters))
         _refuse_unreadable(base, parameters)
     plan = Plan(
         name=checks.check_name("name of the plan", model.name or name),
-        bases=tuple(x.with_digests(_first(x, parameters), trust_xacro=trust_xacro) for x in bases),
+        bases=tuple(
+            x.with_digests(_first_data(x, parameters), trust_xacro=trust_xacro) for x in bases
+        ),
         parameters=parameters,
         work=model.do,
         columns=columns,
@@ -236,7 +238,7 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
     return plan
 
 
-def _first(base: BaseJob, parameters: Sequence[Parameter]) -> dict[str, Any]:
+def _first_data(base: BaseJob, parameters: Sequence[Parameter]) -> dict[str, Any]:
     """Data of a base job with the first values of all parameters."""
     return base.data_with([x.parts for x in parameters], [x.values[0] for x in parameters])
 
@@ -277,7 +279,7 @@ def _refuse_unreadable(base: BaseJob, parameters: Sequence[Parameter]) -> None:
                 if len(parameter.values) > 1
                 else f"over.{parameter.key}"
             )
-            problem = _problem(base, [parameter.parts], [parameter.values[i]])
+            problem = _find_problem(base, [parameter.parts], [parameter.values[i]])
             if problem is None:
                 continue
             # A value can be valid only together with values of other parameters: try the first
@@ -286,12 +288,12 @@ def _refuse_unreadable(base: BaseJob, parameters: Sequence[Parameter]) -> None:
             for j in (0, i):
                 values = [y.values[min(j, len(y.values) - 1)] for y in parameters]
                 values[k] = parameter.values[i]
-                problems.append(_problem(base, keys, values))
+                problems.append(_find_problem(base, keys, values))
             if None not in problems:
                 raise problem.with_location(location)
 
 
-def _problem(
+def _find_problem(
     base: BaseJob, keys: Sequence[tuple[str | int, ...]], values: Sequence[Any]
 ) -> InvalidInput | None:
     """Error that parameter values cause in a job; None if the values are valid."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any
 
-from armcontour.batches.outcomes import Outcome, Results, Work, killed
+from armcontour.batches.outcomes import Outcome, Results, Work, process_ended
 from armcontour.batches.plan import Plan, read_plan
 from armcontour.core.compilation import compile_kernels
 from armcontour.core.fields import checked
@@ -170,7 +170,7 @@ def _work(
     """Run the jobs with the indices `remaining`, and store their outcomes."""
     statuses, errors = Counter[str](), Counter[str]()
     before, begin = len(plan) - len(remaining), time.monotonic()
-    with TaskQueue[int, Outcome](Work(plan), executor, killed) as queue:
+    with TaskQueue[int, Outcome](Work(plan), executor, process_ended) as queue:
         waiting = iter(remaining)
         while statuses.total() < len(remaining):
             while len(queue) < queue.ahead and (index := next(waiting, None)) is not None:

@@ -27,7 +27,7 @@ from armcontour.robot import Arm
 from armcontour.robot.scene import Scene
 
 # Keys of `path` with the geometry of a job, which a drawing replaces.
-OWN_PATH = ("points", "start", "segments", "spline")
+GEOMETRY_KEYS = ("points", "start", "segments", "spline")
 YAML = (".yaml", ".yml")
 
 
@@ -70,7 +70,7 @@ def read_cell(
 
 def read_cell_arm(cell: str | FilePath, *, trust_xacro: bool = False) -> Arm:
     """Read the arm of a cell, or of a job file, with its tool, work frame and payload."""
-    text, source, folder = _text(str(cell))
+    text, source, folder = _read_cell_text(str(cell))
     with error_context(source):
         model = model_of(CellModel, read_data(text, source), source)
         return arm_of(model.arm, folder, trust_xacro=trust_xacro)
@@ -78,7 +78,7 @@ def read_cell_arm(cell: str | FilePath, *, trust_xacro: bool = False) -> Arm:
 
 def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple[Arm | None, Scene]:
     """Arm, or None, and scene of a cell or job file, which needs no other keys."""
-    text, source, folder = _text(str(cell))
+    text, source, folder = _read_cell_text(str(cell))
     specified = read_keys(SpecifiedKeys(CellModel), load(text, source), source)
     model, path, scene = (
         specified.get("arm"),
@@ -94,36 +94,36 @@ def cell_data(
     cell: str | FilePath, drawing: str | FilePath, patch: Patch | None = None
 ) -> tuple[dict[str, Any], str, FilePath]:
     """Job data of a cell and a drawing, the cell's name for messages, and its folder."""
-    text, source, folder = _text(str(cell))
+    text, source, folder = _read_cell_text(str(cell))
     data, location = read_data(text, source), FilePath(drawing)
-    drawn = _drawn(data, location, str(location.absolute()))
+    drawn = _drawing_patch(data, location, str(location.absolute()))
     with error_context(source):
         return apply_patch(data, {**drawn, **(patch or {})}), source, folder
 
 
 def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) -> str:
     """Job file text of a cell and a drawing for the folder `to`, with the comments of the cell."""
-    text, source, folder = _text(str(cell))
+    text, source, folder = _read_cell_text(str(cell))
     location = FilePath(drawing).absolute()
     file = FilePath(os.path.relpath(location, to)).as_posix()
-    drawn = _drawn(read_data(text, source), location, file)
+    drawn = _drawing_patch(read_data(text, source), location, file)
     return write_patch(move_files(text, folder, to), drawn, source)
 
 
-def _drawn(cell: Mapping[str, Any], drawing: FilePath, file: str) -> Patch:
+def _drawing_patch(cell: Mapping[str, Any], drawing: FilePath, file: str) -> Patch:
     """Patch that inserts a drawing into a cell: its path, name and title; `file` is its name."""
     cell_title = cell.get("title")
     title = drawing.name if cell_title is None else f"{drawing.name} on {cell_title}"
     return {
-        **{("path", key): REMOVE for key in OWN_PATH},
+        **{("path", key): REMOVE for key in GEOMETRY_KEYS},
         ("path", "file"): file,
         # A file name may be too long for a job name, and may have unprintable characters.
-        ("name",): _fit(drawing.stem, LONGEST_NAME),
-        ("title",): _fit(title, LONGEST_TITLE),
+        ("name",): _fit_name(drawing.stem, LONGEST_NAME),
+        ("title",): _fit_name(title, LONGEST_TITLE),
     }
 
 
-def _text(cell: str) -> tuple[str, str, FilePath]:
+def _read_cell_text(cell: str) -> tuple[str, str, FilePath]:
     """Text of a cell, its name for messages, and the folder of its relative file names."""
     file = FilePath(cell)
     if file.suffix.lower() in YAML:
@@ -131,6 +131,6 @@ def _text(cell: str) -> tuple[str, str, FilePath]:
     return cell_text(cell), f"the cell {cell}", FilePath()
 
 
-def _fit(text: str, length: int) -> str:
+def _fit_name(text: str, length: int) -> str:
     """Make a text printable, and shorten it to a number of characters."""
     return shorten(make_printable(text), length)

@@ -21,7 +21,7 @@ NUMBER = re.compile(
     r"[+-]?(?=\.?\d)(?P<whole>\d*)(?:\.(?P<part>\d*))?(?:[eE](?P<power>[+-]?\d+))?", re.ASCII
 )
 # Translation of digits other than 0 to 1, so that numbers with the same digit pattern are equal.
-_ONES = str.maketrans("23456789", "11111111")
+_DIGIT_PATTERN = str.maketrans("23456789", "11111111")
 # A comma between digits, as in 0,125.
 _DECIMAL_COMMA = re.compile(r"(\d),(\d)")
 # A title with a unit in brackets. A number in brackets, as in q[0], is an index, not a unit.
@@ -37,13 +37,13 @@ _UNIT = re.compile(
 # Title of a column that is ignored.
 SKIPPED = "-"
 # Wildcards of `rename`, and their regular expressions.
-WILD = {"#": r"(\d+)", "*": "(.*)"}
+WILDCARDS = {"#": r"(\d+)", "*": "(.*)"}
 # Maximum number of lines that are searched for the first sample.
-MAX_TRIED = 1000
+MAX_SEARCHED_LINES = 1000
 # Maximum number of names that a message lists.
 MAX_NAMED = 8
 # Number of rows per conversion; larger blocks need more memory and are not faster.
-CHUNK = 1 << 14
+BLOCK_ROWS = 1 << 14
 
 
 class Title(NamedTuple, Generic[Key]):
@@ -77,7 +77,7 @@ class Digits:
     def add(self, texts: Sequence[str]) -> None:
         """Update the statistics with the texts of numbers."""
         # Numbers without exponents are counted once per pattern of zero and nonzero digits.
-        alike = {x if "e" in x or "E" in x else x.translate(_ONES) for x in texts}
+        alike = {x if "e" in x or "E" in x else x.translate(_DIGIT_PATTERN) for x in texts}
         for match in filter(None, map(NUMBER.fullmatch, alike)):
             whole, part, power = match.group("whole", "part", "power")
             part, exponent = part or "", int(power or 0)
@@ -161,8 +161,8 @@ class CsvTable(Generic[Key]):
     def texts(self, keys: Sequence[Key]) -> Iterator[tuple[int, list[list[str]]]]:
         """Yield blocks of rows: the index of the first row, and the cells of each given column."""
         indices, count = [self.columns[x].index for x in keys], len(self.lines)
-        for first in range(0, count, CHUNK):
-            rows = [self.cells(i) for i in range(first, min(first + CHUNK, count))]
+        for first in range(0, count, BLOCK_ROWS):
+            rows = [self.cells(i) for i in range(first, min(first + BLOCK_ROWS, count))]
             yield first, [[row[i] for row in rows] for i in indices]
 
     def read(self, keys: Sequence[Key]) -> tuple[FloatArray, list[Digits]]:
@@ -227,14 +227,14 @@ def read_table(
             f"{source} is empty, but must have a line with column names, and rows with numbers."
         )
     names = None if columns is None or "=" in columns else columns.split(",")
-    numbered = numbered[_first_line(numbered, None if names is None else len(names)) :]
+    numbered = numbered[_find_titles(numbered, None if names is None else len(names)) :]
     header, first = numbered[0]
     separator = next((x for x in ";\t" if x in first), ",")
     if separator == "," and _is_blank_separated([line for _, line in numbered[:2]]):
         # The recorder of UR's RTDE client writes blanks between cells.
         numbered = [(number, "\t".join(line.split())) for number, line in numbered]
         first, separator = numbered[0][1], "\t"
-    titles, named = _cells(first, separator), 1
+    titles, named = _split_any(first, separator), 1
     heading = f"{source}, line {header}"
     if names is not None:
         if len(names) != len(titles):
@@ -245,7 +245,9 @@ def read_table(
         # The specified names replace the titles in the file.
         named = not any(map(NUMBER.fullmatch, titles))
         titles, heading = [x.strip() for x in names], f"{source}, {option}"
-    elif len(numbered) > 1 and (units := _units(_cells(numbered[1][1], separator), len(titles))):
+    elif len(numbered) > 1 and (
+        units := _read_units(_split_any(numbered[1][1], separator), len(titles))
+    ):
         titles = [f"{x} [{y}]" if y else x for x, y in zip(titles, units, strict=True)]
         named = 2
     if columns is not None and names is None:
@@ -266,7 +268,7 @@ def read_table(
     )
 
 
-def _first_line(numbered: Sequence[tuple[int, str]], count: int | None) -> int:
+def _find_titles(numbered: Sequence[tuple[int, str]], count: int | None) -> int:
     """Index of the line of titles; for `count` known titles, of the first sample with titles."""
     lines = [line for _, line in numbered]
     if count is not None:
@@ -274,16 +276,16 @@ def _first_line(numbered: Sequence[tuple[int, str]], count: int | None) -> int:
         of_count = (len(x) == count and any(map(NUMBER.fullmatch, x)) for x in every)
         return next((k for k, sample in enumerate(of_count) if sample), 0)
     # The titles are the first line with as many cells as the first sample.
-    for k, line in enumerate(lines[:MAX_TRIED]):
+    for k, line in enumerate(lines[:MAX_SEARCHED_LINES]):
         separator = next((x for x in ";\t," if x in line), None)
-        cells = _cells(line, separator)
+        cells = _split_any(line, separator)
         if len(cells) > 1 and all(NUMBER.fullmatch(x.replace(",", ".")) for x in cells[:2]):
-            counts = [len(_cells(x, separator)) for x in lines[:k]]
+            counts = [len(_split_any(x, separator)) for x in lines[:k]]
             return counts.index(len(cells)) if len(cells) in counts else 0
     return 0
 
 
-def _units(cells: Sequence[str], count: int) -> list[str]:
+def _read_units(cells: Sequence[str], count: int) -> list[str]:
     """Units of `count` columns in a line below the titles; empty if the line has other content."""
     units = [x.strip("[]() ") for x in cells]
     units = ["" if x in ("-", "1") else x for x in units]
@@ -307,7 +309,7 @@ def _split(line: str, separator: str | None) -> list[str]:
     return [x.strip() for x in next(csv.reader([line], delimiter=separator, strict=True))]
 
 
-def _cells(line: str, separator: str | None) -> list[str]:
+def _split_any(line: str, separator: str | None) -> list[str]:
     """Cells of a line above the rows; a line with wrong quotes is split at each separator."""
     try:
         return _split(line, separator)
@@ -321,14 +323,14 @@ def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
     renamed = list(names)
     for pair in pairs.split(","):
         new, _, old = map(str.strip, pair.partition("="))
-        wild = [x for x in old if x in WILD]
-        used = [x for x in new if x in WILD]
+        wild = [x for x in old if x in WILDCARDS]
+        used = [x for x in new if x in WILDCARDS]
         if not (new and old) or (used and used != wild):
             raise InvalidInput(
                 f"New names must have the form NEW=NAME, such as 't [ms]=time' or "
                 f"'q# [deg]=joint_#', but one is {show(pair)}."
             )
-        pattern = re.compile("".join(WILD.get(x) or re.escape(x) for x in old))
+        pattern = re.compile("".join(WILDCARDS.get(x) or re.escape(x) for x in old))
         matches = {i: x for i, name in enumerate(names) if (x := pattern.fullmatch(name))}
         if not matches:
             raise InvalidInput(
@@ -337,7 +339,7 @@ def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
             )
         for i, match in matches.items():
             parts = iter(match.groups())
-            renamed[i] = "".join(next(parts) if x in WILD else x for x in new)
+            renamed[i] = "".join(next(parts) if x in WILDCARDS else x for x in new)
     return tuple(renamed)
 
 
@@ -366,7 +368,7 @@ def _read_titles(
         if unit is not None and content.unit is not None:
             raise InvalidInput(f"{location}: the column {show(title)} has two units. Remove one.")
         unit = content.unit if unit is None else unit
-        factor = 1.0 if unit is None else _factor(unit, content.si, title, location)
+        factor = 1.0 if unit is None else _unit_factor(unit, content.si, title, location)
         column, other = (
             CsvColumn(index, title, unit, factor, content.rank),
             recognised.get(content.key),
@@ -383,7 +385,7 @@ def _read_titles(
     return recognised, tuple(unknown)
 
 
-def _factor(unit: str, si: str | None, title: str, location: str) -> float:
+def _unit_factor(unit: str, si: str | None, title: str, location: str) -> float:
     """Conversion factor from the unit of a column to an SI unit."""
     plain = unit.strip().replace("²", "^2").replace("°", "deg")
     try:

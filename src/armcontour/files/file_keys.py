@@ -51,7 +51,7 @@ from armcontour.files.problems import first_problem
 from armcontour.files.units import read_quantity
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-PLAIN: dict[Any, Any] = {
+STRICT_TYPES: dict[Any, Any] = {
     **{bool: StrictBool, int: StrictInt, float: Number},
     **{Mapping: dict, Sequence: list},
 }
@@ -66,7 +66,7 @@ BOUNDS: dict[str, dict[str, float]] = {
 # Matches array shapes in docstrings, which are removed from the descriptions of keys.
 SHAPE = re.compile(r", \((?:dof|\d)[\w, ]*\)(?: or \([\w, ]*\),)?")
 # True while a validator is built whose nested validators are built on demand.
-_later = ContextVar("_later", default=False)
+_defer_nested = ContextVar("_later", default=False)
 
 
 class KeyMark(ABC):
@@ -75,13 +75,13 @@ class KeyMark(ABC):
     __slots__ = ()
 
     def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        if _later.get():
+        if _defer_nested.get():
             return core_schema.no_info_plain_validator_function(self._read)
         return self.schema(handler)
 
     def _read(self, data: Any) -> Any:
         """Check a mapping and make its value; problems are reported as problems of the file."""
-        return _adapter(self).validate_python(data)
+        return _deferred_adapter(self).validate_python(data)
 
     @abstractmethod
     def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -89,17 +89,17 @@ class KeyMark(ABC):
 
 
 @dataclass(frozen=True, slots=True)
-class _Outer:
+class _WholeFile:
     """Annotation of a whole file, whose nested validators are built on demand."""
 
     mark: KeyMark
 
     def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        token = _later.set(True)
+        token = _defer_nested.set(True)
         try:
             return self.mark.schema(handler)
         finally:
-            _later.reset(token)
+            _defer_nested.reset(token)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +115,7 @@ class MappingKeys(KeyMark):
 
     def _build(self, model: BaseModel) -> Any:
         """Make the dataclass from the validated keys."""
-        values, made = _values(self.target, model), _made(self.target)
+        values, made = _values(self.target, model), _factory_fields(self.target)
         return self.target(**{k: v for k, v in values.items() if not (v is None and k in made)})
 
 
@@ -172,11 +172,11 @@ class Methods(KeyMark):
 def read_keys(mark: KeyMark, data: Any, source: str) -> Any:
     """Check the data of a file and make the value that `mark` describes."""
     with suppress(ValidationError):
-        return _adapter(mark).validate_python(data)
+        return _deferred_adapter(mark).validate_python(data)
     # Data with an error is validated again by the validator of the whole file, which is slow to
     # build but knows the location of each key.
     try:
-        return _whole(mark).validate_python(data)
+        return _complete_adapter(mark).validate_python(data)
     except ValidationError as error:
         raise InvalidInput(f"{source}: {first_problem(error, schema_of(mark))}") from None
 
@@ -184,17 +184,17 @@ def read_keys(mark: KeyMark, data: Any, source: str) -> Any:
 @cache
 def schema_of(mark: KeyMark) -> dict[str, Any]:
     """JSON Schema of a file with the keys of a dataclass."""
-    return _whole(mark).json_schema()
+    return _complete_adapter(mark).json_schema()
 
 
 @cache
-def _adapter(mark: KeyMark) -> TypeAdapter[Any]:
+def _deferred_adapter(mark: KeyMark) -> TypeAdapter[Any]:
     """Validator of a mapping, whose nested validators are built on demand."""
-    return TypeAdapter(Annotated[Any, _Outer(mark)])
+    return TypeAdapter(Annotated[Any, _WholeFile(mark)])
 
 
 @cache
-def _whole(mark: KeyMark) -> TypeAdapter[Any]:
+def _complete_adapter(mark: KeyMark) -> TypeAdapter[Any]:
     """Validator of a mapping and all nested mappings."""
     return TypeAdapter(Annotated[Any, mark])
 
@@ -240,7 +240,7 @@ def _keys(owner: type, *, specified: bool = False, null: bool = False) -> dict[s
         if field.name in form.omit or not field.init:
             continue
         kind = _type_of(hints[field.name])
-        if null or (_is_made(field) and field.default_factory not in (dict, list)):
+        if null or (_has_factory(field) and field.default_factory not in (dict, list)):
             kind = kind | None
         default = None if specified else form.defaults.get(field.name, _default(owner, field))
         key = form.names.get(field.name, field.name)
@@ -257,7 +257,7 @@ def _default(owner: type, field: dataclasses.Field[Any]) -> Any:
     """Default of the key of a field; None for a factory other than `dict` and `list`."""
     if field.default_factory in (dict, list):
         return field.default_factory()
-    if _is_made(field):
+    if _has_factory(field):
         return None
     default = _parameters(owner)[field.name].default
     return ... if default is inspect.Parameter.empty else default
@@ -268,14 +268,14 @@ def _parameters(owner: type) -> Mapping[str, inspect.Parameter]:
     return inspect.signature(owner).parameters
 
 
-def _is_made(field: dataclasses.Field[Any]) -> bool:
+def _has_factory(field: dataclasses.Field[Any]) -> bool:
     return field.default_factory is not dataclasses.MISSING
 
 
 @cache
-def _made(owner: type) -> frozenset[str]:
+def _factory_fields(owner: type) -> frozenset[str]:
     """Names of the fields with a default factory, for which null means the default."""
-    return frozenset(x.name for x in dataclasses.fields(owner) if _is_made(x))
+    return frozenset(x.name for x in dataclasses.fields(owner) if _has_factory(x))
 
 
 def _values(owner: type, model: BaseModel) -> dict[str, Any]:
@@ -303,12 +303,12 @@ def _type_of(hint: Any) -> Any:
         return _annotated(*parts)
     if origin in (Union, types.UnionType):
         return Union[tuple(_type_of(x) for x in parts)]  # noqa: UP007
-    origin = PLAIN.get(origin, origin)
+    origin = STRICT_TYPES.get(origin, origin)
     if origin in (list, dict, tuple):
         return origin[tuple(_type_of(x) for x in parts)]
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
         return Annotated[hint, MappingKeys(hint)]
-    return PLAIN.get(hint, hint)
+    return STRICT_TYPES.get(hint, hint)
 
 
 def _annotated(annotated: Any, *marks: Any) -> Any:

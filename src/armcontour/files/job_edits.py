@@ -18,12 +18,12 @@ from armcontour.core.text import show
 from armcontour.core.yaml_loader import Loader, load_with_node
 from armcontour.files.job_arm import ARM_FILES
 from armcontour.files.problems import key_text
-from armcontour.files.yaml_text import Shared, Splice, YamlText, equal_data, flow_text
+from armcontour.files.yaml_text import SharedValue, Splice, YamlText, equal_data, flow_text
 
 Key: TypeAlias = str | int
 Keys: TypeAlias = tuple[Key, ...]
 # Keys whose values are file names relative to the folder of the job file.
-FILES = ("file", "files", "joint_limits", "srdf", "packages")
+FILE_NAME_KEYS = ("file", "files", "joint_limits", "srdf", "packages")
 
 
 class Remove(Enum):
@@ -50,25 +50,25 @@ class Change:
 
 def change_text(text: str, changes: Sequence[Change], source: str = "job") -> str:
     """Apply changes to YAML text; all other lines do not change."""
-    data, root = _parsed(text, source)
-    for group in _together(data, changes):
+    data, root = _parse(text, source)
+    for group in _group_changes(data, changes):
         written = YamlText(text, root)
         try:
-            text = _spliced(text, [y for x in group for y in _splices(written, data, x)])
+            text = _apply_splices(text, [y for x in group for y in _splices(written, data, x)])
             changed = change_data(data, group)
             # Parsing fails if the change removed an anchor that an alias still uses.
-            data, root = _parsed(text, source)
+            data, root = _parse(text, source)
             if not equal_data(data, changed):
-                raise Shared
-        except (Shared, InvalidInput):
-            raise _shared(source, group[-1]) from None
+                raise SharedValue
+        except (SharedValue, InvalidInput):
+            raise _shared_error(source, group[-1]) from None
     return text
 
 
 def change_data(data: Any, changes: Sequence[Change]) -> Any:
     """Copy of the data of a job file with changes."""
     for change in changes:
-        data = _changed(data, change.keys, change)
+        data = _change_value(data, change.keys, change)
     return data
 
 
@@ -81,12 +81,12 @@ def move_files(text: str, folder: FilePath, to: FilePath) -> str:
         if not FilePath(node.value).is_absolute() and location.exists():
             name = FilePath(os.path.relpath(location.resolve(), to.resolve())).as_posix()
             edits.append(Splice(node.start_mark.index, node.end_mark.index, flow_text(name)))
-    return _spliced(text, edits)
+    return _apply_splices(text, edits)
 
 
 def file_names(text: str, source: str = "job") -> list[str]:
     """Names of the files and folders in a job file."""
-    return [x.value for x in _file_names(_parsed(text, source)[1])]
+    return [x.value for x in _file_names(_parse(text, source)[1])]
 
 
 def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
@@ -100,37 +100,37 @@ def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
         for node in values:
             if not isinstance(node, yaml.ScalarNode):
                 yield from _file_names(node)
-            elif key.value in FILES or (
+            elif key.value in FILE_NAME_KEYS or (
                 key.value == "arm" and node.value.lower().endswith(ARM_FILES)
             ):
                 yield node
 
 
 @lru_cache(maxsize=1)
-def _parsed(text: str, source: str) -> tuple[Any, yaml.Node | None]:
+def _parse(text: str, source: str) -> tuple[Any, yaml.Node | None]:
     """Data and root node of a text, read-only; the last text is cached for the next edit."""
     return load_with_node(text, source)
 
 
-def _changed(data: Any, keys: Keys, change: Change) -> Any:
+def _change_value(data: Any, keys: Keys, change: Change) -> Any:
     """Copy of data with a change at `keys`; creates missing mappings and lists."""
     key, *inner = keys
     last, removing = not inner, change.value is REMOVE
     if isinstance(data, list) and isinstance(key, int):
-        return _changed_list(data, key, tuple(inner), change)
+        return _change_list(data, key, tuple(inner), change)
     if last and change.insert:
-        return _changed_list([], _position(key, change), (), change)
+        return _change_list([], _check_index(key, change), (), change)
     if removing and not (isinstance(data, dict) and key in data):
         return data
     copy = dict(data) if isinstance(data, dict) else {}
     if last and removing:
         del copy[key]
     else:
-        copy[key] = change.value if last else _changed(copy.get(key), tuple(inner), change)
+        copy[key] = change.value if last else _change_value(copy.get(key), tuple(inner), change)
     return copy
 
 
-def _changed_list(data: list[Any], index: int, inner: Keys, change: Change) -> list[Any]:
+def _change_list(data: list[Any], index: int, inner: Keys, change: Change) -> list[Any]:
     """Copy of a list with a change of the item at an index, or inside this item."""
     adding = change.insert and not inner
     if not 0 <= index < len(data) + adding:
@@ -142,11 +142,11 @@ def _changed_list(data: list[Any], index: int, inner: Keys, change: Change) -> l
         return [*data[:index], change.value, *data[index:]]
     if not inner and change.value is REMOVE:
         return [*data[:index], *data[index + 1 :]]
-    new = change.value if not inner else _changed(data[index], inner, change)
+    new = change.value if not inner else _change_value(data[index], inner, change)
     return [*data[:index], new, *data[index + 1 :]]
 
 
-def _position(key: Key, change: Change) -> int:
+def _check_index(key: Key, change: Change) -> int:
     """Check that a key is an index of a list, and return the index."""
     if not isinstance(key, int):
         raise InvalidInput(
@@ -155,7 +155,7 @@ def _position(key: Key, change: Change) -> int:
     return key
 
 
-def _together(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
+def _group_changes(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
     """Yield the changes in groups whose locations in the text are independent."""
     group: list[Change] = []
     for change in changes:
@@ -219,7 +219,9 @@ def _splices(text: YamlText, data: Any, change: Change) -> list[Splice]:
         if not part.holds(key):
             removing = change.value is REMOVE
             return (
-                [] if removing else part.replace(data, _changed(data, (key, *inner_keys), change))
+                []
+                if removing
+                else part.replace(data, _change_value(data, (key, *inner_keys), change))
             )
         if change.insert and not inner_keys and isinstance(data, list):
             assert isinstance(key, int)
@@ -227,7 +229,11 @@ def _splices(text: YamlText, data: Any, change: Change) -> list[Splice]:
         inner = part.part(key)
         if inner is None:
             removing = change.value is REMOVE
-            return [] if removing else part.add(key, _changed({}, (key, *inner_keys), change)[key])
+            return (
+                []
+                if removing
+                else part.add(key, _change_value({}, (key, *inner_keys), change)[key])
+            )
         if not inner_keys and change.value is REMOVE:
             return part.remove(key)
         if not inner_keys:
@@ -236,14 +242,14 @@ def _splices(text: YamlText, data: Any, change: Change) -> list[Splice]:
     return []
 
 
-def _spliced(text: str, splices: Sequence[Splice]) -> str:
+def _apply_splices(text: str, splices: Sequence[Splice]) -> str:
     """Text after the replacement of all splices, from the end to the start."""
     for splice in sorted(splices, key=lambda x: (x.begin, x.end), reverse=True):
         text = text[: splice.begin] + splice.text + text[splice.end :]
     return text
 
 
-def _shared(source: str, change: Change) -> InvalidInput:
+def _shared_error(source: str, change: Change) -> InvalidInput:
     """Error for a change that would also change other keys, because of YAML anchors."""
     name = key_text(change.keys)
     by_hand = f"write {name}: {flow_text(change.value)}"

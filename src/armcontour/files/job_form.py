@@ -13,7 +13,7 @@ from typing import Any, TypeAlias, get_type_hints
 from armcontour.core.fields import parts_of
 from armcontour.core.quantities import About, AtLeast, Quantity
 from armcontour.core.text import capitalise, describe_fields
-from armcontour.files.cell import OWN_PATH, YAML, cell_names
+from armcontour.files.cell import GEOMETRY_KEYS, YAML, cell_names
 from armcontour.files.drawings.endings import READERS
 from armcontour.files.exports.formats import FORMATS, TemplateFormat
 from armcontour.files.exports.template import ending_of, templates
@@ -34,7 +34,7 @@ TOPICS = {
 }
 # Parts of a description that help texts omit: "Whether to", units, shapes, backticks, and all
 # sentences after the first.
-MORE = re.compile(r"^Whether to | \[\S*\](, \(\w*,?\))?(?=[.,;:]?( |$))|`|\.( .*)?$")
+OMITTED_TEXT = re.compile(r"^Whether to | \[\S*\](, \(\w*,?\))?(?=[.,;:]?( |$))|`|\.( .*)?$")
 
 
 def settings(
@@ -82,7 +82,7 @@ def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, Any]:
         kind, read, example = "text", "to_quantity", f", such as '{quantity.example}'"
     else:
         kind = "whole" if whole else "text"
-    head, colon, details = capitalise(MORE.sub("", text)).partition(";")
+    head, colon, details = capitalise(OMITTED_TEXT.sub("", text)).partition(";")
     return {
         "option": about.option,
         "key": ".".join(map(str, (*keys, about.key) if about.key else keys)),
@@ -121,12 +121,12 @@ GROUPS = {
 }
 # Mappings whose fields are shown as fields of their group (FLAT), and the names of fields in these
 # mappings that are labelled with the name of the mapping (CALLED).
-FLAT = ("corners", "servo", "timing", "compensation")
-CALLED = {"method", "shape"}
+FLAT_MAPPINGS = ("corners", "servo", "timing", "compensation")
+MAPPING_LABELLED = {"method", "shape"}
 # Keys without a field: geometry, because the drawing defines it; `runs`, which have a table; and
 # keys of the arm, which has a single field.
 OMITTED = (
-    *(f"path.{x}" for x in (*OWN_PATH, "file")),
+    *(f"path.{x}" for x in (*GEOMETRY_KEYS, "file")),
     *("runs", "arm.name", "arm.file"),
 )
 # Matches the unit in a description.
@@ -166,20 +166,26 @@ def _groups() -> dict[str, list[Field]]:
     tree += [x for x in run if x["name"] not in {y["name"] for y in tree}]
     ranges = {".".join(map(str, keys)): x for keys, x in usual_ranges().items()}
     for key in OMITTED:
-        _take(tree, key.split("."))
+        _remove_field(tree, key.split("."))
     listed = {key: title for title, keys in GROUPS.items() for key in keys}
-    split = {key for key in listed if any(x.startswith(f"{key}.") for x in listed)} | {*FLAT}
-    taken = {key: _take(tree, key.split(".")) for key in sorted(listed, key=_depth, reverse=True)}
+    split = {key for key in listed if any(x.startswith(f"{key}.") for x in listed)} | {
+        *FLAT_MAPPINGS
+    }
+    taken = {
+        key: _remove_field(tree, key.split(".")) for key in sorted(listed, key=_depth, reverse=True)
+    }
     assert not tree, f"no group has {', '.join(x['name'] for x in tree)}"
     groups: dict[str, list[Field]] = {title: [] for title in GROUPS}
     for key, title in listed.items():
-        whole = {"at": key, **_ranged(taken[key], key, ranges)}
+        whole = {"at": key, **_add_ranges(taken[key], key, ranges)}
         parts = whole.pop("fields") if key in split else []
         # A mapping with a short form, such as the arm, also has a field for the short form.
         if key not in split or "choices" in whole:
             groups[title].append(whole)
         for x in parts:
-            called = {"label": key} if key in FLAT and x["name"] in CALLED else {}
+            called = (
+                {"label": key} if key in FLAT_MAPPINGS and x["name"] in MAPPING_LABELLED else {}
+            )
             groups[title].append({"at": f"{key}.{x['name']}", **x, **called})
     return groups
 
@@ -189,19 +195,19 @@ def _depth(key: str) -> int:
     return key.count(".")
 
 
-def _ranged(field: Field, key: str, ranges: Mapping[str, tuple[float, float]]) -> Field:
+def _add_ranges(field: Field, key: str, ranges: Mapping[str, tuple[float, float]]) -> Field:
     """Copy of a field, and of the fields inside it, with the usual ranges of quantities."""
     if key in ranges:
         return {**field, "usual": ranges[key]}
-    inner = [_ranged(y, f"{key}.{y['name']}", ranges) for y in field.get("fields", ())]
+    inner = [_add_ranges(y, f"{key}.{y['name']}", ranges) for y in field.get("fields", ())]
     return {**field, "fields": inner} if inner else field
 
 
-def _take(tree: list[Field], keys: list[str]) -> Field:
+def _remove_field(tree: list[Field], keys: list[str]) -> Field:
     """Remove the field at a key path from a tree of fields, and return it."""
     (field,) = (x for x in tree if x["name"] == keys[0])
     if keys[1:]:
-        return _take(field["fields"], keys[1:])
+        return _remove_field(field["fields"], keys[1:])
     tree.remove(field)
     return field
 
@@ -220,7 +226,7 @@ def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Fie
     # Entries for the kind: `choices`; `fields` of a mapping; `each`, the field of the values of a
     # mapping by name; `items`, the fields of a list of mappings; `list`; `plain` for numbers
     # without units; `tick` for booleans; `open` if other values than the choices are allowed.
-    parts = list(_parts(schema, defs))
+    parts = list(_alternatives(schema, defs))
     text = str(schema.get("description") or parts[0].get("description", ""))
     unit = UNIT.search(text)
     examples = [y for x in parts for y in x.get("examples", ())]
@@ -229,7 +235,7 @@ def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Fie
         "text": UNIT.sub("", text),
         "unit": unit[1] if unit and any(x.get("type") != "string" for x in parts) else "",
         "example": examples[0] if examples else "",
-        "default": _shown(schema.get("default")),
+        "default": _form_default(schema.get("default")),
         "choices": [
             y for x in parts for y in (*x.get("enum", ()), *([x["const"]] if "const" in x else ()))
         ],
@@ -238,7 +244,7 @@ def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Fie
         "plain": (bool(types & {"number", "integer"}) and "string" not in types) or None,
     }
     for part in parts:
-        items = list(_parts(part["items"], defs)) if "items" in part else []
+        items = list(_alternatives(part["items"], defs)) if "items" in part else []
         mapping = next((y for y in items if "properties" in y), None)
         if "properties" in part:
             field["fields"] = _fields(part, defs)
@@ -258,22 +264,24 @@ def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Fie
     return {"name": name, **entries}
 
 
-def _shown(default: Any) -> Any:
+def _form_default(default: Any) -> Any:
     """Default for the form; None for a mapping, a list and infinity."""
     finite = not isinstance(default, float) or math.isfinite(default)
     return default if finite and not isinstance(default, dict | list) else None
 
 
-def _parts(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+def _alternatives(
+    schema: Mapping[str, Any], defs: Mapping[str, Any]
+) -> Iterator[Mapping[str, Any]]:
     """Yield the schemas of the alternatives of a schema, without null."""
     if "$ref" in schema:
         outer = {key: x for key, x in schema.items() if key != "$ref"}
-        yield from _parts({**defs[schema["$ref"].rpartition("/")[2]], **outer}, defs)
+        yield from _alternatives({**defs[schema["$ref"].rpartition("/")[2]], **outer}, defs)
         return
     if "anyOf" in schema:
         if "examples" in schema:
             yield {"examples": schema["examples"]}
         for part in schema["anyOf"]:
-            yield from _parts(part, defs)
+            yield from _alternatives(part, defs)
     elif schema.get("type") != "null":
         yield schema

@@ -22,8 +22,8 @@ from armcontour.program import Contour, Program, contour_called
 from armcontour.program.moves import name_copy
 
 # Keys that require `path.file`.
-READING = (*(x.name for x in dataclasses.fields(ReadOptions)), "repeat", "tool")
-LIFTED = (
+FILE_OPTIONS = (*(x.name for x in dataclasses.fields(ReadOptions)), "repeat", "tool")
+NOT_PLANAR = (
     "path.frame moves the drawing out of the plane in which the arm moves its tool. Specify a "
     "position with z = 0, and a rotation about z only, by the last angle of rpy."
 )
@@ -56,29 +56,29 @@ def unplaced_path(
                 "path requires exactly one of file, points, start with segments, and spline."
             )
         read = read_drawing(model, model.file, folder, progress) if drawing is None else drawing
-        return _drawn(model, read, dimension)
+        return _prepare_drawing(model, read, dimension)
     written = any(x is not None for x in (model.points, model.segments, model.spline))
-    options = READING if written else (*READING, "frame")
+    options = FILE_OPTIONS if written else (*FILE_OPTIONS, "frame")
     for field in dataclasses.fields(model):
         if field.name in options and getattr(model, field.name) != field.default:
             raise InvalidInput(
                 f"path.{field.name} is an option for reading a file and requires path.file. If "
                 "this job is a cell, specify a drawing (armcontour run DRAWING --cell CELL)."
             )
-    return _oriented(model)
+    return _path_from_keys(model)
 
 
 def placed_path(model: PathModel, path: Path | Program, dimension: int) -> Path | Program:
     """The path or program of `unplaced_path`, transformed by `path.frame`."""
     frame = part_of(model)
     if dimension == 2 and path.dimension == 2 and not frame.is_planar_transform:
-        raise InvalidInput(LIFTED)
+        raise InvalidInput(NOT_PLANAR)
     if isinstance(path, Program):
         return path.placed(frame)
     return path if model.frame is None else path.placed(frame)
 
 
-def _oriented(model: PathModel) -> Path:
+def _path_from_keys(model: PathModel) -> Path:
     """The path of a job without a file, with the tool orientation if the job gives one."""
     path = _positions(model)
     if model.orientation is None:
@@ -115,7 +115,7 @@ def read_drawing(
     return read_path(folder / file, options, progress=progress)
 
 
-def _drawn(model: PathModel, program: Program, dimension: int) -> Program:
+def _prepare_drawing(model: PathModel, program: Program, dimension: int) -> Program:
     """Select the tool of a drawing, repeat it, convert it to space, and orient the tool."""
     if model.tool is not None:
         from armcontour.program.tools import part_of_tool
@@ -191,7 +191,7 @@ def _positions(model: PathModel) -> Path:
         with error_context("path.spline"):
             return Path.spline(points, tolerance=spline.tolerance, closed=spline.closed)
     assert model.start is not None and model.segments is not None
-    return _chain(model.start, model.segments)
+    return _segment_chain(model.start, model.segments)
 
 
 def _points(key: str, points: list[list[float]]) -> FloatArray:
@@ -215,7 +215,7 @@ def _check_range(key: str, point: Sequence[float]) -> None:
         )
 
 
-def _chain(start: list[float], models: list[SegmentModel]) -> Path:
+def _segment_chain(start: list[float], models: list[SegmentModel]) -> Path:
     """The path of a chain of lines and arcs from a start point."""
     if not models:
         raise InvalidInput("path.segments is empty, but a path needs at least one segment.")

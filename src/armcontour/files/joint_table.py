@@ -23,7 +23,7 @@ from armcontour.motion import LapLaw, Trajectory
 
 # Words in titles by their meaning, in the singular. They are from PlotJuggler, ROS, controllers
 # and their clients (UR's RTDE, KUKA's RSI, ABB's EGM, libfranka), in English and German.
-TABLE = {
+WORDS_BY_MEANING = {
     "t": "t time timestamp stamp clock ipoc zeit zeitstempel",
     "fraction": "nanosec nsec nanosecond usec microsec microsecond",
     "command": "command commanded cmd u setpoint target reference ref desired des planned plan set "
@@ -44,7 +44,7 @@ TABLE = {
     "topic": "state controller trajectory header field robot arm data msg message value from start "
     "elapsed ros system host sample since nc plc to",
 }
-_MEANING = {word: what for what, words in TABLE.items() for word in words.split()}
+_MEANING = {word: what for what, words in WORDS_BY_MEANING.items() for word in words.split()}
 # Units of angle at the end of a title, such as q1_deg.
 ANGLES = "rad mrad urad µrad deg degree degrees radian radians turn turns rev rpm"
 # Units of time at the end of a title, with their symbols.
@@ -111,7 +111,7 @@ def read_joint_title(
 
     `name` is the title without a unit in brackets; `has_unit` is True if it has one.
     """
-    name, joint = _take_joint(name.strip(), joint_names)
+    name, joint = _split_joint(name.strip(), joint_names)
     unit = None
     match = None if has_unit else _SUFFIX.fullmatch(name)
     if not has_unit and name.lower() in TIMES and len(name) > 1:
@@ -123,19 +123,19 @@ def read_joint_title(
             return title._replace(unit=TIMES[match["unit"].lower()])
     elif match:
         name, unit = match["name"], match["unit"].replace("_per_", "/").lower()
-    parts = [words for part in _PARTS.split(name) if (words := list(_words(part)))]
+    parts = [words for part in _PARTS.split(name) if (words := list(_split_words(part)))]
     words = [word for part in parts for word in part]
     meanings = [x.meaning for x in words]
     # Parts before the last two are the name of a topic, such as /tool_controller, and are ignored.
     if any(x.meaning == "other" for part in parts[-2:] for x in part):
         return None
     if not joint and ("t" in meanings or "fraction" in meanings):
-        return _time(words, unit)
+        return _time_title(words, unit)
     kind = next((x for x in ("ddq", "dq", "q") if x in meanings), "")
     roles = [x for x in meanings if x in ("command", "measured")]
     named = joint
     if not joint:
-        joint = _joint(parts) if kind or roles else ""
+        joint = _find_joint(parts) if kind or roles else ""
     if not joint and kind == "q":
         return Title(Key("q", roles[-1] if roles else "measured", "1"), "rad", unit, 2)
     of_tool = not (kind or named) and joint.lower() in TOOL_ANGLES
@@ -159,7 +159,7 @@ def read_tool_title(name: str, has_unit: bool) -> Title[Key] | None:
     return title if title is not None and title.key in (TIME, FRACTION) else None
 
 
-def _take_joint(name: str, joint_names: Sequence[str]) -> tuple[str, str]:
+def _split_joint(name: str, joint_names: Sequence[str]) -> tuple[str, str]:
     """Title without the name of an arm joint in it, and this name; it may have known words."""
     if not joint_names or _are_numbers(tuple(joint_names)):
         return name, ""
@@ -167,7 +167,7 @@ def _take_joint(name: str, joint_names: Sequence[str]) -> tuple[str, str]:
         if match := re.search(rf"(?<![^\W_]){re.escape(joint)}(?![^\W_])", name):
             before, after = name[: match.start()], name[match.end() :]
             neighbours = f"{_PARTS.split(before)[-1]} {_PARTS.split(after)[0]}"
-            names = [x.text for x in _words(neighbours) if x.meaning is None]
+            names = [x.text for x in _split_words(neighbours) if x.meaning is None]
             if set(map(str.lower, names)) <= {*ANGLES.split(), *TIMES}:
                 return f"{before} {after}".strip(), joint
     return name, ""
@@ -181,7 +181,7 @@ def _are_numbers(joint_names: tuple[str, ...]) -> bool:
     return numbers == [str(k) for k in range(1, len(numbers) + 1)]
 
 
-def _time(words: Sequence[_Word], unit: str | None) -> Title[Key] | None:
+def _time_title(words: Sequence[_Word], unit: str | None) -> Title[Key] | None:
     """Title of a time column, or of the column with its fraction of a second; None for others."""
     if not {x.meaning for x in words} <= {"t", "fraction", "topic", "q", "measured"}:
         return None
@@ -192,7 +192,7 @@ def _time(words: Sequence[_Word], unit: str | None) -> Title[Key] | None:
     return Title(TIME, "s", unit, len(words) - 1)
 
 
-def _joint(parts: Sequence[Sequence[_Word]]) -> str:
+def _find_joint(parts: Sequence[Sequence[_Word]]) -> str:
     """Number or name of the joint, from the last part of a title with one; "" if there is none."""
     for part in reversed(parts):
         names = [x for x in part if x.meaning is None]
@@ -204,7 +204,7 @@ def _joint(parts: Sequence[Sequence[_Word]]) -> str:
     return ""
 
 
-def _words(part: str) -> Iterator[_Word]:
+def _split_words(part: str) -> Iterator[_Word]:
     """Yield the words of one part of a title, with their meanings."""
     before, end = None, 0
     runs = list(_RUN.finditer(part))
@@ -236,12 +236,12 @@ def _meaning(word: str) -> str | None:
 QUANTITIES = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
 # Joint positions [rad] above this require a unit in the title, because they may be degrees. No arm
 # of the library turns by more than two turns.
-WIDEST = 4 * math.pi
+MAX_ANGLE = 4 * math.pi
 # Times require a unit in the title if they increase by 1 s or more per sample and all joints are
 # slower than this [rad/s], because the times may be milliseconds.
-SLOWEST = 0.01
+MIN_SPEED = 0.01
 # With fewer samples than this, steps below 2 s are accepted without a unit.
-FEW = 10
+FEW_SAMPLES = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -325,8 +325,8 @@ def read_samples(
         return f"{table.place(row, key)}: {show(table.cell(row, key))}"
 
     check_distance(t, locate, lambda new: table.rename(new, table.columns[clock].title))
-    _ask_for_angles(table, keys, values)
-    _ask_for_times(table, clock, t, values[:, [x.kind == "q" for x in keys]])
+    _check_angle_unit(table, keys, values)
+    _check_time_unit(table, clock, t, values[:, [x.kind == "q" for x in keys]])
     last = last_digit([digit]) * table.columns[clock].factor
     t, kept_rows, time_notes = tidy_times(t, values, last, table.source)
     values, rows = values[kept_rows], rows[kept_rows]
@@ -377,7 +377,7 @@ def tidy_times(
         t = t[rows]
     steps = np.diff(t)
     if len(t) > 2 and (steps == 0).any() and (steps >= 0).all():
-        step = _even_step(t, digit)
+        step = _find_constant_step(t, digit)
         if step is not None:
             t = t[0] + step * np.arange(len(t))
             notes.append(
@@ -389,7 +389,7 @@ def tidy_times(
     return t, rows, tuple(notes)
 
 
-def _even_step(t: FloatArray, digit: float) -> float | None:
+def _find_constant_step(t: FloatArray, digit: float) -> float | None:
     """Step [s] with the fewest digits whose rounded multiples equal the times; None if none."""
     index = np.arange(len(t))
     step = float(np.polyfit(index, t - t[0], 1)[0])
@@ -400,12 +400,12 @@ def _even_step(t: FloatArray, digit: float) -> float | None:
     return None
 
 
-def _ask_for_angles(table: CsvTable[Key], keys: Sequence[Key], values: FloatArray) -> None:
+def _check_angle_unit(table: CsvTable[Key], keys: Sequence[Key], values: FloatArray) -> None:
     """Reject joint positions without a unit that are probably degrees."""
     bare = [k for k, x in enumerate(keys) if x.kind == "q" and table.columns[x].unit is None]
     for k in bare:
         low, high = values[:, k].min(), values[:, k].max()
-        if not WIDEST < max(-low, high) <= LARGEST["q"]:
+        if not MAX_ANGLE < max(-low, high) <= LARGEST["q"]:
             continue
         every = dict.fromkeys(title_pattern(table.columns[keys[i]].title) for i in bare)
         raise InvalidInput(
@@ -417,17 +417,17 @@ def _ask_for_angles(table: CsvTable[Key], keys: Sequence[Key], values: FloatArra
         )
 
 
-def _ask_for_times(table: CsvTable[Key], clock: Key, t: FloatArray, q: FloatArray) -> None:
+def _check_time_unit(table: CsvTable[Key], clock: Key, t: FloatArray, q: FloatArray) -> None:
     """Reject times without a unit that are probably not seconds, because joints are too slow."""
     steps, column = np.diff(t), table.columns[clock]
     usable = steps > 0
     if column.unit is not None or not usable.any() or not q.shape[1]:
         return
-    if np.median(steps[usable]) < (1 if len(t) >= FEW else 2):
+    if np.median(steps[usable]) < (1 if len(t) >= FEW_SAMPLES else 2):
         return
     speed = float((np.abs(np.diff(q, axis=0)[usable]) / steps[usable][:, None]).max())
-    if 0 < speed < SLOWEST:
-        unit = next((x for x, y in (("ms", 1e-3), ("us", 1e-6)) if speed / y > SLOWEST), "ns")
+    if 0 < speed < MIN_SPEED:
+        unit = next((x for x, y in (("ms", 1e-3), ("us", 1e-6)) if speed / y > MIN_SPEED), "ns")
         raise InvalidInput(
             f"{table.heading}: the column {show(column.title)} has no unit. In seconds, its step "
             f"is {np.median(steps[usable]):g} s, and the fastest joint has only {speed:.2g} rad/s. "

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 EXAMPLE = "t,u1,q1,u2,q2 or t [s],command 1 [deg],measured 1 [deg]"
 _INTERPOLATION = re.compile(r"#\s*interpolation\s*[:=]\s*(?P<what>\w+)", re.IGNORECASE)
-BOTH = ("command", "measured")
+ROLES = ("command", "measured")
 
 
 @checked
@@ -83,13 +83,13 @@ def read_log(
             file and line.
     """
     location = checks.read_place("read_log", file)
-    return _read(location, (), (start, end), unwrap, columns, topic, commanded=True)[0]
+    return _read_log(location, (), (start, end), unwrap, columns, topic, commanded=True)[0]
 
 
 def log_text(log: Log) -> str:
     """CSV text of a log with all digits, which `read_log` can read."""
     text = io.StringIO()
-    titles = [f"{kind} {j + 1} [rad]" for kind in BOTH for j in range(log.dof)]
+    titles = [f"{kind} {j + 1} [rad]" for kind in ROLES for j in range(log.dof)]
     comment = "" if log.interpolation is None else f"# interpolation: {log.interpolation}\n"
     np.savetxt(
         text,
@@ -118,7 +118,7 @@ def read_run_log(
     # joints does not change.
     from armcontour.control.learning import Recording
 
-    log, has_commands = _read(
+    log, has_commands = _read_log(
         FilePath(file), joint_names, window, unwrap, columns, topic, commanded=commanded
     )
     log = arrange_joints(log, joint_names)
@@ -127,7 +127,7 @@ def read_run_log(
     return Recording(t=log.t, q=log.measured, source=log.source, notes=log.notes)
 
 
-def _read(
+def _read_log(
     file: FilePath,
     joint_names: Sequence[str],
     window: tuple[float, float],
@@ -172,11 +172,11 @@ def _joint_motion(
     table: CsvTable[Key], start: float, end: float, *, positions: bool
 ) -> TrajectoryFile:
     """Commands and measured positions of a table; `positions` allows a table without commands."""
-    joints = {role: joints_of(table, "q", role) for role in BOTH}
+    joints = {role: joints_of(table, "q", role) for role in ROLES}
     if positions and joints["measured"] and not joints["command"]:
         roles, (names, notes) = ["measured"], (joints["measured"], list[str]())
     else:
-        roles, (names, notes) = list(BOTH), _pair(table, joints)
+        roles, (names, notes) = list(ROLES), _pair_joints(table, joints)
     samples = read_samples(table, [Key("q", x, y) for x in roles for y in names], start, end)
     *command, q = np.hsplit(samples.values, len(roles))
     return TrajectoryFile(
@@ -195,7 +195,7 @@ def _find_interpolation(comments: Iterable[str]) -> str | None:
     return next((x for x in names if x in INTERPOLATIONS), None)
 
 
-def _pair(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[list[str], list[str]]:
+def _pair_joints(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[list[str], list[str]]:
     """Names of the joints with a command and a measured position, and notes on the others."""
     pairs = [x for x in joints["measured"] if x in joints["command"]]
     if not any(joints.values()):
@@ -214,7 +214,7 @@ def _pair(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[list[str]
             f"'{letter}#=NAME_#')."
         )
     notes = []
-    for role, other in (BOTH, BOTH[::-1]):
+    for role, other in (ROLES, ROLES[::-1]):
         titles = [show(table.columns[x].title) for x in single if x.role == role]
         if titles:
             notes.append(

@@ -25,11 +25,11 @@ MAX_BYTES = 600 * file_access.MEGABYTE
 # Sizes in binary STL [bytes]: the header with the number of triangles, and a triangle (twelve
 # numbers and two bytes).
 HEADER, RECORD = 84, 50
-VERTEX = re.compile(rb"^\s*vertex[ \t]+(.*)$", re.MULTILINE)
+VERTEX_LINE = re.compile(rb"^\s*vertex[ \t]+(.*)$", re.MULTILINE)
 # Units of length in mesh files, in the order in which they are suggested.
-USUAL = ("mm", "inch", "cm", "km")
+SUGGESTED_UNITS = ("mm", "inch", "cm", "km")
 # Usual range of the size of a body in a cell [m].
-LIKELY = (0.01, 5.0)
+USUAL_SIZE = (0.01, 5.0)
 
 
 def read_mesh(
@@ -90,10 +90,10 @@ def _check_size(points: FloatArray, location: FilePath) -> None:
     size = float(np.ptp(points, axis=0).max())
     if SMALLEST <= size <= LARGEST:
         return
-    factors = {x: parse_quantity(f"1 {x}", "m") for x in USUAL}
+    factors = {x: parse_quantity(f"1 {x}", "m") for x in SUGGESTED_UNITS}
     hint = "Specify its unit or a scale."
     for unit, factor in factors.items():
-        if LIKELY[0] <= size * factor <= LIKELY[1]:
+        if USUAL_SIZE[0] <= size * factor <= USUAL_SIZE[1]:
             scale = " ".join([f"{factor:g}"] * 3)
             hint = (
                 f"If its unit is {unit}, it is {size * factor:.4g} m large; then specify unit: "
@@ -112,7 +112,7 @@ def _read_stl(content: bytes, source: str) -> tuple[FloatArray, IntArray]:
         corners = _ascii_corners(content, source)
     else:
         corners = _binary_corners(content, source)
-    points, index = _merge(corners)
+    points, index = _merge_corners(corners)
     return points, index.reshape(-1, 3)
 
 
@@ -138,7 +138,7 @@ def _binary_corners(content: bytes, source: str) -> FloatArray:
 
 def _ascii_corners(content: bytes, source: str) -> FloatArray:
     """Corners of the triangles of an ASCII STL file, (3 n, 3)."""
-    words = [x.split() for x in VERTEX.findall(content)]
+    words = [x.split() for x in VERTEX_LINE.findall(content)]
     _check_triangle_count(len(words) // 3, source)
     if len(words) % 3:
         raise InvalidInput(
@@ -150,9 +150,9 @@ def _ascii_corners(content: bytes, source: str) -> FloatArray:
     except ValueError:
         good = False
     if not good:
-        for match in VERTEX.finditer(content):
+        for match in VERTEX_LINE.finditer(content):
             line = content.count(b"\n", 0, match.start(1)) + 1
-            _three(match[1].decode("utf-8", "replace").split(), source, line)
+            _read_vertex(match[1].decode("utf-8", "replace").split(), source, line)
     return corners
 
 
@@ -162,9 +162,9 @@ def _read_obj(content: bytes, source: str) -> tuple[FloatArray, IntArray]:
     triangles: list[tuple[int, int, int]] = []
     for number, words in _obj_lines(content):
         if words[0] == "v":
-            points.append(_three(words[1:4], source, number))
+            points.append(_read_vertex(words[1:4], source, number))
         elif words[0] == "f":
-            corners = [_corner(x, len(points), source, number) for x in words[1:]]
+            corners = [_vertex_index(x, len(points), source, number) for x in words[1:]]
             if len(corners) < 3:
                 raise InvalidInput(
                     f"{source}, line {number}: a face must have at least 3 vertices, but has "
@@ -183,7 +183,7 @@ def _obj_lines(content: bytes) -> Iterator[tuple[int, list[str]]]:
             yield number, line.split(b"#")[0].decode("utf-8", "replace").split()
 
 
-def _corner(word: str, count: int, source: str, line: int) -> int:
+def _vertex_index(word: str, count: int, source: str, line: int) -> int:
     """Index of a vertex, from 0, of a face corner such as 7, 7/1/3 or -2."""
     text = word.split("/")[0]
     try:
@@ -200,7 +200,7 @@ def _corner(word: str, count: int, source: str, line: int) -> int:
     return position
 
 
-def _three(words: list[str], source: str, line: int) -> list[float]:
+def _read_vertex(words: list[str], source: str, line: int) -> list[float]:
     """The three finite coordinates of a vertex, from the words of a line."""
     numbers = [plain_number(x) for x in words]
     if len(numbers) != 3 or None in numbers:
@@ -222,7 +222,7 @@ def _check_triangle_count(count: int, source: str) -> None:
         )
 
 
-def _merge(corners: FloatArray) -> tuple[FloatArray, IntArray]:
+def _merge_corners(corners: FloatArray) -> tuple[FloatArray, IntArray]:
     """Unique points, (m, 3), and the index of each corner among them, (n,)."""
     # Adding 0.0 converts -0.0 to 0.0, which has other bytes.
     rows = np.ascontiguousarray(corners + 0.0).view(np.dtype((np.void, 24))).ravel()

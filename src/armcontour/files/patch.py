@@ -98,12 +98,12 @@ def locate_key(keys: Keys, data: Any, run: str | None = None) -> Keys:
 
 def resolve_patch(data: Any, patch: Patch, run: str | None = None) -> list[Change]:
     """Changes of a job file that apply a patch; `run` selects the run that the patch changes."""
-    return _resolved(data, patch, run)[1]
+    return _resolve(data, patch, run)[1]
 
 
 def apply_patch(data: Any, patch: Patch, run: str | None = None) -> Any:
     """Copy of the data of a job file with a patch applied."""
-    return _resolved(data, patch, run)[0]
+    return _resolve(data, patch, run)[0]
 
 
 def write_patch(text: str, patch: Patch, source: str = "job") -> str:
@@ -116,41 +116,43 @@ def arm_keys(arm: str) -> dict[str, str]:
     return {"file" if arm.lower().endswith(ARM_FILES) else "name": arm}
 
 
-def _resolved(data: Any, patch: Patch, run: str | None) -> tuple[Any, list[Change]]:
+def _resolve(data: Any, patch: Patch, run: str | None) -> tuple[Any, list[Change]]:
     """Data with a patch applied, and the changes that apply it."""
     changes: list[Change] = []
-    for keys in sorted(patch, key=_rank):
-        added = list(_changes(keys, patch[keys], data, run))
+    for keys in sorted(patch, key=_sort_key):
+        added = list(_changes_of_value(keys, patch[keys], data, run))
         data = change_data(data, added)
         changes += added
     return data, changes
 
 
-def _rank(keys: Keys) -> tuple[bool, bool, int]:
+def _sort_key(keys: Keys) -> tuple[bool, bool, int]:
     """Sort key for the order of changes; keys that others depend on, such as methods, are first."""
     *_, outer, key = ("", *keys)
     depends = any(key in names for (x, _), names in CHOICES.items() if x == outer)
     return len(keys) > 1, outer == "corners", 2 * depends + (keys[-2:] in CHOICES)
 
 
-def _changes(keys: Keys, value: Any, data: Any, run: str | None) -> Iterator[Change]:
+def _changes_of_value(keys: Keys, value: Any, data: Any, run: str | None) -> Iterator[Change]:
     """Yield the changes that set one value of a patch, in the job and in its runs."""
     runs = value_at(data, ("runs",))
     if run is not None or keys[0] not in IN_RUN or not isinstance(runs, Mapping):
-        yield from _set(locate_key(keys, data, run), value, data)
+        yield from _set_value(locate_key(keys, data, run), value, data)
     elif keys[0] == "corners" and (keys[1:] == ("shape",) or keys[1:] and keys[1] in SHAPE_OPTIONS):
-        yield from _rounded(keys, value, data, runs)
+        yield from _set_corner_option(keys, value, data, runs)
     else:
         if keys[0] in IN_JOB:
-            yield from _set(locate_key(keys, data), value, data)
+            yield from _set_value(locate_key(keys, data), value, data)
         for name in runs:
             keys_of_run = locate_key(keys, data, name)
             replaces = keys_of_run[0] == "runs" and value_at(data, keys_of_run) is not None
             if replaces or keys[0] not in IN_JOB:
-                yield from _set(keys_of_run, value, data)
+                yield from _set_value(keys_of_run, value, data)
 
 
-def _rounded(keys: Keys, value: Any, data: Any, runs: Mapping[str, Any]) -> Iterator[Change]:
+def _set_corner_option(
+    keys: Keys, value: Any, data: Any, runs: Mapping[str, Any]
+) -> Iterator[Change]:
     """Yield the changes that set an option of the corner shape, in all runs that allow it."""
     refused = True
     for name in runs:
@@ -166,7 +168,7 @@ def _rounded(keys: Keys, value: Any, data: Any, runs: Mapping[str, Any]) -> Iter
             copy = Change(keys_of_run, dict(corners))
             yield copy
             data = change_data(data, [copy])
-        yield from _set((*keys_of_run, *keys[1:]), value, data)
+        yield from _set_value((*keys_of_run, *keys[1:]), value, data)
     if refused:
         raise InvalidInput(
             f"{'.'.join(map(str, keys))} requires a run with rounded corners and the timing "
@@ -175,7 +177,7 @@ def _rounded(keys: Keys, value: Any, data: Any, runs: Mapping[str, Any]) -> Iter
         )
 
 
-def _set(keys: Keys, value: Any, data: Any) -> Iterator[Change]:
+def _set_value(keys: Keys, value: Any, data: Any) -> Iterator[Change]:
     """Yield the changes that set a value at a key path and remove keys that it makes invalid."""
     for k in range(1, len(keys)):
         outer_value, inner = value_at(data, keys[:k]), keys[k:]

@@ -34,16 +34,16 @@ EXPECTED = {
     "tuple_type": "a list",
 }
 # Types of problems of a value that has the correct type.
-OF_VALUES = ("value_error", "too_short", "too_long", "greater_than_equal", "less_than_equal")
+VALUE_PROBLEMS = ("value_error", "too_short", "too_long", "greater_than_equal", "less_than_equal")
 # Keys of former versions, with the text that replaces the suggestion of a key.
-GONE = {
+FORMER_KEYS = {
     "ignore_jerk": "remove it, because plans always satisfy jerk limits; to remove the jerk limits "
     "of the arm, write limits: {joint_jerk: inf}",
 }
 # Required form of the names of runs, for messages.
-NAME = "must be letters, digits, - and _, 64 at most, with a letter or digit first"
+RUN_NAME_RULE = "must be letters, digits, - and _, 64 at most, with a letter or digit first"
 # Maximum length of a key in a message [characters].
-SHOWN = 80
+MAX_KEY_LENGTH = 80
 
 
 def first_problem(error: ValidationError, schema: Mapping[str, Any]) -> str:
@@ -53,15 +53,15 @@ def first_problem(error: ValidationError, schema: Mapping[str, Any]) -> str:
     first = max(problems, key=_rank)
     keys = _keys(first)
     if first["type"] == "extra_forbidden":
-        sentence = f"unknown key {key_text(keys)}: {_instead(keys, schema)}"
+        sentence = f"unknown key {key_text(keys)}: {_suggest_key(keys, schema)}"
     elif first["type"] == "missing":
         sentence = f"the key {key_text(keys)} is missing"
     else:
         alike = [x for x in problems if _keys(x) == keys]
-        sentence = f"{key_text(keys) or 'the file'}: {_words(first, alike)}"
-    sentence = sentence.replace(key_text(keys), key_text(_named(keys, schema)), 1)
+        sentence = f"{key_text(keys) or 'the file'}: {_describe_problem(first, alike)}"
+    sentence = sentence.replace(key_text(keys), key_text(_with_text_keys(keys, schema)), 1)
     others = {_keys(x) for x in problems}
-    others_count = sum(not _within(x, keys) and not _within(keys, x) for x in others)
+    others_count = sum(not _is_inside(x, keys) and not _is_inside(keys, x) for x in others)
     closing = "" if sentence.endswith("?") else "."
     return (
         sentence
@@ -74,7 +74,7 @@ def first_problem(error: ValidationError, schema: Mapping[str, Any]) -> str:
     )
 
 
-def _named(keys: Sequence[int | str], schema: Mapping[str, Any]) -> tuple[int | str, ...]:
+def _with_text_keys(keys: Sequence[int | str], schema: Mapping[str, Any]) -> tuple[int | str, ...]:
     """Key path in which only list indices are numbers; keys of mappings become texts."""
     kinds, named = list(_alternatives(schema, schema)), list[int | str]()
     for key in keys:
@@ -89,7 +89,7 @@ def key_text(keys: Sequence[int | str]) -> str:
     text = ""
     for i, key in enumerate(keys):
         if isinstance(key, str):
-            key = shorten(key, SHOWN)
+            key = shorten(key, MAX_KEY_LENGTH)
             text += f".{key}" if text else key
         elif i and isinstance(keys[i - 1], int):
             text = f"{text[:-1]}, item {key + 1})"
@@ -107,10 +107,10 @@ def _rank(problem: Any) -> tuple[bool, bool, bool, int]:
     # type.
     kind = problem["type"]
     is_length = kind in ("too_short", "too_long")
-    return kind in OF_VALUES, is_length, kind == "extra_forbidden", len(_keys(problem))
+    return kind in VALUE_PROBLEMS, is_length, kind == "extra_forbidden", len(_keys(problem))
 
 
-def _words(problem: Any, alike: Sequence[Any]) -> str:
+def _describe_problem(problem: Any, alike: Sequence[Any]) -> str:
     """Predicate that describes the problem of a value; `alike` are all problems of its key."""
     kind, value, facts = problem["type"], problem["input"], problem.get("ctx", {})
     expected = [x for x in map(_expected, alike) if x is not None]
@@ -123,7 +123,7 @@ def _words(problem: Any, alike: Sequence[Any]) -> str:
             f"must have at most {_entries(facts['max_length'])}, but has {facts['actual_length']}"
         )
     if kind == "string_pattern_mismatch":
-        return f"the name {NAME}, but is {show(value)}"
+        return f"the name {RUN_NAME_RULE}, but is {show(value)}"
     if kind == "greater_than_equal":
         return f"must be at least {facts['ge']:g}, but is {value:g}"
     if kind == "less_than_equal":
@@ -147,11 +147,11 @@ def _entries(number: int) -> str:
     return "one entry" if number == 1 else f"{number} entries"
 
 
-def _instead(keys: tuple[Any, ...], schema: Mapping[str, Any]) -> str:
+def _suggest_key(keys: tuple[Any, ...], schema: Mapping[str, Any]) -> str:
     """Suggestion for an unknown key: advice, the most similar known key, or all known keys."""
     *outer, name = keys
-    if name in GONE:
-        return GONE[name]
+    if name in FORMER_KEYS:
+        return FORMER_KEYS[name]
     kinds = list(_alternatives(schema, schema))
     for key in outer:
         kinds = [x for kind in kinds for x in _alternatives(schema, _inside(kind, key))]
@@ -202,7 +202,7 @@ def _keys(problem: Any) -> tuple[Any, ...]:
     return (*(x for x in outer if not _is_type_name(x)), *((last,) if keep else ()))
 
 
-def _within(outer: tuple[Any, ...], inner: tuple[Any, ...]) -> bool:
+def _is_inside(outer: tuple[Any, ...], inner: tuple[Any, ...]) -> bool:
     """True if the key path `inner` equals `outer` or is inside it; both count as one problem."""
     return inner[: len(outer)] == outer
 

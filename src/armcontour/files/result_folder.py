@@ -156,7 +156,7 @@ class ResultFolder:
         # The summary marks a complete result, so that it is moved away first.
         return sorted(names, key=lambda x: x != SUMMARY)
 
-    def _put_in_place(self) -> None:
+    def _move_to_destination(self) -> None:
         """Write the manifest and move all files to the destination."""
         checksums = {x: _checksum(self._new / x) for x in self.files}
         data = {"armcontour": __version__, "kind": self._kind, "files": checksums}

@@ -71,7 +71,7 @@ def robot_yaml(
 ) -> str:
     """Arm file of an identified arm: the nominal arm with other payload, friction and armature."""
     chain = identification.arm.dynamics.chain
-    base: Any = arm if isinstance(arm, str) else _relative(arm, folder)
+    base: Any = arm if isinstance(arm, str) else _relative_files(arm, folder)
     page: dict[str, Any] = {
         "name": identification.arm.name,
         "kind": "derived",
@@ -109,10 +109,10 @@ def robot_servo_yaml(identification: BodyIdentification) -> str:
         *(f"# {joint.name}: {_ranges((joint.kp, joint.kv))}" for joint in identification.joints),
         "servo:",
         "  order: second",
-        f"  kp: {_list(servo.kp)}    # 1/s",
-        f"  kv: {_list(servo.kv)}    # 1/s",
-        f"  inertia: {_list(servo.inertia)}    # kg m^2",
-        f"  dead_time: {_list(servo.for_joints(len(identification.joints)).dead_time)}    # s",
+        f"  kp: {_yaml_list(servo.kp)}    # 1/s",
+        f"  kv: {_yaml_list(servo.kv)}    # 1/s",
+        f"  inertia: {_yaml_list(servo.inertia)}    # kg m^2",
+        f"  dead_time: {_yaml_list(servo.for_joints(len(identification.joints)).dead_time)}    # s",
         f"  interpolation: {servo.interpolation}",
     ]
     return "\n".join(lines) + "\n"
@@ -130,7 +130,7 @@ def read_servo(file: FilePath, dof: int) -> ServoModel:
     return servo.for_joints(dof)
 
 
-def _relative(arm: Mapping[str, str], folder: FilePath) -> dict[str, str]:
+def _relative_files(arm: Mapping[str, str], folder: FilePath) -> dict[str, str]:
     """Keys of an arm with its file names converted to be relative to a folder."""
     files = ("file", "joint_limits")
     return {
@@ -147,7 +147,7 @@ def _quantity(values: Any, unit: str, estimates: Sequence[Estimate]) -> dict[str
     return {"value": jsonable(values), "unit": unit, "source": source}
 
 
-def _list(values: Any) -> str:
+def _yaml_list(values: Any) -> str:
     """Text of numbers as a list in YAML."""
     return "[" + ", ".join(f"{float(x):.9g}" for x in values) + "]"
 
@@ -159,7 +159,7 @@ def _ranges(estimates: Sequence[Estimate]) -> str:
 
 
 # Parameters with one value per joint in a servo file, and their comments (unit and meaning).
-LISTS = {
+JOINT_PARAMETERS = {
     "kp": "1/s",
     "kv": "1/s",
     "ki": "1/s",
@@ -173,7 +173,7 @@ LISTS = {
     "logged_acceleration": "rad/s^2, largest acceleration of this motion",
 }
 # Parameters with one value for all joints, and their comments.
-SINGLE = {
+SCALAR_PARAMETERS = {
     "contour_ratio": "contour error with / without compensation, on motion that was not fitted",
     "programs": "number of programs from which contour_ratio was determined",
     "drive_cycle": "s",
@@ -190,7 +190,7 @@ def servo_yaml(identification: Identification) -> str:
             f"# {x.note}"
             if x.note
             else f"# {x.name}: {'effective ' * x.effective}"
-            + "; ".join(map(_comment_on, x.estimates))
+            + "; ".join(map(_estimate_text, x.estimates))
             for x in identification.joints
         ),
         *(f"# {x.saturation}" for x in identification.joints if x.saturation),
@@ -209,18 +209,18 @@ def servo_lines(servo: ServoModel, dof: int) -> list[str]:
     """Lines of YAML with the key `servo`, with one value per joint."""
     orders = [servo.order] * dof if isinstance(servo.order, str) else servo.order
     lines = ["servo:", f"  order: [{', '.join(orders)}]"]
-    for name, unit in LISTS.items():
+    for name, unit in JOINT_PARAMETERS.items():
         values = getattr(servo, name)
         if values is not None:
             listed = ["none" if math.isinf(x) else f"{float(x):.6g}" for x in values]
             lines.append(f"  {name}: [{', '.join(listed)}]{f'    # {unit}' if unit else ''}")
-    for name, unit in SINGLE.items():
+    for name, unit in SCALAR_PARAMETERS.items():
         if (value := getattr(servo, name)) is not None:
             lines.append(f"  {name}: {value:.6g}    # {unit}")
     return [*lines, f"  interpolation: {servo.interpolation}"]
 
 
-def _comment_on(estimate: Estimate) -> str:
+def _estimate_text(estimate: Estimate) -> str:
     """Text with the value and the interval of an estimate, for a comment."""
     if not estimate.determined:
         return f"{estimate.label} not determined"

@@ -25,7 +25,7 @@ from armcontour.motion.log_checks import describe_match, match_joints
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 # Message types of action goals, as ROS 1 and 2 record them.
-GOALS = tuple(
+GOAL_TYPES = tuple(
     f"{package}/{'action' if '_' in end else 'msg'}/{name}{end}"
     for package, name in (
         ("control_msgs", "FollowJointTrajectory"),
@@ -34,9 +34,13 @@ GOALS = tuple(
     for end in ("ActionGoal", "Goal", "_Goal", "_SendGoal_Request", "_SendGoal_Event")
 )
 # Message types that contain a JointTrajectory.
-AROUND = ("moveit_msgs/msg/RobotTrajectory", "moveit_msgs/msg/DisplayTrajectory", *GOALS)
+CONTAINER_TYPES = (
+    "moveit_msgs/msg/RobotTrajectory",
+    "moveit_msgs/msg/DisplayTrajectory",
+    *GOAL_TYPES,
+)
 # Fields of these messages that contain the JointTrajectory, directly or in further fields.
-LEADING = ("request", "goal", "trajectory", "joint_trajectory")
+INNER_FIELDS = ("request", "goal", "trajectory", "joint_trajectory")
 EVENT = "_SendGoal_Event"
 STATE = "sensor_msgs/msg/JointState"
 CONTROLLER = "control_msgs/msg/JointTrajectoryControllerState"
@@ -65,13 +69,13 @@ def read_ros_motion(
     file: FilePath, joint_names: Sequence[str], topic: str | None, names: str | None = None
 ) -> TrajectoryFile:
     """Read the motion of joints from YAML or a bag; `names` renames joints of the file."""
-    called = _renaming(file.name, names)
+    called = _joint_renamer(file.name, names)
     if file.suffix.lower() in YAMLS and not file.is_dir():
         if topic is not None:
             raise InvalidInput(f"{file.name} is a YAML file, which has no topics. Remove --topic.")
         return _read_yaml(file, joint_names, called)
-    kind, messages = _read_bag(file, (TRAJECTORY, *AROUND, CONTROLLER, STATE), topic)
-    if kind in (TRAJECTORY, *AROUND):
+    kind, messages = _read_bag(file, (TRAJECTORY, *CONTAINER_TYPES, CONTROLLER, STATE), topic)
+    if kind in (TRAJECTORY, *CONTAINER_TYPES):
         if len(messages) > 1:
             raise InvalidInput(
                 f"{file.name} has more than one {kind.rpartition('/')[2]} message. Record one "
@@ -85,7 +89,7 @@ def read_ros_motion(
     if not any(orders):
         raise InvalidInput(_describe_missing(file.name, every[0], requested))
     some = [i for i, x in enumerate(orders) if x]
-    return _tidy(
+    return _make_motion(
         file.name,
         [messages[i] for i in some],
         _stack(
@@ -101,7 +105,7 @@ def read_ros_motion(
     )
 
 
-def _renaming(source: str, names: str | None) -> Callable[[Sequence[str]], tuple[str, ...]]:
+def _joint_renamer(source: str, names: str | None) -> Callable[[Sequence[str]], tuple[str, ...]]:
     """Function that renames joints by the value of the option --columns."""
     if names is not None and "=" not in names:
         raise InvalidInput(
@@ -111,7 +115,7 @@ def _renaming(source: str, names: str | None) -> Callable[[Sequence[str]], tuple
     return lambda x: tuple(x) if names is None else rename(tuple(x), names, source)
 
 
-def _tidy(
+def _make_motion(
     source: str,
     messages: Sequence[tuple[int, Any]],
     arrays: dict[str, FloatArray],
@@ -141,15 +145,15 @@ def read_ros_log(file: FilePath, topic: str | None, names: str | None = None) ->
             f"{file.name} is YAML, but a log needs commands and measured positions. Record the "
             "topic controller_state of the joint trajectory controller in a bag, or write CSV."
         )
-    called = _renaming(file.name, names)
+    called = _joint_renamer(file.name, names)
     _, messages = _read_bag(file, (CONTROLLER,), topic)
     joints = called(messages[0][1].joint_names)
-    orders = [_order(file.name, called(x[1].joint_names), joints) for x in messages]
+    orders = [_joint_indices(file.name, called(x[1].joint_names), joints) for x in messages]
     arrays = {}
     for role, fields in (("command", COMMANDS), ("q", MEASUREMENTS)):
         parts = [_point(x[1], fields) for x in messages]
         arrays[role] = _stack(file.name, parts, orders, ("q",))["q"]
-    return _tidy(file.name, messages, arrays, joints, ())
+    return _make_motion(file.name, messages, arrays, joints, ())
 
 
 def _read_yaml(
@@ -183,7 +187,7 @@ def _trajectory_in(source: str, data: Any) -> Any:
                 "to separate files."
             )
         return _trajectory_in(source, data[0]) if data else data
-    for name in LEADING:
+    for name in INNER_FIELDS:
         inner = data.get(name) if isinstance(data, dict) else getattr(data, name, None)
         if inner is not None:
             return _trajectory_in(source, inner)
@@ -244,11 +248,11 @@ def _join_points(
     if not points:
         raise InvalidInput(f"{source} has a trajectory without points.")
     requested = tuple(joint_names) or tuple(names)
-    order = _order(source, names, requested)
+    order = _joint_indices(source, names, requested)
     notes = tuple(describe_match(names, requested, order))
     arrays: dict[str, Any] = _stack(source, points, [order] * len(points))
     times = [_duration(x) for x in points]
-    digits = {x: _digit(values) for x, values in arrays.items()} if printed else {}
+    digits = {x: _last_digit(values) for x, values in arrays.items()} if printed else {}
     return TrajectoryFile(
         source=source,
         joints=requested,
@@ -259,7 +263,7 @@ def _join_points(
     )
 
 
-def _digit(values: FloatArray) -> float:
+def _last_digit(values: FloatArray) -> float:
     """Value of the last printed digit of numbers, if each is printed in its shortest form."""
     digits = Digits()
     digits.add([repr(x) for x in values.ravel().tolist()])
@@ -294,7 +298,7 @@ def _stack(
     return arrays
 
 
-def _order(source: str, names: Sequence[str], requested: Sequence[str]) -> list[int]:
+def _joint_indices(source: str, names: Sequence[str], requested: Sequence[str]) -> list[int]:
     """Index in `names` of each requested joint; InvalidInput if one is missing."""
     order = match_joints(list(names), requested, source)
     if not order:
@@ -343,7 +347,9 @@ def _read_bag(
                 for connection, at, raw in islice(
                     reader.messages([x for x in reader.connections if x.topic == used]),
                     # More than one trajectory is an error, so that two messages are enough.
-                    2 if kind in (TRAJECTORY, *AROUND) and not kind.endswith(EVENT) else None,
+                    2
+                    if kind in (TRAJECTORY, *CONTAINER_TYPES) and not kind.endswith(EVENT)
+                    else None,
                 )
             ]
             if kind.endswith(EVENT):

@@ -19,7 +19,7 @@ from armcontour.core.quantities import Choice, Distance, Length, Turn
 from armcontour.core.text import list_some, show
 from armcontour.files.file_keys import Number
 from armcontour.files.forms import Place
-from armcontour.files.robots.collision import Packages, collisions, shape_of
+from armcontour.files.robots.collision import Packages, collision_elements, shape_of
 from armcontour.files.robots.tree import read_tree
 from armcontour.files.robots.urdf_chain import Description
 from armcontour.robot import Arm
@@ -71,7 +71,7 @@ def read_scene_file(
     tree = read_tree(str(location), file_access.read_bytes(location, "description of a cell"))
     obstacles: list[Obstacle] = []
     for link, (_, frame) in Description(tree, (), (), {}, tree.root).carried().items():
-        for k, element in enumerate(collisions(tree, link)):
+        for k, element in enumerate(collision_elements(tree, link)):
             with error_context(location.name):
                 shape = shape_of(tree, element, packages, unit)
                 name = link if k == 0 else f"{link} {k + 1}"
@@ -85,7 +85,7 @@ def read_scene_file(
 
 # Keys of bodies that are valid only for obstacles, and keys that are valid only for shapes of
 # links.
-OF_OBSTACLES, OF_LINKS = ("fixed_to", "margin", "allow"), ("link",)
+OBSTACLE_KEYS, LINK_KEYS = ("fixed_to", "margin", "allow"), ("link",)
 # Maximum number of links that a message lists.
 MAX_NAMED = 40
 Angles = Annotated[list[Turn], Field(min_length=3, max_length=3)]
@@ -95,17 +95,17 @@ Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
 def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
     """Scene of a job; `part` is the frame of the part, for obstacles that are fixed to it."""
     obstacles = []
-    for key, body in _bodies(model, "scene", OF_LINKS, "shapes of links"):
+    for key, body in _bodies(model, "scene", LINK_KEYS, "shapes of links"):
         with error_context(key):
-            obstacle = Obstacle(name=body.name, shape=_shape(body, folder), place=_place(body))
-        obstacles.append(_stand(obstacle, body, part))
+            obstacle = Obstacle(name=body.name, shape=_shape(body, folder), place=_body_frame(body))
+        obstacles.append(_place_obstacle(obstacle, body, part))
     for entry in model.files:
         file = SceneFileModel(file=entry) if isinstance(entry, str) else entry
-        _check_keys(f"scene.files: {file.file}", file, OF_LINKS, "shapes of links")
+        _check_keys(f"scene.files: {file.file}", file, LINK_KEYS, "shapes of links")
         with error_context("scene.files"):
             for obstacle in read_scene_file(folder / file.file, unit=file.unit):
-                moved = dataclasses.replace(obstacle, place=_place(file) @ obstacle.place)
-                obstacles.append(_stand(moved, file, part))
+                moved = dataclasses.replace(obstacle, place=_body_frame(file) @ obstacle.place)
+                obstacles.append(_place_obstacle(moved, file, part))
     return Scene(obstacles=tuple(obstacles), margins=model.margins, floor=model.floor)
 
 
@@ -116,7 +116,7 @@ def tool_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkSha
         raise InvalidInput(
             f"arm.tool.shapes requires an arm with a kinematic chain, but {arm.name} has none."
         )
-    keys = (*OF_OBSTACLES, *OF_LINKS)
+    keys = (*OBSTACLE_KEYS, *LINK_KEYS)
     return tuple(
         _link_shape(where, x, folder, len(chain), tip=chain.tip)
         for where, x in _bodies(model, "arm.tool.shapes", keys, "obstacles and links")
@@ -154,7 +154,7 @@ def more_link_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[Li
     links = {x.name: x.link for x in (() if arm.shapes is None else arm.shapes.shapes)}
     links |= {BASE: 0} | {name: k for k, name in enumerate(arm.joint_names, start=1)}
     shapes = []
-    for key, body in _bodies(model, "arm.shapes", OF_OBSTACLES, "obstacles"):
+    for key, body in _bodies(model, "arm.shapes", OBSTACLE_KEYS, "obstacles"):
         if body.link not in links:
             raise InvalidInput(
                 f"{key}: link must be one of {list_some(list(links), MAX_NAMED)}, but is "
@@ -192,14 +192,14 @@ def _link_shape(
 ) -> LinkShape:
     """Shape of a link, or of the tool if `tip`, the frame of the tip in the last link, is given."""
     with error_context(key):
-        shape, frame = _shape(model, folder), _place(model)
+        shape, frame = _shape(model, folder), _body_frame(model)
         if tip is not None:
             frame = tip @ frame
         body = LinkShape(name=model.name, link=link, shape=shape, place=frame, tool=tip is not None)
         return body.with_hull()
 
 
-def _stand(obstacle: Obstacle, model: PlacedModel, part: Frame) -> Obstacle:
+def _place_obstacle(obstacle: Obstacle, model: PlacedModel, part: Frame) -> Obstacle:
     """Copy of an obstacle with the reference frame, margin and allowed contacts of a model."""
     fixed = obstacle.fixed_to if model.fixed_to is None else model.fixed_to
     changes: dict[str, Any] = {"fixed_to": fixed}
@@ -212,16 +212,18 @@ def _stand(obstacle: Obstacle, model: PlacedModel, part: Frame) -> Obstacle:
     return dataclasses.replace(obstacle, **changes)
 
 
-def _place(model: PlacedModel) -> Frame:
+def _body_frame(model: PlacedModel) -> Frame:
     """Frame of a body in the frame of the arm's base, the part or the link."""
-    turned = _normal(model) if isinstance(model, HalfSpaceModel) else rotation_of("", model)
+    turned = (
+        _half_space_rotation(model) if isinstance(model, HalfSpaceModel) else rotation_of("", model)
+    )
     return Frame(
         position=np.array(model.at or [0.0, 0.0, 0.0]),
         rotation=np.eye(3) if turned is None else turned,
     )
 
 
-def _normal(model: HalfSpaceModel) -> FloatArray | None:
+def _half_space_rotation(model: HalfSpaceModel) -> FloatArray | None:
     """Rotation matrix whose z axis is the outward normal of a half-space; None by default."""
     turned = rotation_of("", model)
     if model.normal is None:
@@ -269,7 +271,7 @@ def _check_keys(location: str, model: PlacedModel, keys: tuple[str, ...], whose:
             raise InvalidInput(f"{location}: {key} is valid only for {whose}. Remove it.")
 
 
-def three_numbers(value: Any) -> Any:
+def check_direction(value: Any) -> Any:
     """Check that a direction is a list of three numbers; returns the value unchanged."""
     shaped = isinstance(value, list) and len(value) == 3
     if not shaped or any(isinstance(x, list | dict) for x in value):
@@ -278,7 +280,7 @@ def three_numbers(value: Any) -> Any:
 
 
 Direction = Annotated[
-    list[Number], Field(min_length=3, max_length=3), BeforeValidator(three_numbers)
+    list[Number], Field(min_length=3, max_length=3), BeforeValidator(check_direction)
 ]
 
 

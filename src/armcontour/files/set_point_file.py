@@ -27,20 +27,20 @@ from armcontour.robot.servo import ServoModel
 VERSION = 3
 # Fields that are not stored as arrays or plain values: they are computed again from the job and the
 # plan, or are stored separately.
-LEFT_OUT = ("trajectory", "runs", "lifted", "servo", "misfits", "command_limits", "limit_cost")
+NOT_STORED = ("trajectory", "runs", "lifted", "servo", "misfits", "command_limits", "limit_cost")
 # Names of the arrays of a run: number of the run and name of the field.
-RUN = "run {}: {}"
+RUN_ARRAY = "run {}: {}"
 # Name of the JSON entry with all values that are not arrays.
-ABOUT = "about.json"
+JSON_ENTRY = "about.json"
 
 
 def write_lesson(file: FilePath, lesson: LearningResult) -> None:
     """Write a lesson (result of learning) with all its runs, but without the plan, to a file."""
-    arrays, plain = _split(lesson, LEFT_OUT)
+    arrays, plain = _split_fields(lesson, NOT_STORED)
     runs = []
     for number, run in enumerate(lesson.runs, start=1):
-        run_arrays, plain_run = _split(run)
-        arrays |= {RUN.format(number, name): values for name, values in run_arrays.items()}
+        run_arrays, plain_run = _split_fields(run)
+        arrays |= {RUN_ARRAY.format(number, name): values for name, values in run_arrays.items()}
         runs.append(plain_run)
     about = {
         "version": VERSION,
@@ -58,7 +58,9 @@ def write_lesson(file: FilePath, lesson: LearningResult) -> None:
     with file.open("wb") as stream:
         np.savez_compressed(stream, **arrays)
     with zipfile.ZipFile(file, "a") as target:
-        target.writestr(zipfile.ZipInfo(ABOUT), json.dumps(about, indent=1), zipfile.ZIP_DEFLATED)
+        target.writestr(
+            zipfile.ZipInfo(JSON_ENTRY), json.dumps(about, indent=1), zipfile.ZIP_DEFLATED
+        )
 
 
 def read_lesson(file: FilePath, plan: Trajectory) -> LearningResult:
@@ -68,7 +70,7 @@ def read_lesson(file: FilePath, plan: Trajectory) -> LearningResult:
         with np.load(io.BytesIO(content), allow_pickle=False) as source:
             if sum(x.file_size for x in source.zip.infolist()) > LARGE:
                 raise ValueError(f"the unpacked size must be at most {LARGE} bytes")
-            about = json.loads(source[ABOUT])
+            about = json.loads(source[JSON_ENTRY])
             if about["version"] != VERSION:
                 raise InvalidInput(
                     f"the lesson file has version {about['version']}, written by armcontour "
@@ -76,10 +78,10 @@ def read_lesson(file: FilePath, plan: Trajectory) -> LearningResult:
                     f"{VERSION}. Continue learning with the former armcontour, or start again with "
                     "the set-points of the job."
                 )
-            arrays: dict[str, Any] = {x: source[x] for x in source.files if x != ABOUT}
+            arrays: dict[str, Any] = {x: source[x] for x in source.files if x != JSON_ENTRY}
         runs = []
         for number, plain in enumerate(about["runs"], start=1):
-            start = RUN.format(number, "")
+            start = RUN_ARRAY.format(number, "")
             run_arrays = {
                 x.removeprefix(start): y for x, y in arrays.items() if x.startswith(start)
             }
@@ -103,7 +105,7 @@ def read_lesson(file: FilePath, plan: Trajectory) -> LearningResult:
         ) from None
 
 
-def _split(
+def _split_fields(
     value: LearningResult | LearningRun, left_out: tuple[str, ...] = ()
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Fields of a dataclass by name: arrays, and other values; without the fields `left_out`."""
@@ -118,7 +120,7 @@ def _split(
 LESSON = "lesson.npz"
 # Largest deviation of set-points that are computed again [rad] (or of times [s]), because versions
 # of libraries round differently.
-SAME = 1e-9
+TOLERANCE = 1e-9
 
 
 def read_set_points(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
@@ -131,7 +133,7 @@ def read_set_points(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
     history = file.parent / LESSON
     same_plan = location.is_dir() and _has_same_plan(location, job, plan)
     if not history.exists():
-        if same_plan and (recorded := _recorded(file, job, plan)) is not None:
+        if same_plan and (recorded := _recorded_set_points(file, job, plan)) is not None:
             return recorded
         again = f"the run {name} of the job {job.name} has"
         mend = "Specify the job that produced this file, with the same options"
@@ -157,22 +159,22 @@ def _has_same_plan(folder: FilePath, job: Job, plan: RunResult) -> bool:
     if abs(planned.t[-1] - duration) > plan.set_points.cycle or planned.q.shape[1] != job.arm.dof:
         return False
     deviation = np.abs(planned.q - plan.trajectory.with_rests(planned.t)).max()
-    return bool(deviation <= planned.resolution["q"] + SAME)
+    return bool(deviation <= planned.resolution["q"] + TOLERANCE)
 
 
-def _recorded(file: FilePath, job: Job, plan: RunResult) -> SetPoints | None:
+def _recorded_set_points(file: FilePath, job: Job, plan: RunResult) -> SetPoints | None:
     """Set-points of a file, with the plan of a job; None if they equal those of the job.
 
     Also None if the cycle of the file differs from that of the job.
     """
     recorded, current = read_trajectory(file, job.arm.joint_names), plan.set_points
     steps = np.abs(np.diff(recorded.t) - current.cycle)
-    same = recorded.q.shape == current.q.shape and abs(recorded.t[0] - current.t[0]) <= _near(
-        recorded
-    )
-    if steps.max() > 2 * _near(recorded):
+    same = recorded.q.shape == current.q.shape and abs(
+        recorded.t[0] - current.t[0]
+    ) <= _time_tolerance(recorded)
+    if steps.max() > 2 * _time_tolerance(recorded):
         return None
-    if same and np.abs(recorded.q - current.q).max() <= recorded.resolution["q"] + SAME:
+    if same and np.abs(recorded.q - current.q).max() <= recorded.resolution["q"] + TOLERANCE:
         return None
     return replace(
         current,
@@ -196,31 +198,31 @@ def _check_same_set_points(
     else:
         deviation = np.abs(stored.q - set_points.q)
         k, j = np.unravel_index(int(np.argmax(deviation)), deviation.shape)
-        if deviation[k, j] > stored.resolution["q"] + SAME:
+        if deviation[k, j] > stored.resolution["q"] + TOLERANCE:
             problem = (
                 f"other set-points than {has}; {job.arm.joint_names[j]} differs by "
                 f"{deviation[k, j]:.3g} rad at t = {stored.t[k]:.4g} s"
             )
         # Times are compared relative to the first set-point, because exports start at zero, but
         # set-points that lead the plan start at a negative time.
-        elif np.abs((stored.t - stored.t[0]) - (set_points.t - set_points.t[0])).max() > _near(
-            stored
-        ):
+        elif np.abs(
+            (stored.t - stored.t[0]) - (set_points.t - set_points.t[0])
+        ).max() > _time_tolerance(stored):
             problem = f"set-points at other times than {has}"
     if problem:
         raise InvalidInput(f"{file} has {problem}. {mend}, or start again with run.")
 
 
-def _near(stored: TrajectoryFile) -> float:
+def _time_tolerance(stored: TrajectoryFile) -> float:
     """Largest difference of equal times in a file [s]."""
-    return stored.resolution["t"] + SAME
+    return stored.resolution["t"] + TOLERANCE
 
 
 def _check_same_job(history: FilePath, lesson: LearningResult, job: Job, plan: RunResult) -> None:
     """Check that a lesson started with the set-points of the job."""
     first, current = lesson.runs[0].q, plan.set_points.q
     same = first.shape == current.shape and lesson.cycle == plan.set_points.cycle
-    if not same or np.abs(first - current).max() > SAME:
+    if not same or np.abs(first - current).max() > TOLERANCE:
         raise InvalidInput(
             f"The learning of {history} started with other set-points than the run "
             f"{plan.run.name} of the job {job.name} has. Specify the original job with the same "

@@ -108,10 +108,10 @@ def placed_job_text(
     """
     values = {keys: x for keys, x in (patch or {}).items() if keys[0] != "placement"}
     text = write_patch(move_files(text, folder, to), {**values, ("placement",): REMOVE})
-    return write_patch(text, _placed(placement, text))
+    return write_patch(text, _placement_patch(placement, text))
 
 
-def _placed(placement: Placement, text: str) -> Patch:
+def _placement_patch(placement: Placement, text: str) -> Patch:
     """Patch that moves a job to the best placement: `path.frame`, or `arm.work`."""
     job = placement.job
     inside = [] if job.scene is None else [x.fixed_to for x in job.scene.obstacles]
@@ -123,15 +123,15 @@ def _placed(placement: Placement, text: str) -> Patch:
     if isinstance(job.arm, SerialArm):
         chain = placement.placed().arm.chain
         assert chain is not None
-        return {("arm", "work"): _frame(chain.base.inverse)}
+        return {("arm", "work"): _frame_keys(chain.base.inverse)}
     model = model_of(CellModel, read_data(text, "job"), "job")
     path_frame = Frame() if model.path.frame is None else frame_of("path.frame", model.path.frame)
     frame = placement.frame()
     moved = frame if placement.moved == PART else frame.inverse
-    return {("path", "frame"): _frame(moved @ path_frame)}
+    return {("path", "frame"): _frame_keys(moved @ path_frame)}
 
 
-def _frame(frame: Frame) -> dict[str, list[float]]:
+def _frame_keys(frame: Frame) -> dict[str, list[float]]:
     """Keys `position` [m] and `quaternion` of a frame in a job file."""
     # Rounding to 1 pm removes rounding errors, for example of 0.1 m. Adding zero converts -0 to 0.
     return {

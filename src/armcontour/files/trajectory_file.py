@@ -101,7 +101,7 @@ def parse_trajectory(
     joint_names = checks.check_names("joint_names", joint_names)
     title_of = partial(read_joint_title, joint_names=joint_names)
     table = read_table(text, source, title_of, example=EXAMPLE, columns=columns, option="--columns")
-    keys, notes = _keys(table, joint_names)
+    keys, notes = _select_columns(table, joint_names)
     samples = read_samples(table, keys)
     arrays, resolution = {}, {"t": samples.digit}
     for kind in QUANTITIES:
@@ -124,7 +124,9 @@ def parse_trajectory(
     )
 
 
-def _keys(table: CsvTable[Key], joint_names: Sequence[str]) -> tuple[list[Key], list[str]]:
+def _select_columns(
+    table: CsvTable[Key], joint_names: Sequence[str]
+) -> tuple[list[Key], list[str]]:
     """Keys of the columns to read, and notes on the assignment of joints and ignored columns."""
     notes = list[str]()
     roles = [x for x in ("measured", "command") if joints_of(table, "q", x)]
@@ -141,7 +143,7 @@ def _keys(table: CsvTable[Key], joint_names: Sequence[str]) -> tuple[list[Key], 
                 title = table.columns[Key("q", role, joints[0])].title
                 _raise_other_joints(table.heading, joints, joint_names, title)
         else:
-            joints = _numbers(table, role)
+            joints = _joint_numbers(table, role)
     if len(roles) > 1:
         notes.append(
             f"{table.source} has commands and measured positions. The measured positions are read. "
@@ -163,7 +165,7 @@ def _keys(table: CsvTable[Key], joint_names: Sequence[str]) -> tuple[list[Key], 
     return keys, notes
 
 
-def _numbers(table: CsvTable[Key], role: str) -> list[str]:
+def _joint_numbers(table: CsvTable[Key], role: str) -> list[str]:
     """Numbers of the joints as texts, starting at 1, or at 0 if there is a joint 0."""
     numbers = {int(x.joint) for x in table.columns if x.role == role and x.joint.isdigit()}
     first = 0 if 0 in numbers else 1
@@ -280,7 +282,7 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
     file = verify_file(location, SUMMARY)
     try:
         data = json.loads(read_text(file, "summary"))
-        run = _choose(location, data["runs"], name)
+        run = _choose_run(location, data["runs"], name)
         about = data["runs"][run]
         return StoredRun(
             folder=location,
@@ -303,7 +305,7 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
         ) from None
 
 
-def _choose(folder: FilePath, runs: Mapping[str, Any], name: str | None) -> str:
+def _choose_run(folder: FilePath, runs: Mapping[str, Any], name: str | None) -> str:
     """Name of the requested run, or of the only run."""
     names = list_some([repr(x) for x in runs], 6)
     if name is None and len(runs) == 1:

@@ -14,7 +14,7 @@ from armcontour.core.quantities import WHOLE_TURN, Quantity
 from armcontour.core.text import plain_number, show
 
 # Values that mean infinity if a quantity may be infinite.
-ENDLESS = {
+INFINITE_VALUES = {
     "none": math.inf,
     "inf": math.inf,
     "-inf": -math.inf,
@@ -32,12 +32,12 @@ UNIT = rf"(?:1\s*+/\s*+)?+{NAME}(?:(?:\s*+[*/·]\s*+|\s++){NAME})*+"
 QUANTITY = re.compile(rf"\s*+({NUMBER})\s*+({UNIT}|°)\s*+")
 PERCENT = re.compile(rf"\s*+({NUMBER})\s*+%\s*+")
 # Largest relative difference of numbers that is only a rounding error.
-NOISE = 1e-15
+RELATIVE_ROUNDING = 1e-15
 # Maximum length of a number that is written without an exponent [characters].
 LONGEST_POSITIONAL = 20
 # Conversion factors of usual units, by SI unit. For other units pint is imported, which takes about
 # 0.3 s.
-USUAL = {
+UNIT_FACTORS = {
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6},
     "m/s": {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1 / 60, "mm/min": 1e-3 / 60},
     "m/s^2": {"m/s^2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "mm/s^2": 1e-3, "mm/s²": 1e-3},
@@ -68,7 +68,7 @@ def parse_quantity(value: Any, unit: str) -> float:
     """Convert a number or a text with a unit to a number in `unit`; ValueError if invalid."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f"must be a number in {unit} or text with a unit, but is {show(value)}")
-    return _parse_text(value, unit) if isinstance(value, str) else _finite(value)
+    return _parse_text(value, unit) if isinstance(value, str) else _finite_number(value)
 
 
 def _parse_text(text: str, unit: str) -> float:
@@ -91,7 +91,7 @@ def _parse_text(text: str, unit: str) -> float:
             raise ValueError(f"{text!r} has a decimal comma. Write {pointed!r}")
         raise ValueError(f"{show(text)} is not a quantity in {unit}. Write a number and a unit")
     number, written_unit = match.groups()
-    factor = USUAL.get(unit, {}).get(written_unit.strip())
+    factor = UNIT_FACTORS.get(unit, {}).get(written_unit.strip())
     result = _convert(text, unit) if factor is None else float(number) * factor
     if not math.isfinite(result):
         raise ValueError(f"must be finite, but is {text!r}")
@@ -110,7 +110,7 @@ def _convert(text: str, unit: str) -> float:
         raise ValueError(f"{text!r} is not a quantity in {unit}: {error}") from None
 
 
-def _finite(value: float) -> float:
+def _finite_number(value: float) -> float:
     """Convert a number to a float; ValueError if it is not finite."""
     try:
         number = float(value)
@@ -135,8 +135,8 @@ def parse_share(value: Any) -> float:
 
 def read_quantity(value: Any, kind: Quantity) -> float:
     """Convert a user's quantity to SI units and check its range; ValueError if invalid."""
-    if kind.endless and isinstance(value, str | float) and value in ENDLESS:
-        endless = ENDLESS[value]
+    if kind.endless and isinstance(value, str | float) and value in INFINITE_VALUES:
+        endless = INFINITE_VALUES[value]
         if endless > 0 or kind.sign == "any":
             return endless
     number = read_plain(value, kind)
@@ -158,25 +158,27 @@ def write_like(value: float, old: Any, kind: Quantity, *, within: float = 0.0) -
 
     Returns text with a unit, or a number if `old` is a number.
     """
-    affixes = _written(old, kind)
+    affixes = _unit_affixes(old, kind)
     if affixes is None:
-        number = float(_shortest(value, value, float, within))
+        number = float(_shortest_text(value, value, float, within))
         return int(number) if isinstance(old, int) and number == int(number) else number
     before, after = affixes
     one = read_plain(f"{before}1{after}", kind)
-    text = _shortest(value / one, value, lambda x: read_plain(f"{before}{x}{after}", kind), within)
+    text = _shortest_text(
+        value / one, value, lambda x: read_plain(f"{before}{x}{after}", kind), within
+    )
     return before + text + after
 
 
 def unit_of(old: Any, kind: Quantity) -> tuple[str, float]:
     """Unit in which the quantity `old` is written, and its conversion factor to SI units."""
-    affixes = _written(old, kind)
+    affixes = _unit_affixes(old, kind)
     if affixes is None:
         return ("" if kind.unit == "1" else kind.unit), 1.0
     return affixes[1].strip(), read_plain(f"1{affixes[1]}", kind)
 
 
-def _written(old: Any, kind: Quantity) -> tuple[str, str] | None:
+def _unit_affixes(old: Any, kind: Quantity) -> tuple[str, str] | None:
     """Text before and after the number of a quantity; None for a plain number.
 
     For other values, the texts of the example of `kind`.
@@ -196,9 +198,9 @@ def read_plain(value: Any, kind: Quantity) -> float:
     return parse_share(value) if kind.unit == "1" else parse_quantity(value, kind.unit)
 
 
-def _shortest(number: float, value: float, read: Callable[[str], float], within: float) -> str:
+def _shortest_text(number: float, value: float, read: Callable[[str], float], within: float) -> str:
     """Text of `number` with the fewest digits that `read` converts to `value` within `within`."""
-    allowed = max(within, NOISE * abs(value))
+    allowed = max(within, RELATIVE_ROUNDING * abs(value))
     text = "0"
     if abs(value) <= allowed:
         return text

@@ -16,7 +16,7 @@ WIDTH = 100
 # Indentation of blocks [characters].
 INDENT = 2
 # YAML tag of texts.
-TEXT = "tag:yaml.org,2002:str"
+TEXT_TAG = "tag:yaml.org,2002:str"
 
 
 class Dumper(yaml.SafeDumper):
@@ -30,7 +30,7 @@ class Dumper(yaml.SafeDumper):
 def _represent_text(dumper: Dumper, text: str) -> yaml.ScalarNode:
     """YAML node of a text; a text with line breaks is quoted, so that it stays on one line."""
     lines = any(x in text for x in "\r\n\x85\u2028\u2029")
-    return dumper.represent_scalar(TEXT, text, style='"' if lines else None)
+    return dumper.represent_scalar(TEXT_TAG, text, style='"' if lines else None)
 
 
 Dumper.add_representer(str, _represent_text)
@@ -83,13 +83,13 @@ def block_text(value: dict[Any, Any] | list[Any], column: int, eol: str) -> str:
 
 COMMENT = re.compile(r"#[^\r\n]*")
 ALIAS = re.compile(r"\*[^\s,\[\]{}]+")
-BREAK = re.compile(r"\r\n|\r|\n")
+LINE_BREAK = re.compile(r"\r\n|\r|\n")
 # Matches blanks that align a comment to a column.
-GAP = re.compile(r" {4,}(?=#)")
-BLANK = " \t\r\n"
+ALIGNMENT = re.compile(r" {4,}(?=#)")
+BLANKS = " \t\r\n"
 
 
-class Shared(Exception):  # noqa: N818
+class SharedValue(Exception):  # noqa: N818
     """Error if the value to change is an alias, or has an anchor that an alias uses."""
 
 
@@ -119,12 +119,12 @@ class YamlText:
 
     def __init__(self, text: str, node: yaml.Node | None) -> None:
         self.text = text
-        line_break = BREAK.search(text)
+        line_break = LINE_BREAK.search(text)
         self.eol = "\n" if line_break is None else line_break[0]
         self.root = YamlPart(document=self, node=node, begin=0, end=len(text), outer=None, key=None)
         if node is not None:
             begin = node.start_mark.index
-            end = _end(self, node, begin)
+            end = _value_end(self, node, begin)
             self.root = YamlPart(
                 document=self, node=node, begin=begin, end=end, outer=None, key=None
             )
@@ -135,24 +135,24 @@ class YamlText:
 
     def line_end(self, position: int) -> int:
         """Position of the end of the line of a position, before the line break."""
-        line_break = BREAK.search(self.text, position)
+        line_break = LINE_BREAK.search(self.text, position)
         return len(self.text) if line_break is None else line_break.start()
 
     def is_first(self, position: int) -> bool:
         """True if only blanks are before a position in its line."""
-        return not self.text[self.line_start(position) : position].strip(BLANK)
+        return not self.text[self.line_start(position) : position].strip(BLANKS)
 
     def cut(self, begin: int, end: int) -> Splice:
         """Splice that removes a part of the text, and its lines if they have no other content."""
         stop = self.line_end(end)
-        if self.is_first(begin) and not self.text[end:stop].strip(BLANK):
+        if self.is_first(begin) and not self.text[end:stop].strip(BLANKS):
             return self.cut_lines(begin, end)
         return Splice(begin, end, "")
 
     def cut_lines(self, begin: int, end: int) -> Splice:
         """Splice that removes all lines of a part, including comments at their ends."""
         start, stop = self.line_start(begin), self.line_end(end)
-        after = BREAK.match(self.text, stop)
+        after = LINE_BREAK.match(self.text, stop)
         if after is not None:
             return Splice(start, after.end(), "")
         # The text does not end with a line break, so the line break before the lines is removed.
@@ -195,7 +195,7 @@ class YamlPart:
     def holds(self, key: Any) -> bool:
         """True if the value can contain a key: it is a mapping, or for an index a list."""
         if self.node is None and self.outer is not None:
-            raise Shared
+            raise SharedValue
         if isinstance(self.node, yaml.SequenceNode):
             return isinstance(key, int)
         return isinstance(self.node, yaml.MappingNode)
@@ -211,7 +211,7 @@ class YamlPart:
         if equal_data(old, new):
             return []
         if self.node is None and self.outer is not None:
-            raise Shared
+            raise SharedValue
         keys = _keys(old)
         alike = type(old) is type(new) and set(keys) == set(_keys(new))
         if keys and alike and [x.key for x in self.parts] == keys:
@@ -253,8 +253,8 @@ class YamlPart:
         if self.flow and following is None and not self.document.is_first(gone.head):
             return [Splice(self.parts[k - 1].end, gone.end, "")]
         if self.flow and following is None:
-            comma = _skip(self.document.text, gone.end, ",")
-            trailing = self.document.text[comma : self.document.line_end(comma)].strip(BLANK)
+            comma = _skip_mark(self.document.text, gone.end, ",")
+            trailing = self.document.text[comma : self.document.line_end(comma)].strip(BLANKS)
             if trailing.startswith("#"):
                 return [self.document.cut_lines(gone.head, comma)]
             return [self.document.cut(gone.head, comma)]
@@ -288,7 +288,7 @@ class YamlPart:
             return [Splice(self.name_end, self.end, f"{colon} {line}")]
         if not self.is_block:
             return [self._in_column(line)]
-        if BREAK.search(self.document.text, self.name_end, self.begin) is None:
+        if LINE_BREAK.search(self.document.text, self.name_end, self.begin) is None:
             return [Splice(self.begin, self.end, line)]
         return [
             Splice(self.name_end, self.name_end, f" {line}"),
@@ -297,7 +297,7 @@ class YamlPart:
 
     def _in_column(self, line: str) -> Splice:
         """Splice that writes a value on its line; a comment after it stays in its column."""
-        gap = GAP.match(self.document.text, self.end)
+        gap = ALIGNMENT.match(self.document.text, self.end)
         if gap is None:
             return Splice(self.begin, self.end, line)
         blanks = len(gap[0]) - len(line) + self.end - self.begin
@@ -345,12 +345,12 @@ def _values(outer: YamlPart, node: yaml.MappingNode) -> list[YamlPart]:
     text, parts = outer.document.text, []
     for name, value in node.value:
         name_end = name.end_mark.index
-        colon = _skip(text, name_end, ":")
+        colon = _skip_mark(text, name_end, ":")
         begin, value_node = value.start_mark.index, value
         if begin < name_end:
-            begin, end, value_node = *_alias(text, colon), None
+            begin, end, value_node = *_find_alias(text, colon), None
         else:
-            end = _end(outer.document, value, begin)
+            end = _value_end(outer.document, value, begin)
         # A missing value starts at the end of its key.
         begin, end = max(begin, colon), max(end, colon)
         part = YamlPart(
@@ -359,7 +359,7 @@ def _values(outer: YamlPart, node: yaml.MappingNode) -> list[YamlPart]:
             begin=begin,
             end=end,
             outer=outer,
-            key=_key(name),
+            key=_data_key(name),
         )
         part.head, part.name_end = name.start_mark.index, colon
         part.column = name.start_mark.column
@@ -380,9 +380,9 @@ def _items(outer: YamlPart, node: yaml.SequenceNode) -> list[YamlPart]:
     for k, value in enumerate(node.value):
         begin, value_node = value.start_mark.index, value
         if begin < position:
-            begin, end, value_node = *_alias(text.text, position), None
+            begin, end, value_node = *_find_alias(text.text, position), None
         else:
-            end = _end(text, value, begin)
+            end = _value_end(text, value, begin)
         part = YamlPart(
             document=text, node=value_node, begin=begin, end=end, outer=outer, key=k, head=begin
         )
@@ -396,23 +396,23 @@ def _items(outer: YamlPart, node: yaml.SequenceNode) -> list[YamlPart]:
     return parts
 
 
-def _key(node: yaml.Node) -> Any:
+def _data_key(node: yaml.Node) -> Any:
     """Key of a node as in the data; None if it is neither a text nor an integer."""
     if node.tag == INT:
         return int(node.value)
-    return node.value if node.tag == TEXT else None
+    return node.value if node.tag == TEXT_TAG else None
 
 
-def _end(text: YamlText, node: yaml.Node, begin: int) -> int:
+def _value_end(text: YamlText, node: yaml.Node, begin: int) -> int:
     """Position of the end of a value, before blanks and comments after it."""
     if isinstance(node, yaml.CollectionNode) and not node.flow_style:
         part = YamlPart(document=text, node=node, begin=begin, end=begin, outer=None, key=None)
         return part.parts[-1].end
     end = node.end_mark.index
-    return begin + len(text.text[begin:end].rstrip(BLANK))
+    return begin + len(text.text[begin:end].rstrip(BLANKS))
 
 
-def _alias(text: str, position: int) -> tuple[int, int]:
+def _find_alias(text: str, position: int) -> tuple[int, int]:
     """Start and end positions of the next alias after a position."""
     masked = COMMENT.sub(lambda x: " " * len(x[0]), text[position:])
     match = ALIAS.search(masked)
@@ -420,10 +420,10 @@ def _alias(text: str, position: int) -> tuple[int, int]:
     return position + match.start(), position + match.end()
 
 
-def _skip(text: str, position: int, mark: str) -> int:
+def _skip_mark(text: str, position: int, mark: str) -> int:
     """Position after `mark` if it is the next character except blanks, else `position`."""
     stop = position
-    while stop < len(text) and text[stop] in BLANK:
+    while stop < len(text) and text[stop] in BLANKS:
         stop += 1
     return stop + 1 if text.startswith(mark, stop) else position
 

@@ -196,9 +196,7 @@ def test_columns_may_be_named_for_files_with_other_first_lines_or_none(tmp_path)
         file.write_text(head + "1,10,20,9\n2,30,20,9\n".replace(",", separator))
         (contour,) = read_path(file, ReadOptions(columns="-,x [mm],y [mm],-")).contours
         np.testing.assert_allclose(contour.path.vertices, [[0.01, 0.02], [0.03, 0.02]])
-        refusals(
-            lambda x: read_path(x, ReadOptions(columns="x,y")), [(file, "columns, but ")]
-        )
+        refusals(lambda x: read_path(x, ReadOptions(columns="x,y")), [(file, "columns, but ")])
     dxf = tmp_path / "part.dxf"
     refusals(
         lambda x: read_path(x, ReadOptions(columns="x,y")), [(dxf, "columns ... waypoints in CSV")]

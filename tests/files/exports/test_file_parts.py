@@ -131,7 +131,9 @@ def test_files_are_named_in_order_and_say_which_they_are(tmp_path, set_points):
 
 def test_a_motion_without_rests_gives_a_longer_file_and_a_warning(tmp_path, set_points):
     data = set_points(np.tile(np.linspace(0, 1, 300)[:, None], 6), events=())
-    with pytest.warns(UserWarning, match="more than 200 points, up to 300, because a file must end at"):
+    with pytest.warns(
+        UserWarning, match="more than 200 points, up to 300, because a file must end"
+    ):
         export(data, tmp_path / "a.yaml", RosYamlFormat(points_per_file="motoros2"))
     assert (tmp_path / "a.yaml").exists()
     table = make_table(data, name="a")

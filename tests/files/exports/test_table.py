@@ -283,7 +283,7 @@ def test_numbers_on_and_beside_ties_are_rounded_as_numpy_does():
 
 
 def test_nothing_is_lost_between_pieces(monkeypatch):
-    monkeypatch.setattr(table_module, "CHUNK", 30)
+    monkeypatch.setattr(table_module, "FORMAT_BLOCK", 30)
     for count in (9, 10, 11, 30):
         rows = np.random.default_rng(0).normal(size=(count, 3))
         text = csv_text(["a", "b", "c"], [rows[:, 0], rows[:, 1:]])

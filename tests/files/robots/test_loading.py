@@ -230,7 +230,7 @@ def test_payload_and_friction_replace_those_of_the_named_arm(put):
 
 BAD_DERIVED = [
     (HEAD.replace("arm: ur5e\n", ""), "arm must be the name of a built-in arm"),
-    (HEAD.replace("ur5e", "{name: ur5e, file: a.urdf}"), "either name, the name of a built-in arm, or file"),
+    (HEAD.replace("ur5e", "{name: ur5e, file: a.urdf}"), "either name, the name of a built-in arm"),
     (HEAD.replace("ur5e", "{name: ur5e, tip: tool0}"), "no option tip"),
     (HEAD.replace("ur5e", "{file: robot.yaml}"), "derived from itself"),
     (HEAD + PAYLOAD.splitlines()[1], "payload_center requires the key payload_mass"),

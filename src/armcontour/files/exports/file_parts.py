@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray
 from armcontour.core.errors import InvalidInput
-from armcontour.files.exports.table import ON_THE_POINT, UNITS, SetPointTable
+from armcontour.files.exports.table import EVENT_TOLERANCE, UNITS, SetPointTable
 
 # Largest number of points per file, by controller: the limit of MotoROS2, and a conservative value
 # for programs of UR, whose limit is not published.
@@ -44,7 +44,7 @@ def split_table(table: SetPointTable, most: int, *, in_motion: bool) -> tuple[Se
             than `most` if the motion does not rest before.
     """
     last, cuts = len(table.t) - 1, [0]
-    rests = np.append(np.flatnonzero(_rests(table)), last)
+    rests = np.append(np.flatnonzero(_find_rests(table)), last)
     while last - cuts[-1] >= most:
         reach = cuts[-1] + most - 1
         near = rests[(rests > cuts[-1]) & (rests <= reach)]
@@ -57,7 +57,7 @@ def split_table(table: SetPointTable, most: int, *, in_motion: bool) -> tuple[Se
     if len(cuts) < 3:
         return (table,)
     spans = list(zip(cuts[:-1], cuts[1:], strict=True))
-    return tuple(_part(table, *span, (k, len(spans))) for k, span in enumerate(spans, 1))
+    return tuple(_table_part(table, *span, (k, len(spans))) for k, span in enumerate(spans, 1))
 
 
 def part_files(file: FilePath, count: int) -> list[FilePath]:
@@ -89,7 +89,7 @@ def describe_parts(parts: Sequence[SetPointTable], most: int | None) -> list[str
     return sentences
 
 
-def _rests(table: SetPointTable) -> BoolArray:
+def _find_rests(table: SetPointTable) -> BoolArray:
     """Mask of the inner points at which the motion rests or stops for a moment, (n,)."""
     still = np.all(np.abs(np.diff(table.q, axis=0)) <= REST_STEP, axis=1)
     rests = np.zeros(len(table.t), dtype=bool)
@@ -100,11 +100,11 @@ def _rests(table: SetPointTable) -> BoolArray:
     return rests
 
 
-def _part(table: SetPointTable, start: int, end: int, part: tuple[int, int]) -> SetPointTable:
+def _table_part(table: SetPointTable, start: int, end: int, part: tuple[int, int]) -> SetPointTable:
     """Table of the points `start` to `end` with their events; its time starts at 0."""
     rows, first = slice(start, end + 1), float(table.t[start])
     begins, ends = part[0] == 1, part[0] == part[1]
-    rests = _rests(table)
+    rests = _find_rests(table)
     changed: dict[str, Any] = {}
     for key in (*UNITS, "tool", "tool_rotation", "tool_speed"):
         values = getattr(table, key)
@@ -124,7 +124,7 @@ def _part(table: SetPointTable, start: int, end: int, part: tuple[int, int]) -> 
         t=table.t[rows] - first,
         events=tuple(
             dataclasses.replace(
-                x, t=max(x.t - first, -ON_THE_POINT * table.cycle), due=x.due - first
+                x, t=max(x.t - first, -EVENT_TOLERANCE * table.cycle), due=x.due - first
             )
             for x, i in events
             if (i >= start or begins) and (i < end or ends)

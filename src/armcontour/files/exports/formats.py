@@ -34,7 +34,7 @@ from armcontour.motion import SetPoints, Trajectory
 from armcontour.robot import Arm
 
 # Extensions of the files in a bag folder. A folder with other files is not overwritten.
-BAG = (".mcap", ".db3", ".yaml")
+BAG_EXTENSIONS = (".mcap", ".db3", ".yaml")
 Analog = Mapping[str, Callable[[FloatArray], FloatArray]]
 Derivatives = Annotated[int, AtLeast(0, 2)]
 # Accelerations have two decimals less than positions, torques three, and need at least one.
@@ -286,7 +286,7 @@ FORMATS: dict[str, type[ExportFormat]] = {
     x.kind: x
     for x in (CsvFormat, NpzFormat, RosYamlFormat, McapFormat, URScriptFormat, TemplateFormat)
 }
-LISTED = ", ".join(f"{x} ({of.ending})" if of.ending else x for x, of in FORMATS.items())
+FORMAT_LIST = ", ".join(f"{x} ({of.ending})" if of.ending else x for x, of in FORMATS.items())
 WITH_ANALOG = (TableFormat, URScriptFormat)
 WITH_OUTPUTS = (URScriptFormat, TemplateFormat)
 
@@ -294,7 +294,7 @@ WITH_OUTPUTS = (URScriptFormat, TemplateFormat)
 def format_named(name: str) -> type[ExportFormat]:
     """Class of the format with a name."""
     if name not in FORMATS:
-        raise InvalidInput(f"There is no format {name!r}. The formats are {LISTED}.")
+        raise InvalidInput(f"There is no format {name!r}. The formats are {FORMAT_LIST}.")
     return FORMATS[name]
 
 
@@ -305,7 +305,7 @@ def format_of(file: FilePath) -> type[ExportFormat]:
         return by_ending[file.suffix.lower()]
     raise InvalidInput(
         f"The extension of {file.name or file} does not belong to a format. Specify one of the "
-        f"formats {LISTED}, or a template, such as kuka."
+        f"formats {FORMAT_LIST}, or a template, such as kuka."
     )
 
 
@@ -412,7 +412,7 @@ def _check_destination(file: FilePath, folder: bool) -> None:
         return
     if not file.is_dir():
         raise InvalidInput(f"Cannot write the folder {file}, because a file has this name.")
-    other = sorted(x.name for x in file.iterdir() if x.suffix not in BAG or x.is_dir())
+    other = sorted(x.name for x in file.iterdir() if x.suffix not in BAG_EXTENSIONS or x.is_dir())
     if other:
         raise InvalidInput(
             f"Cannot write {file}, because this folder has files that do not belong to a bag, such "

@@ -18,7 +18,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.quantities import Axes, Duration, Quantity
 from armcontour.files.exports.table import (
-    COARSER,
+    FEWER_DECIMALS,
     SetPointTable,
     event_data,
     fixed_form,
@@ -31,11 +31,11 @@ TOPIC = "/joint_trajectory_controller/joint_trajectory"
 EVENTS_TOPIC = "/armcontour/events"
 SECOND = 1_000_000_000
 # Largest duration in ROS [s]; its seconds are a 32-bit integer.
-LONGEST = 2**31 - 1
+MAX_DURATION = 2**31 - 1
 # Fields of `SetPointTable` by the names of the fields of a JointTrajectoryPoint.
 FIELDS = {"positions": "q", "velocities": "dq", "accelerations": "ddq", "effort": "torque"}
 # Smallest tolerance [rad]; encoder errors and a delay of one controller cycle are smaller.
-LEAST_TOLERANCE = 1e-3
+MIN_TOLERANCE = 1e-3
 # Shortest time for the joints to settle at the last point [s].
 SETTLING = 0.5
 TOLERANCE = "- name: %s\n  position: %.6f\n  velocity: 0.0\n  acceleration: 0.0\n"
@@ -77,8 +77,8 @@ def predict_tolerances(execution: Execution, factor: float = 2.0) -> GoalToleran
     errors = np.abs(command - measured)
     late = float(t[-1] - commands.t[-1])
     return GoalTolerances(
-        path=np.maximum(factor * errors.max(axis=0), LEAST_TOLERANCE),
-        goal=np.maximum(factor * errors[-1], LEAST_TOLERANCE),
+        path=np.maximum(factor * errors.max(axis=0), MIN_TOLERANCE),
+        goal=np.maximum(factor * errors[-1], MIN_TOLERANCE),
         time=max(2 * late, SETTLING),
     )
 
@@ -95,7 +95,7 @@ def write_ros_yaml(
     # field for events and contours; each is a comment in JSON at the top, `# event: {...}`.
     most = table.decimals_of(decimals)
     fields = {
-        name: (getattr(table, x), fixed_form(most - COARSER.get(x, 0), table.dof))
+        name: (getattr(table, x), fixed_form(most - FEWER_DECIMALS.get(x, 0), table.dof))
         for name, x in FIELDS.items()
     }
     present = {name: x for name, (x, _) in fields.items() if x is not None}
@@ -151,11 +151,11 @@ def write_mcap(table: SetPointTable, file: FilePath) -> None:
         # rosbags names the file in the folder after the folder, with an additional extension.
         bag = FilePath(temporary) / (file.stem if file.suffix == ".mcap" else file.name)
         with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-            _fill(writer, table, store)
+            _write_messages(writer, table, store)
         bag.rename(file)
 
 
-def _fill(writer: Any, table: SetPointTable, store: Any) -> None:
+def _write_messages(writer: Any, table: SetPointTable, store: Any) -> None:
     """Write the messages of a table into an open bag."""
     kind = "trajectory_msgs/msg/JointTrajectory"
     topic = writer.add_connection(TOPIC, kind, typestore=store)
@@ -211,12 +211,12 @@ def _message(table: SetPointTable, types: Any) -> Any:
 
 def _nanoseconds(table: SetPointTable) -> IntArray:
     """Times of the points in whole nanoseconds, (n,)."""
-    if table.duration > LONGEST:
+    if table.duration > MAX_DURATION:
         raise InvalidInput(
             f"The motion of {table.name!r} takes {table.duration:g} s, but a duration in ROS is at "
-            f"most {LONGEST} s.",
+            f"most {MAX_DURATION} s.",
             needed=table.duration,
-            allowed=float(LONGEST),
+            allowed=float(MAX_DURATION),
         )
     rounded = np.rint(table.t * 1e9).astype(np.intp)
     if not (np.diff(rounded) > 0).all():

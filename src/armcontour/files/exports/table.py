@@ -34,10 +34,10 @@ from armcontour.robot import Arm, Limits, SerialArm
 
 # An event that is earlier than a point by less than this fraction of the cycle is assigned to the
 # point, because both times have rounding errors.
-ON_THE_POINT = 1e-9
+EVENT_TOLERANCE = 1e-9
 # Set-points equal the plan if they differ by at most this value [rad]; results have 12 decimals.
 # Also the joint speed below which a trajectory stops [rad/s].
-SAME_PLACE = 2e-12
+SAME_POSITION = 2e-12
 # Maximum number of samples of a trajectory; more do not fit into memory together with the export.
 MAX_SAMPLES = 20_000_000
 # Decimals of results, and the largest number of decimals of joint positions.
@@ -47,18 +47,18 @@ DECIMALS = 12
 # differences of the positions, by 0.03 rad/s^2 or more, so that FINE_DECIMALS are used.
 POSITION_DECIMALS, FINE_DECIMALS, FINE_CYCLE = 7, 9, 0.004
 # Number of decimals by which each quantity has fewer decimals than the joint positions.
-COARSER = {"dq": 1, "ddq": 2, "torque": 3}
+FEWER_DECIMALS = {"dq": 1, "ddq": 2, "torque": 3}
 # Decimals of times [s]: MICRO if all times are whole microseconds, otherwise NANO.
 MICRO, NANO = 6, 9
 # Number of values per formatting step; larger blocks need more memory and are not faster.
-CHUNK = 1 << 16
+FORMAT_BLOCK = 1 << 16
 UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "torque": "N m"}
 # A sample that is nearer to a stop than this distance [cycles] is replaced by a sample at the stop.
 NEAR_A_STOP = 0.25
 # Attributes of events in JSON; `event_data` adds `point`.
 EVENT_KEYS = ("name", "value", "t", "due", "s")
 # Number of rows per block in the computation of the tool motion.
-AT_ONCE = 1 << 14
+TOOL_BLOCK = 1 << 14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -118,9 +118,9 @@ class SetPointTable(Checked):
         object.__setattr__(self, "analog", MappingProxyType(analog))
         self._check_shapes()
         self._check_names()
-        events = tuple(sorted((_clean(x) for x in self.events), key=lambda x: x.t))
+        events = tuple(sorted((_with_builtin_types(x) for x in self.events), key=lambda x: x.t))
         object.__setattr__(self, "events", events)
-        if events and events[0].t < -ON_THE_POINT * self.cycle:
+        if events and events[0].t < -EVENT_TOLERANCE * self.cycle:
             raise InvalidInput(
                 f"The event {events[0].name} is {-events[0].t:g} s before the first set-point. "
                 "Shorten its time advance, or start the program with a dwell.",
@@ -181,7 +181,7 @@ class SetPointTable(Checked):
 
     def points_at(self, times: Sequence[float]) -> list[int]:
         """Index of the last point at or before each time; 0 for times before the first point."""
-        late = np.array(times) + ON_THE_POINT * self.cycle
+        late = np.array(times) + EVENT_TOLERANCE * self.cycle
         indices = np.searchsorted(self.t, late, side="right") - 1
         return [max(0, int(i)) for i in indices]
 
@@ -240,13 +240,13 @@ def make_table(
         )
     derivatives = checks.check_int("derivatives", derivatives, 0, 2)
     if isinstance(data, SetPoints):
-        samples, step = _set_points(data, cycle, derivatives), data.cycle
+        samples, step = _sample_set_points(data, cycle, derivatives), data.cycle
         stops = np.zeros(0)
         start, plan = data.start_time, data.trajectory
     else:
         step = _sampling_cycle(data, name, cycle)
         samples, start, plan = data.sample(step), 0.0, data
-        stops = _stops(data)
+        stops = _find_stops(data)
         if at_stops:
             samples = _sample_stops(data, samples, stops, step)
     moved = (
@@ -298,7 +298,7 @@ def tabulate(
         checks.check_type("export", arm, Arm)
         if arm.dof != dof:
             raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but {name!r} has {dof}.")
-        tool = _tool(arm, samples, tool_motion)
+        tool = _tool_fields(arm, samples, tool_motion)
     elif tool_motion or effort is not None:
         what = "motion of the tool" if tool_motion else "torques"
         raise InvalidInput(f"The {what} of {name!r} can only be computed for an arm. Specify arm.")
@@ -317,12 +317,12 @@ def tabulate(
     )
 
 
-def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
+def _tool_fields(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
     """Fields of the table: tool points and, with `motion`, tool orientations and speeds."""
     # Rows are computed in blocks, because the matrices of millions of rows need gigabytes.
     blocks: dict[str, list[FloatArray]] = {}
-    for i in range(0, len(samples.q), AT_ONCE):
-        rows = slice(i, i + AT_ONCE)
+    for i in range(0, len(samples.q), TOOL_BLOCK):
+        rows = slice(i, i + TOOL_BLOCK)
         block = {"tool": arm.tool_position(samples.q[rows])}
         if motion:
             velocity = arm.tool_velocity(samples.q[rows], samples.dq[rows])
@@ -339,10 +339,10 @@ def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
     return whole
 
 
-def _stops(plan: Trajectory) -> FloatArray:
+def _find_stops(plan: Trajectory) -> FloatArray:
     """Times between moves of the program at which the joints stop [s], (stops,)."""
     ends = np.array([x.t[1] for x in plan.spans[:-1]])
-    still = np.all(np.abs(plan(ends, 1)) <= SAME_PLACE, axis=1)
+    still = np.all(np.abs(plan(ends, 1)) <= SAME_POSITION, axis=1)
     return np.unique(ends[still])
 
 
@@ -385,7 +385,7 @@ def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> f
     return step
 
 
-def _set_points(set_points: SetPoints, cycle: float | None, derivatives: int) -> Samples:
+def _sample_set_points(set_points: SetPoints, cycle: float | None, derivatives: int) -> Samples:
     """Set-points with their derivatives, as documented in `make_table`."""
     requested = set_points.cycle if cycle is None else checks.positive("cycle", cycle, "s")
     if not math.isclose(requested, set_points.cycle, rel_tol=1e-9):
@@ -406,7 +406,7 @@ def _set_points(set_points: SetPoints, cycle: float | None, derivatives: int) ->
 
 def equals_plan(q: FloatArray, plan: FloatArray) -> bool:
     """True if set-points equal the plan at the same times, (n, dof) each, up to rounding."""
-    return q.shape == plan.shape and bool((np.abs(q - plan) <= SAME_PLACE).all())
+    return q.shape == plan.shape and bool((np.abs(q - plan) <= SAME_POSITION).all())
 
 
 def regular_times(count: int, cycle: float) -> FloatArray:
@@ -437,7 +437,7 @@ def differentiate(q: FloatArray, cycle: float) -> Samples:
     return Samples(t=t, q=q, dq=dq, ddq=ddq)
 
 
-def _clean(event: TimedEvent) -> TimedEvent:
+def _with_builtin_types(event: TimedEvent) -> TimedEvent:
     """Copy of an event with built-in Python types, which all formats can write."""
     value = event.value.item() if isinstance(event.value, np.generic) else event.value
     if isinstance(value, float) and not math.isfinite(value):
@@ -516,7 +516,7 @@ def format_rows(
     row: str, *columns: FloatArray, lines: Mapping[int, str] | None = None
 ) -> Iterator[str]:
     """Yield rows as text in blocks; `row` is the format (%), `lines` has those of single rows."""
-    at_once = max(1, CHUNK // max(1, row.count("%")))
+    at_once = max(1, FORMAT_BLOCK // max(1, row.count("%")))
     for i in range(0, len(columns[0]), at_once):
         values = np.column_stack([x[i : i + at_once] for x in columns])
         rows = range(i, i + len(values))
@@ -551,11 +551,11 @@ def write_csv(
     # The point and orientation of the tool are columns only if the table has the speed of the tool.
     # The titles of analog outputs are such as `analog power`. An event is in the row of the last
     # point at or before the event, with its exact time: `tool=on@0.104000; gas=2.5@0.104500`.
-    header, columns = _columns(table)
+    header, columns = _table_columns(table)
     cells = _event_cells(table) if table.events else None
     kinds = [x for x in UNITS if getattr(table, x) is not None]
     most = table.decimals_of(decimals)
-    places = [time_decimals(table.t), *(most - COARSER.get(x, 0) for x in kinds)]
+    places = [time_decimals(table.t), *(most - FEWER_DECIMALS.get(x, 0) for x in kinds)]
     places += [most] * (len(columns) - len(places))
     if cells is not None:
         header.append("events")
@@ -597,7 +597,7 @@ def write_npz(table: SetPointTable, file: FilePath) -> None:
         np.savez(stream, **arrays)
 
 
-def _columns(table: SetPointTable) -> tuple[list[str], list[FloatArray]]:
+def _table_columns(table: SetPointTable) -> tuple[list[str], list[FloatArray]]:
     """Titles and columns of joints, of the tool if its speed is known, and of analog outputs."""
     header, columns = joint_columns(
         table.t, table.joint_names, **{x: getattr(table, x) for x in UNITS}

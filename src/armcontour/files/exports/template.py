@@ -20,23 +20,23 @@ from armcontour.motion.nearest_commands import command_use
 from armcontour.motion.trajectory import COMMAND_SLACK
 
 ENDING = ".j2"
-SHIPPED = {"abb": "abb.mod.j2", "kuka": "kuka.src.j2"}
+BUILT_IN = {"abb": "abb.mod.j2", "kuka": "kuka.src.j2"}
 # Examples of digital outputs in messages, by template or format.
-EXAMPLES: dict[str, int | str] = {"abb": "doTool", "kuka": 17, "urscript": 0}
+OUTPUT_EXAMPLES: dict[str, int | str] = {"abb": "doTool", "kuka": 17, "urscript": 0}
 # What a program contains instead of an event without an output, by template or format.
-INSTEAD = {"abb": "comments", "kuka": "comments", "urscript": "messages (textmsg)"}
+SUBSTITUTES = {"abb": "comments", "kuka": "comments", "urscript": "messages (textmsg)"}
 # Examples of analog outputs in messages, by template or format.
 ANALOG_EXAMPLES: dict[str, int | str] = {"abb": "aoPower", "kuka": 1, "urscript": "AO0"}
 # Number of points above which a program causes a warning. Such a program has about 1 MB; no
 # controller is known to accept longer programs.
 MAX_POINTS = 10_000
 # Advice for longer programs, by template or format.
-FEWER = {
-    **dict.fromkeys(SHIPPED, "use a longer cycle (--cycle)"),
+LENGTH_ADVICE = {
+    **dict.fromkeys(BUILT_IN, "use a longer cycle (--cycle)"),
     "urscript": "stream the set-points over RTDE (--export csv)",
 }
 # Value of the last digit of joint positions in programs [rad], by template or format.
-LAST_DIGIT = {"urscript": 10.0**-POSITION_DECIMALS, **dict.fromkeys(SHIPPED, math.radians(1e-6))}
+LAST_DIGIT = {"urscript": 10.0**-POSITION_DECIMALS, **dict.fromkeys(BUILT_IN, math.radians(1e-6))}
 # Largest number of events that a message lists.
 MAX_NAMES = 4
 
@@ -82,13 +82,13 @@ class _Refused(Exception):
 
 def ending_of(template: str) -> str:
     """Extension of the file that a template generates, such as ".src" for "kuka.src.j2"."""
-    file = FilePath(SHIPPED.get(template, template)).name
+    file = FilePath(BUILT_IN.get(template, template)).name
     return FilePath(file.removesuffix(ENDING)).suffix or ".txt"
 
 
 def templates() -> tuple[str, ...]:
     """Names of the templates of the package."""
-    return tuple(SHIPPED)
+    return tuple(BUILT_IN)
 
 
 def template_of(
@@ -99,15 +99,15 @@ def template_of(
     file: str,
 ) -> str:
     """Text of the program that a template generates from a table."""
-    source, text, folder = _read(template)
+    source, text, folder = _read_template(template)
     environment = _environment(folder)
     variables = _variables(table, outputs or {}, file)
     try:
         return str(environment.from_string(text).render(variables))
     except _Refused as error:
-        raise InvalidInput(f"{source}: {_sentence(error)}.") from None
+        raise InvalidInput(f"{source}: {_error_text(error)}.") from None
     except Exception as error:  # a user's template can raise any exception
-        raise InvalidInput(f"{_error_line(error, source)}: {_sentence(error)}.") from None
+        raise InvalidInput(f"{_error_line(error, source)}: {_error_text(error)}.") from None
 
 
 def describe_program(
@@ -119,10 +119,10 @@ def describe_program(
 ) -> list[str]:
     """Warnings about a program: outputs that are not set, rounding, and too many points."""
     sentences, named_outputs = _describe_rounding(table, digit), outputs or {}
-    if name in FEWER and len(table.t) > MAX_POINTS:
+    if name in LENGTH_ADVICE and len(table.t) > MAX_POINTS:
         sentences.append(
             f"the program has {len(table.t)} points, but a controller may reject more than "
-            f"{MAX_POINTS}. To reduce them, {FEWER[str(name)]}, or divide the program "
+            f"{MAX_POINTS}. To reduce them, {LENGTH_ADVICE[str(name)]}, or divide the program "
             "(--points-per-file)."
         )
     unset = [x for x in table.analog if x not in named_outputs]
@@ -132,21 +132,22 @@ def describe_program(
             f"the program does not set {list_some(unset, MAX_NAMES)}, because no analog output is "
             f"named. Name an output, such as {example}."
         )
-    if name not in EXAMPLES:
+    if name not in OUTPUT_EXAMPLES:
         return sentences
     unswitched, name = [x for x in table.events if x.name not in named_outputs], str(name)
     valued = {x.name: None for x in unswitched if not isinstance(x.value, bool)}
     switches = {x.name: None for x in unswitched if x.name not in valued}
     if switches:
-        example = name_output(next(iter(switches)), EXAMPLES[name])
+        example = name_output(next(iter(switches)), OUTPUT_EXAMPLES[name])
         sentences.append(
             f"the program does not switch {list_some(list(switches), MAX_NAMES)}, because no "
-            f"output is named. It has {INSTEAD[name]} instead. Name an output, such as {example}."
+            f"output is named. It has {SUBSTITUTES[name]} instead. Name an output, such as "
+            f"{example}."
         )
     if valued:
         sentences.append(
             f"the program does not switch {list_some(list(valued), MAX_NAMES)}, because their "
-            f"values are not on or off. It has {INSTEAD[name]} instead. For such values, write "
+            f"values are not on or off. It has {SUBSTITUTES[name]} instead. For such values, write "
             "your own template."
         )
     return sentences
@@ -181,15 +182,15 @@ def write_template(
     file.write_text(text, encoding="utf-8", newline="\n")
 
 
-def _read(template: str | FilePath) -> tuple[str, str, FilePath]:
+def _read_template(template: str | FilePath) -> tuple[str, str, FilePath]:
     """File name, text and folder of a template, from its name or path."""
-    if isinstance(template, str) and template in SHIPPED:
-        file = FilePath(__file__).parent / "templates" / SHIPPED[template]
+    if isinstance(template, str) and template in BUILT_IN:
+        file = FilePath(__file__).parent / "templates" / BUILT_IN[template]
     else:
         file = FilePath(template)
         if isinstance(template, str) and file.suffix == "" and not os.path.exists(file):
             raise InvalidInput(
-                f"There is no template {template!r}. Specify one of {', '.join(SHIPPED)}, or a "
+                f"There is no template {template!r}. Specify one of {', '.join(BUILT_IN)}, or a "
                 f"file such as house{ENDING}."
             )
     return file.name, read_text(file, "template"), file.parent
@@ -226,9 +227,9 @@ def _environment(folder: FilePath) -> Any:
         newline_sequence="\n",
         autoescape=False,  # noqa: S701 - programs, not pages
     )
-    environment.filters["fixed"] = _fixed
-    environment.filters["degrees"] = lambda x: _each(math.degrees, x)
-    environment.filters["times"] = lambda x, factor: _each(lambda y: y * factor, x)
+    environment.filters["fixed"] = _format_fixed
+    environment.filters["degrees"] = lambda x: _map_numbers(math.degrees, x)
+    environment.filters["times"] = lambda x, factor: _map_numbers(lambda y: y * factor, x)
     environment.filters["identifier"] = _identifier
     environment.globals["refuse"] = _refuse
     return environment
@@ -236,7 +237,7 @@ def _environment(folder: FilePath) -> Any:
 
 def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str) -> dict[str, Any]:
     """Variables of a template by name."""
-    points = _points(table)
+    points = _template_points(table)
     return {
         "name": table.name,
         "title": table.title,
@@ -254,7 +255,7 @@ def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str
     }
 
 
-def _points(table: SetPointTable) -> tuple[Point, ...]:
+def _template_points(table: SetPointTable) -> tuple[Point, ...]:
     """Points of a table, each with its events and contours."""
     switches: dict[int, list[OutputSwitch]] = {}
     for event, i in zip(table.events, table.point_of_events, strict=True):
@@ -306,14 +307,14 @@ def _points(table: SetPointTable) -> tuple[Point, ...]:
     )
 
 
-def _each(function: Any, value: Any) -> Any:
+def _map_numbers(function: Any, value: Any) -> Any:
     """Apply a function to a number, or to each number of a sequence."""
     return function(value) if isinstance(value, int | float) else [function(y) for y in value]
 
 
-def _fixed(value: float | Sequence[float], decimals: int = POSITION_DECIMALS) -> str:
+def _format_fixed(value: float | Sequence[float], decimals: int = POSITION_DECIMALS) -> str:
     """Text of a number, or of several separated by commas, with a fixed number of decimals."""
-    text = _each(lambda y: f"{y:.{decimals}f}", value)
+    text = _map_numbers(lambda y: f"{y:.{decimals}f}", value)
     return text if isinstance(text, str) else ", ".join(text)
 
 
@@ -328,7 +329,7 @@ def _refuse(reason: str) -> NoReturn:
     raise _Refused(reason)
 
 
-def _sentence(error: Exception) -> str:
+def _error_text(error: Exception) -> str:
     """Message of an error on one line, without the full stop at the end."""
     from jinja2 import TemplateNotFound
 

@@ -41,7 +41,7 @@ LEVEL, SAME_LEVEL = "%.4f", 5e-5
 ANGLE = f"%.{POSITION_DECIMALS}f"
 
 # Begin of a program. Over a socket, the controller requires `def` in the first line.
-HEAD = """\
+PROGRAM_HEAD = """\
 def {program}():
   # {title}: {count} set-points, every {cycle} s, for {duration} s
   # Joint positions in rad: {joints}
@@ -71,7 +71,7 @@ def write_urscript(
     the output on or off; any other event writes a message by `textmsg`. An analog output with a
     number is set at each set-point at which its level changes. Comments name the contours.
     """
-    _check(table)
+    _check_table(table)
     named_outputs = outputs or {}
     analog = {x: n for x, n in named_outputs.items() if x in table.analog}
     digital = _digital_outputs(table, {x: n for x, n in named_outputs.items() if x not in analog})
@@ -81,7 +81,7 @@ def write_urscript(
     part = f"_{table.part[0]}" if table.part[1] > 1 else ""
     program = "armcontour_" + re.sub(r"[^0-9A-Za-z]", "_", table.name)
     program = program[: LONGEST_NAME - len(part)] + part
-    head = HEAD.format(
+    head = PROGRAM_HEAD.format(
         program=program,
         title=table.title,
         count=len(table.q),
@@ -170,7 +170,7 @@ def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
     return f'  textmsg("{message}"){comment}'
 
 
-def _check(table: SetPointTable) -> None:
+def _check_table(table: SetPointTable) -> None:
     """Check that URScript can represent a table."""
     if table.dof != JOINTS:
         raise InvalidInput(

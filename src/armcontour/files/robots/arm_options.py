@@ -20,9 +20,9 @@ DESCRIPTIONS, MJCF = (".urdf", ".xacro"), (".xml", ".mjcf")
 # packages add prefixes to names.
 MAX_CHARACTERS = 1000
 # Options of any arm, of a model or MJCF file, and of a robot description.
-ANY = ("joint_limits", "srdf")
-MODEL = (*ANY, "tip", "locked")
-DESCRIPTION = (*MODEL, "base", "packages", "arguments")
+ANY_OPTIONS = ("joint_limits", "srdf")
+MODEL_OPTIONS = (*ANY_OPTIONS, "tip", "locked")
+DESCRIPTION_OPTIONS = (*MODEL_OPTIONS, "base", "packages", "arguments")
 
 
 @checks.explain_calls
@@ -85,7 +85,11 @@ def check_options(options: ArmOptions, names: tuple[str, ...], arm: str) -> None
     """Check that only options in `names` are specified; `arm` is for messages."""
     for option in fields(ArmOptions):
         if option.name not in names and getattr(options, option.name):
-            files = ".urdf, .xacro and MJCF files" if option.name in MODEL else ".urdf and .xacro"
+            files = (
+                ".urdf, .xacro and MJCF files"
+                if option.name in MODEL_OPTIONS
+                else ".urdf and .xacro"
+            )
             raise InvalidInput(
                 f"{arm} has no option {option.name}, which is valid only for {files}."
             )

@@ -16,12 +16,12 @@ from armcontour.core.frames import Frame, from_rpy
 from armcontour.core.text import list_some, make_printable, shorten, show
 from armcontour.files.mesh_file import MESHES, read_mesh
 from armcontour.files.robots.tree import MAX_NAMED, Tree, parse_xml
-from armcontour.files.robots.urdf_chain import attribute, origin_of, three
+from armcontour.files.robots.urdf_chain import origin_of, read_attribute, read_three
 from armcontour.files.robots.xacro_file import find_near
 from armcontour.robot.scene import Box, Capsule, Cylinder, LeftOut, LinkShape, Shape, Sphere
 
 
-def read_left_out(file: str | FilePath, links: Collection[str]) -> tuple[LeftOut, ...]:
+def read_excluded_pairs(file: str | FilePath, links: Collection[str]) -> tuple[LeftOut, ...]:
     """Read the pairs of links that an SRDF file excludes from distance checks, with reasons."""
     # Typical reasons are "Never" (the pair never touched in random configurations) and "Default"
     # (the pair always touched).
@@ -42,7 +42,7 @@ def read_left_out(file: str | FilePath, links: Collection[str]) -> tuple[LeftOut
             f"{list_some(sorted(set(links)), MAX_NAMED)}."
         )
     enabled = {frozenset(_names(x, location)) for x in robot.findall("enable_collisions")}
-    by_default = _with_others(alone, links, f"{location.name}: disable_default_collisions")
+    by_default = _pairs_with(alone, links, f"{location.name}: disable_default_collisions")
     pairs = {frozenset((x.first, x.second)): x for x in (*by_default, *disabled)}
     return tuple(x for pair, x in pairs.items() if pair <= set(links) and pair not in enabled)
 
@@ -66,7 +66,7 @@ def _names(element: ET.Element, location: FilePath) -> tuple[str, str]:
     return first, second
 
 
-def _with_others(alone: Collection[str], links: Iterable[str], reason: str) -> tuple[LeftOut, ...]:
+def _pairs_with(alone: Collection[str], links: Iterable[str], reason: str) -> tuple[LeftOut, ...]:
     """All pairs of `links` that contain a link in `alone`, with the same reason."""
     return tuple(
         LeftOut(first=first, second=second, reason=reason)
@@ -104,7 +104,7 @@ def link_shapes(
     shapes = []
     for name, (link, frame) in carried.items():
         tool = last in carried and link == carried[last][0] and name != last
-        for element in collisions(tree, name):
+        for element in collision_elements(tree, name):
             shape = shape_of(tree, element, packages)
             body = LinkShape(
                 name=name, link=link, shape=shape, place=frame @ element.place, tool=tool
@@ -113,7 +113,7 @@ def link_shapes(
     return tuple(shapes)
 
 
-def collisions(tree: Tree, link: str) -> Iterator[CollisionElement]:
+def collision_elements(tree: Tree, link: str) -> Iterator[CollisionElement]:
     """Yield the collision elements of a link."""
     for element in tree.links[link].findall("collision"):
         location = f"A collision of the link {link} of {tree.file}"
@@ -138,11 +138,11 @@ def shape_of(
     """Shape of a collision element; `unit` is the unit of a mesh without a scale."""
     kind, element, location = collision.geometry.tag, collision.geometry, collision.where
     if kind == "box":
-        return Box(size=three(location, "size", element.get("size", "")))
+        return Box(size=read_three(location, "size", element.get("size", "")))
     if kind == "sphere":
-        return Sphere(radius=attribute(location, element, kind, "radius"))
+        return Sphere(radius=read_attribute(location, element, kind, "radius"))
     if kind in ("cylinder", "capsule"):
-        radius, length = (attribute(location, element, kind, x) for x in ("radius", "length"))
+        radius, length = (read_attribute(location, element, kind, x) for x in ("radius", "length"))
         return (Cylinder if kind == "cylinder" else Capsule)(radius=radius, length=length)
     if kind != "mesh":
         raise InvalidInput(
@@ -151,7 +151,7 @@ def shape_of(
         )
     scale: FloatArray | None = None
     if "scale" in element.attrib:
-        scale = three(location, "scale", element.get("scale", ""))
+        scale = read_three(location, "scale", element.get("scale", ""))
         # Many programs always write scale factors of 1, so that these do not confirm the unit m.
         scale = None if (scale == 1).all() else scale
     name = element.get("filename", "")
@@ -159,7 +159,7 @@ def shape_of(
     if file is None or not file.is_file():
         raise InvalidInput(
             f"{location} names the mesh {show(name)}, which does not exist"
-            f"{'' if file is None else f' ({file})'}. To fix this, {_mend(name)}."
+            f"{'' if file is None else f' ({file})'}. To fix this, {_advise_mesh(name)}."
         )
     return read_mesh(file, unit=unit if scale is None else None, scale=scale)
 
@@ -201,11 +201,12 @@ def missing_meshes(tree: Tree, packages: Packages | None) -> str:
         return ""
     return (
         f"the clearance is unknown, because meshes are missing or have an unsupported format: "
-        f"{list_some([show(x) for x in lacking], MAX_FILES)}; to fix this, {_mend(lacking[0])}"
+        f"{list_some([show(x) for x in lacking], MAX_FILES)}; to fix this, "
+        f"{_advise_mesh(lacking[0])}"
     )
 
 
-def _mend(name: str) -> str:
+def _advise_mesh(name: str) -> str:
     """Advice, as an imperative clause, for a mesh that is missing or unsupported."""
     if not name.lower().endswith(MESHES):
         return f"convert it to {' or '.join(MESHES)}"

@@ -15,7 +15,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.core.text import list_some
 from armcontour.files.robots.arm_options import ArmOptions, locked_position
-from armcontour.files.robots.moveit_limits import Table, limits_of, override
+from armcontour.files.robots.moveit_limits import Table, limits_of, override_limits
 from armcontour.files.robots.tree import MAX_NAMED
 from armcontour.files.robots.urdf import HINT, assume_accelerations
 from armcontour.robot.chain import Chain, join_bodies
@@ -23,7 +23,7 @@ from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE
 from armcontour.robot.serial import SerialArm
 
 # Larger limits are treated as missing [SI].
-LARGEST = 1e9
+MAX_LIMIT = 1e9
 
 # Mass [kg], centre of mass [m] and inertia about it [kg m²].
 Body: TypeAlias = tuple[float, FloatArray, FloatArray]
@@ -35,7 +35,7 @@ def arm_of_model(model: Any, options: ArmOptions) -> SerialArm:
 
     pin, source, names = pinocchio(), "the model", list(model.names)
     frame = model.frames[_find_tip([x.name for x in model.frames], names, source, options)]
-    held = _locked(names[1:], source, options)
+    held = _locked_indices(names[1:], source, options)
     step = np.zeros(model.nv)
     for k in held:
         joint = model.joints[k + 1]
@@ -48,7 +48,7 @@ def arm_of_model(model: Any, options: ArmOptions) -> SerialArm:
     for i, v in zip(ids, columns, strict=True):
         twist = pin.computeJointJacobian(model, data, posture, i)[:, v]
         if model.nvs[i] != 1 or np.abs(twist[:3]).max() > 0:
-            raise _turns_not(names[i], source)
+            raise _not_revolute(names[i], source)
         axes.append(twist[3:])
     pin.forwardKinematics(model, data, posture)
     links: list[list[Body]] = [[] for _ in (0, *ids)]
@@ -67,7 +67,7 @@ def arm_of_model(model: Any, options: ArmOptions) -> SerialArm:
     for name, ends in zip(JOINT_RANGE, ("lower", "upper"), strict=True):
         limit = getattr(model, f"{ends}PositionLimit")
         table[name] = [limit[model.idx_qs[i]] if model.nqs[i] == 1 else np.inf for i in ids]
-    return _arm(
+    return _make_arm(
         model.name or "model",
         source,
         options,
@@ -90,7 +90,7 @@ def arm_of_mjcf(file: FilePath, options: ArmOptions) -> SerialArm:
     data, source = mujoco.MjData(model), str(file)
     names = [model.joint(j).name or f"joint {j + 1}" for j in range(model.njnt)]
     kinds, hinge = [mujoco.mjtJoint(x) for x in model.jnt_type], mujoco.mjtJoint.mjJNT_HINGE
-    slide, held = mujoco.mjtJoint.mjJNT_SLIDE, _locked(names, source, options)
+    slide, held = mujoco.mjtJoint.mjJNT_SLIDE, _locked_indices(names, source, options)
     bodies = [model.body(b).name or f"body {b}" for b in range(model.nbody)]
     sites = [model.site(k).name or f"site {k}" for k in range(model.nsite)]
     tip = _find_tip([*bodies, *sites], bodies[:1], source, options)
@@ -110,7 +110,7 @@ def arm_of_mjcf(file: FilePath, options: ArmOptions) -> SerialArm:
             step[model.jnt_dofadr[j]] = locked_position(options, names[j], slides=kind == slide)
     for j in ids:
         if kinds[j] != hinge:
-            raise _turns_not(names[j], source)
+            raise _not_revolute(names[j], source)
     mujoco.mj_integratePos(model, data.qpos, step, 1.0)
     mujoco.mj_kinematics(model, data)
     links: list[list[Body]] = [[] for _ in (0, *ids)]
@@ -132,7 +132,7 @@ def arm_of_mjcf(file: FilePath, options: ArmOptions) -> SerialArm:
         "joint_torque": [_largest_torque(model, j) for j in ids],
         **dict(zip(JOINT_RANGE, ranges.T.tolist(), strict=True)),
     }
-    return _arm(
+    return _make_arm(
         file.stem,
         source,
         options,
@@ -195,7 +195,7 @@ def _find_tip(names: list[str], others: list[str], source: str, options: ArmOpti
     )
 
 
-def _locked(names: list[str], source: str, options: ArmOptions) -> list[int]:
+def _locked_indices(names: list[str], source: str, options: ArmOptions) -> list[int]:
     """Indices in `names` of the locked joints."""
     for name in options.locked or ():
         if name not in names:
@@ -206,7 +206,7 @@ def _locked(names: list[str], source: str, options: ArmOptions) -> list[int]:
     return [names.index(x) for x in options.locked or ()]
 
 
-def _turns_not(name: str, source: str) -> InvalidInput:
+def _not_revolute(name: str, source: str) -> InvalidInput:
     """Error for a joint of an arm that is not revolute."""
     return InvalidInput(
         f"Joint {name} of {source} must be revolute, as all joints of an arm. Choose another tip, "
@@ -214,7 +214,7 @@ def _turns_not(name: str, source: str) -> InvalidInput:
     )
 
 
-def _arm(
+def _make_arm(
     name: str,
     source: str,
     options: ArmOptions,
@@ -252,7 +252,7 @@ def _arm(
     table: Table = {x: [None] * len(chain) for x in (*JOINT_LIMITS, *JOINT_RANGE)}
     lacking = []
     for key, limit in values.items():
-        known = [float(x) if abs(x) < LARGEST else None for x in limit]
+        known = [float(x) if abs(x) < MAX_LIMIT else None for x in limit]
         if key in JOINT_RANGE:
             table[key] = known
         elif not all(known):
@@ -260,7 +260,7 @@ def _arm(
         elif key == "joint_velocity" or chain.masses is not None:
             table[key] = known
     if options.limits_file is not None:
-        override(table, chain.joints, options.limits_file)
+        override_limits(table, chain.joints, options.limits_file)
     limits = limits_of(table, chain.joints, source)
     missing = [x for x in lacking if getattr(limits, x) is None]
     note = f"it does not specify {' and '.join(missing)} for all joints" if missing else ""

@@ -19,11 +19,11 @@ from armcontour.core.fields import checked
 from armcontour.core.frames import Frame, Pose, from_rpy
 from armcontour.core.text import plain_number, show
 from armcontour.files.robots.arm_options import (
-    ANY,
-    DESCRIPTION,
+    ANY_OPTIONS,
+    DESCRIPTION_OPTIONS,
     MAX_CHARACTERS,
     MJCF,
-    MODEL,
+    MODEL_OPTIONS,
     ArmOptions,
     check_options,
     is_description,
@@ -69,7 +69,7 @@ LIMITS = {
     for name in (*JOINT_LIMITS, *JOINT_RANGE)
 }
 # Unit of the integer coordinates in files of hulls [m].
-STEP = 1e-6
+HULL_UNIT = 1e-6
 
 
 @checks.explained
@@ -120,7 +120,7 @@ def load_arm(
     if not is_model(name):
         name = checks.read_place("load_arm", name)
     arm = _load(name, options, payload, trust_xacro)
-    arm = _equip(arm, tool, work, payload)
+    arm = _attach(arm, tool, work, payload)
     return arm if options.srdf is None else with_more_shapes(arm, srdf=FilePath(options.srdf))
 
 
@@ -132,22 +132,22 @@ def _load(
     if is_description(file):
         from armcontour.files.robots.urdf import arm_of_tree, read_description
 
-        check_options(options, DESCRIPTION, str(file))
+        check_options(options, DESCRIPTION_OPTIONS, str(file))
         return arm_of_tree(read_description(file, options, trust_xacro=trust_xacro), options)
     if is_model(name) or file.suffix.lower() in MJCF:
         from armcontour.files.robots.external_models import arm_of_mjcf, arm_of_model
 
-        check_options(options, MODEL, "the model" if is_model(name) else str(file))
+        check_options(options, MODEL_OPTIONS, "the model" if is_model(name) else str(file))
         return arm_of_model(name, options) if is_model(name) else arm_of_mjcf(file, options)
-    check_options(options, ANY, f"The arm {name}")
+    check_options(options, ANY_OPTIONS, f"The arm {name}")
     derive = partial(_load, payload=payload, trust_xacro=trust_xacro, depth=depth + 1)
-    arm = _read(str(name), payload, derive if depth < MAX_DERIVED else None)
+    arm = _read_arm(str(name), payload, derive if depth < MAX_DERIVED else None)
     if options.limits_file is None:
         return arm
-    from armcontour.files.robots.moveit_limits import limits_of, override, table_of
+    from armcontour.files.robots.moveit_limits import limits_of, override_limits, table_of
 
     table = table_of(arm.limits, arm.dof)
-    override(table, arm.joint_names, options.limits_file)
+    override_limits(table, arm.joint_names, options.limits_file)
     # The file replaces only joint limits; other limits of the arm do not change.
     replaced = limits_of(table, arm.joint_names, str(options.limits_file))
     values = {key: getattr(replaced, key) for key in table}
@@ -155,7 +155,7 @@ def _load(
     return arm.with_limits(Limits().replace(**values | lifted))
 
 
-def _read(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -> Arm:
+def _read_arm(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -> Arm:
     """Read a built-in arm or an arm file; the other arguments are those of `arm_of`."""
     if name.lower().endswith((".yaml", ".yml")):
         content = file_access.read_bytes(name, "arm file")
@@ -167,10 +167,10 @@ def _read(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -
             "Describe your own arm in a .yaml, .urdf, .xacro or MJCF .xml file."
         )
     arm = arm_of(f"{built_in}.yaml", _built_in(built_in), payload)
-    return arm.with_shapes(partial(read_hulls, built_in)) if _file(built_in).is_file() else arm
+    return arm.with_shapes(partial(read_hulls, built_in)) if _hull_file(built_in).is_file() else arm
 
 
-def _equip(arm: Arm, tool: Pose | None, work: Pose | None, payload: Payload | None) -> Arm:
+def _attach(arm: Arm, tool: Pose | None, work: Pose | None, payload: Payload | None) -> Arm:
     """Arm with another tool, work frame and payload; None means no change."""
     if isinstance(arm, SerialArm):
         if tool is not None or payload is not None:
@@ -197,7 +197,7 @@ PER_JOINT = ("armature", "viscous", "coulomb")
 DERIVED = {"name", "kind", "source", "arm", *PAYLOAD, *PER_JOINT}
 KINDS = {"planar_two_link": PLANAR, "serial": SERIAL, "derived": DERIVED}
 # Keys of the original arm of a derived arm: a built-in name or a file, and options.
-OF_ARM = ("name", "file", "tip", "base", "joint_limits")
+ORIGINAL_KEYS = ("name", "file", "tip", "base", "joint_limits")
 
 
 @cache
@@ -230,7 +230,7 @@ def arm_of(
                 f"{file} is derived from itself, directly or through other files. Change its key "
                 "arm to another arm."
             )
-        return _derived(file, data, load)
+        return _derived_arm(file, data, load)
     return _serial(file, data) if kind == "serial" else _planar(file, data, payload)
 
 
@@ -290,13 +290,13 @@ def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
     )
 
 
-def _derived(file: str, data: Mapping[str, Any], load: Callable[..., Arm]) -> Arm:
+def _derived_arm(file: str, data: Mapping[str, Any], load: Callable[..., Arm]) -> Arm:
     """Make the arm of a file that is derived from another arm."""
 
     def values(key: str, shape: tuple[int, ...]) -> FloatArray:
         return _array(file, key, data, shape)
 
-    arm = load(*_origin(file, data))
+    arm = load(*_original_arm(file, data))
     payload_keys = [x for x in PAYLOAD if x in data]
     changes: dict[str, Any] = {x: values(x, (arm.dof,)) for x in PER_JOINT if x in data}
     if payload_keys:
@@ -318,15 +318,15 @@ def _derived(file: str, data: Mapping[str, Any], load: Callable[..., Arm]) -> Ar
     return arm
 
 
-def _origin(file: str, data: Mapping[str, Any]) -> tuple[str | FilePath, ArmOptions]:
+def _original_arm(file: str, data: Mapping[str, Any]) -> tuple[str | FilePath, ArmOptions]:
     """Name or file, and options, of the original arm of a derived arm."""
     origin = data.get("arm")
     if isinstance(origin, str):
         return origin, ArmOptions()
-    if not isinstance(origin, Mapping) or not set(origin) <= set(OF_ARM):
+    if not isinstance(origin, Mapping) or not set(origin) <= set(ORIGINAL_KEYS):
         raise InvalidInput(
             f"{file}: arm must be the name of a built-in arm, or a mapping with some of the keys "
-            f"{', '.join(OF_ARM)}, but is {show(origin)}."
+            f"{', '.join(ORIGINAL_KEYS)}, but is {show(origin)}."
         )
     if ("name" in origin) == ("file" in origin) or not all(
         isinstance(x, str) for x in origin.values()
@@ -427,13 +427,15 @@ def _numbers(location: str, value: Any, unit: str) -> Any:
 
 def read_hulls(name: str) -> ArmShapes:
     """Read the hulls of a built-in arm, which are convex meshes that contain its links."""
-    data = json.loads(_file(name).read_bytes())
+    data = json.loads(_hull_file(name).read_bytes())
     return ArmShapes(
         shapes=tuple(
             LinkShape(
                 name=x["name"],
                 link=x["link"],
-                shape=Mesh(points=STEP * np.array(x["points"]), source=f"the hull of {x['name']}"),
+                shape=Mesh(
+                    points=HULL_UNIT * np.array(x["points"]), source=f"the hull of {x['name']}"
+                ),
             )
             for x in data["hulls"]
         ),
@@ -441,7 +443,7 @@ def read_hulls(name: str) -> ArmShapes:
     )
 
 
-def _file(name: str) -> Traversable:
+def _hull_file(name: str) -> Traversable:
     """File of the hulls of a built-in arm; it does not exist for all arms."""
     return resources.files("armcontour.files.robots") / "library" / "hulls" / f"{name}.json"
 
@@ -452,10 +454,10 @@ def with_more_shapes(
     """Arm with additional shapes, and with the excluded pairs of links of an SRDF file."""
     if not shapes and srdf is None:
         return arm
-    return arm.with_shapes(partial(_add, arm, shapes, srdf))
+    return arm.with_shapes(partial(_combine_shapes, arm, shapes, srdf))
 
 
-def _add(arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | None) -> ArmShapes:
+def _combine_shapes(arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | None) -> ArmShapes:
     """Combine the shapes of an arm with more shapes and the excluded pairs of an SRDF file."""
     # Imported here, because the import loads compiled code of motions.
     from armcontour.verification.clearance.distances import exclude_touching
@@ -464,9 +466,9 @@ def _add(arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | None) -> ArmS
     every = (*existing.shapes, *shapes)
     left_out = existing.left_out
     if srdf is not None:
-        from armcontour.files.robots.collision import read_left_out
+        from armcontour.files.robots.collision import read_excluded_pairs
 
         names = list(dict.fromkeys(x.name for x in every))
-        left_out = (*left_out, *read_left_out(srdf, names))
+        left_out = (*left_out, *read_excluded_pairs(srdf, names))
     combined = ArmShapes(shapes=every, left_out=left_out, source=existing.source)
     return exclude_touching(arm.with_shapes(combined)) if every else combined

@@ -27,7 +27,7 @@ KINDS = {
     "effort": {"max_effort": "joint_torque"},
 }
 # Keys for accelerations and decelerations.
-ACCELERATING = {
+ACCELERATION_KEYS = {
     f"{word}_{kind}{end}"
     for kind in ("acceleration", "deceleration")
     for word, end in (("has", "_limits"), ("max", ""))
@@ -37,9 +37,9 @@ IGNORED = {"angle_wraparound", "k_position", "k_velocity", "min_velocity"}
 SOFT = ("soft_lower_limit", "soft_upper_limit")
 KNOWN = {"has_soft_limits", *SOFT}
 KNOWN |= {f"has_{kind}_limits" for kind in KINDS} | {x for kind in KINDS.values() for x in kind}
-KNOWN |= ACCELERATING
+KNOWN |= ACCELERATION_KEYS
 # Outer keys in files for the parameter server of ROS.
-WRAPPERS = ("/**", "ros__parameters", "robot_description_planning")
+OUTER_KEYS = ("/**", "ros__parameters", "robot_description_planning")
 NAMES = (*JOINT_LIMITS, *JOINT_RANGE)
 
 
@@ -52,7 +52,7 @@ def table_of(limits: Limits, dof: int) -> Table:
     return table
 
 
-def override(table: Table, joints: Sequence[str], file: FilePath) -> None:
+def override_limits(table: Table, joints: Sequence[str], file: FilePath) -> None:
     """Replace limits in a table by the limits of a `joint_limits.yaml`.
 
     A kind of limit that the file disables (`has_velocity_limits: false`) is removed; a kind that is
@@ -64,7 +64,7 @@ def override(table: Table, joints: Sequence[str], file: FilePath) -> None:
     """
     content = file_access.read_bytes(file, "file of joint limits")
     data = yaml_loader.load(content, str(file), yaml_loader.AngleLoader)
-    for wrapper in WRAPPERS:
+    for wrapper in OUTER_KEYS:
         if isinstance(data, Mapping) and wrapper in data:
             data = data[wrapper]
     entries = data.get("joint_limits") if isinstance(data, Mapping) else None
@@ -88,7 +88,7 @@ def limits_of(table: Table, joints: Sequence[str], source: str) -> Limits:
     limits: dict[str, Any] = {}
     for name in JOINT_LIMITS:
         if any(x is not None for x in table[name]):
-            limits[name] = _of_all_joints(name, table[name], joints, source)
+            limits[name] = _check_values(name, table[name], joints, source)
     for name, none in zip(JOINT_RANGE, (-np.inf, np.inf), strict=True):
         ends = [none if value is None else value for value in table[name]]
         if np.isfinite(ends).any():
@@ -104,7 +104,7 @@ def limits_of(table: Table, joints: Sequence[str], source: str) -> Limits:
     return Limits(**limits)
 
 
-def _of_all_joints(
+def _check_values(
     name: str, values: Sequence[Any], joints: Sequence[str], source: str
 ) -> Sequence[Any]:
     """Checked values of a limit, one per joint; if one has two bounds, two bounds per joint."""
@@ -143,19 +143,19 @@ def _override_joint(table: Table, k: int, location: str, entry: Any) -> None:
             )
     for kind, values in KINDS.items():
         for key, name in values.items():
-            if _switch(location, entry, kind) is False:
+            if _is_enabled(location, entry, kind) is False:
                 table[name][k] = None
             else:
-                value = _given(location, entry, kind, key)
+                value = _limit_value(location, entry, kind, key)
                 table[name][k] = table[name][k] if value is None else value
     _override_acceleration(table, k, location, entry)
-    if _switch(location, entry, "soft") is not False:
-        low, high = (_given(location, entry, "soft", key) for key in SOFT)
+    if _is_enabled(location, entry, "soft") is not False:
+        low, high = (_limit_value(location, entry, "soft", key) for key in SOFT)
         if low is not None and high is not None:
-            narrow(table, k, low, high)
+            narrow_range(table, k, low, high)
 
 
-def narrow(table: Table, k: int, low: float, high: float) -> None:
+def narrow_range(table: Table, k: int, low: float, high: float) -> None:
     """Narrow the range of joint k [rad] to soft limits."""
     for name, value, inner in zip(JOINT_RANGE, (low, high), (max, min), strict=True):
         current = table[name][k]
@@ -164,11 +164,11 @@ def narrow(table: Table, k: int, low: float, high: float) -> None:
 
 def _override_acceleration(table: Table, k: int, location: str, entry: Mapping[Any, Any]) -> None:
     """Set the acceleration limit of joint k to the smaller of acceleration and deceleration."""
-    if not ACCELERATING & set(entry):
+    if not ACCELERATION_KEYS & set(entry):
         return
     slowing = None
-    if _switch(location, entry, "deceleration") is not False:
-        slowing = _given(location, entry, "deceleration", "max_deceleration")
+    if _is_enabled(location, entry, "deceleration") is not False:
+        slowing = _limit_value(location, entry, "deceleration", "max_deceleration")
     if slowing is not None:
         speeding = table["joint_acceleration"][k]
         if speeding is None:
@@ -178,7 +178,7 @@ def _override_acceleration(table: Table, k: int, location: str, entry: Mapping[A
         table["joint_acceleration"][k] = float(np.abs([slowing, *np.atleast_1d(speeding)]).min())
 
 
-def _switch(location: str, entry: Mapping[Any, Any], kind: str) -> bool | None:
+def _is_enabled(location: str, entry: Mapping[Any, Any], kind: str) -> bool | None:
     """True if an entry enables a kind of limit, False if it disables it, None if neither."""
     switch = entry.get(f"has_{kind}_limits")
     if switch is None or isinstance(switch, bool):
@@ -186,7 +186,7 @@ def _switch(location: str, entry: Mapping[Any, Any], kind: str) -> bool | None:
     raise InvalidInput(f"{location}: has_{kind}_limits must be true or false, but is {switch!r}.")
 
 
-def _given(location: str, entry: Mapping[Any, Any], kind: str, key: str) -> float | None:
+def _limit_value(location: str, entry: Mapping[Any, Any], kind: str, key: str) -> float | None:
     """Value of a limit in an entry of the file; None if the entry has no such limit."""
     if key in entry:
         value = plain_number(entry[key])
@@ -196,6 +196,6 @@ def _given(location: str, entry: Mapping[Any, Any], kind: str, key: str) -> floa
                 "not supported, but an angle may be written as !degrees 90."
             )
         return value
-    if _switch(location, entry, kind):
+    if _is_enabled(location, entry, kind):
         raise InvalidInput(f"{location} has has_{kind}_limits: true, but no {key}. Add {key}.")
     return None

@@ -6,12 +6,12 @@ from collections.abc import Collection, Sequence
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import list_some
-from armcontour.files.robots.tree import MAX_NAMED, TURNING, Joint, Tree
+from armcontour.files.robots.tree import MAX_NAMED, REVOLUTE_TYPES, Joint, Tree
 
 # Suffixes of the names of frames to which tools are attached (REP 199), the preferred first.
 TOOL_FRAMES = ("tool0", "flange")
 # Next moving joints by the name of the previous moving joint; None for the base.
-Next = dict[str | None, list[Joint]]
+NextJoints = dict[str | None, list[Joint]]
 
 
 def choose_tip(tree: Tree, base: str, locked: Collection[str]) -> tuple[str, str]:
@@ -31,16 +31,16 @@ def choose_tip(tree: Tree, base: str, locked: Collection[str]) -> tuple[str, str
             f"{list_some(ends or list(tree.links), MAX_NAMED)} with tip= (in a job, "
             f"arm: {{tip: {example}}}; for check, --tip {example})."
         )
-    tip = _end_of(tree, chain[-1].child)
+    tip = _tip_of(tree, chain[-1].child)
     return tip, (
         f"the tip is {tip}, at the end of the only chain of moving joints; to change it, specify "
         f"tip= (in a job, arm: {{tip: LINK}})"
     )
 
 
-def _next_joints(tree: Tree, base: str, locked: Collection[str]) -> Next:
+def _next_joints(tree: Tree, base: str, locked: Collection[str]) -> NextJoints:
     """Independent moving joints, by the previous independent joint (None for the base)."""
-    following: Next = {None: []}
+    following: NextJoints = {None: []}
     carrier: dict[str, str] = {}
     for joint in tree.below(base):
         above = carrier.get(joint.parent)
@@ -53,7 +53,7 @@ def _next_joints(tree: Tree, base: str, locked: Collection[str]) -> Next:
     return following
 
 
-def _only_chain(tree: Tree, following: Next) -> list[Joint]:
+def _only_chain(tree: Tree, following: NextJoints) -> list[Joint]:
     """The only chain of moving joints, without a gripper; empty if there are several chains."""
     mimicked = {joint.master for joint in tree.joints.values()}
     chain: list[Joint] = []
@@ -71,14 +71,14 @@ def _only_chain(tree: Tree, following: Next) -> list[Joint]:
     return chain
 
 
-def _without_fingers(following: Next, branches: Sequence[Joint], depth: int) -> list[Joint]:
+def _without_fingers(following: NextJoints, branches: Sequence[Joint], depth: int) -> list[Joint]:
     """Branches that are not fingers; fingers have equal lengths below `depth`, the chain's."""
     lengths = [_length(following, x) for x in branches]
     fingers = [length < depth and lengths.count(length) > 1 for length in lengths]
     return [x for x, finger in zip(branches, fingers, strict=True) if not finger]
 
 
-def _length(following: Next, joint: Joint) -> int:
+def _length(following: NextJoints, joint: Joint) -> int:
     """Largest number of joints on a branch, from its first joint to an end."""
     waiting, deepest = [(joint, 1)], 1
     while waiting:
@@ -88,7 +88,7 @@ def _length(following: Next, joint: Joint) -> int:
     return deepest
 
 
-def _end_of(tree: Tree, last: str) -> str:
+def _tip_of(tree: Tree, last: str) -> str:
     """Tip among the links that are fixed to the last moving link: tool frame, only end, or it."""
     fixed = [last]
     # The loop extends the list that it iterates over.
@@ -107,6 +107,6 @@ def _turning_joints(tree: Tree, base: str, link: str) -> int:
     count = 0
     while link != base:
         joint = tree.above[link]
-        count += joint.kind in TURNING and joint.master is None
+        count += joint.kind in REVOLUTE_TYPES and joint.master is None
         link = joint.parent
     return count

@@ -13,10 +13,10 @@ from armcontour.core.text import list_some, plain_number, show
 from armcontour.files.robots.arm_options import MAX_CHARACTERS
 
 # Types of revolute joints, whose position is one angle.
-TURNING = ("revolute", "continuous")
-KINDS = (*TURNING, "fixed", "prismatic", "planar", "floating")
+REVOLUTE_TYPES = ("revolute", "continuous")
+JOINT_TYPES = (*REVOLUTE_TYPES, "fixed", "prismatic", "planar", "floating")
 # Maximum depth of nested elements; the format needs 6.
-DEEPEST = 100
+MAX_DEPTH = 100
 # Maximum number of links; robots have about 100 links.
 MAX_LINKS = 1000
 # Maximum number of elements, including visuals, transmissions and plugins of simulators.
@@ -194,8 +194,10 @@ def parse_xml(file: str, content: bytes | str) -> ET.Element:
 
 def _check_document_size(file: str, depth: int, links: int, elements: int) -> None:
     """Check that the depth and the size of a document are usual for a robot description."""
-    if depth > DEEPEST:
-        raise InvalidInput(f"{file} has elements that are nested more than {DEEPEST} levels deep.")
+    if depth > MAX_DEPTH:
+        raise InvalidInput(
+            f"{file} has elements that are nested more than {MAX_DEPTH} levels deep."
+        )
     for count, maximum, kind in (
         (links, MAX_LINKS, "links"),
         (elements, MAX_ELEMENTS, "elements"),
@@ -219,9 +221,9 @@ def _required_name(file: str, element: ET.Element) -> str:
 def _joint(file: str, element: ET.Element, links: Mapping[str, ET.Element]) -> Joint:
     """Make the joint of an XML element; its parent and child must be existing links."""
     name, kind = _required_name(file, element), element.get("type") or ""
-    if kind not in KINDS:
+    if kind not in JOINT_TYPES:
         raise InvalidInput(
-            f"The type of joint {name} in {file} must be one of {', '.join(KINDS)}, but is "
+            f"The type of joint {name} in {file} must be one of {', '.join(JOINT_TYPES)}, but is "
             f"{kind!r}."
         )
     ends = []

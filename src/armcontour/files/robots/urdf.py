@@ -12,8 +12,15 @@ from armcontour.core import file_access
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import list_some
 from armcontour.files.robots.arm_options import ArmOptions, locked_position
-from armcontour.files.robots.moveit_limits import KINDS, SOFT, Table, limits_of, narrow, override
-from armcontour.files.robots.tree import MAX_NAMED, TURNING, Joint, Tree, read_tree
+from armcontour.files.robots.moveit_limits import (
+    KINDS,
+    SOFT,
+    Table,
+    limits_of,
+    narrow_range,
+    override_limits,
+)
+from armcontour.files.robots.tree import MAX_NAMED, REVOLUTE_TYPES, Joint, Tree, read_tree
 from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, Limits
 from armcontour.robot.scene import ArmShapes
 from armcontour.robot.serial import SerialArm
@@ -31,17 +38,18 @@ HINT = (
 )
 # Limits in the limit elements of a description: attribute of the element, which is also the kind of
 # limit in joint_limits.yaml, by name of the limit.
-GIVEN = {"joint_velocity": "velocity", "joint_torque": "effort"}
+DESCRIBED_LIMITS = {"joint_velocity": "velocity", "joint_torque": "effort"}
 # Ranges whose ends are between these values [rad] are rejected, because they are probably in
 # degrees. Usual arms turn by at most 2.5 turns.
 MAX_RADIANS = 16.0
 MAX_DEGREES = 3601.0
 # Assumed time from rest to the largest speed of a joint if acceleration limits are missing [s]. The
 # joint_limits.yaml of Universal Robots has 180 deg/s and 180 deg/s², "for planning".
-RISE = 1.0
-ASSUMED = (
+ASSUMED_RISE_TIME = 1.0
+ASSUMED_NOTE = (
     f"it has no acceleration limits, so each joint is assumed to reach its largest speed in "
-    f"{RISE:g} s; specify the manufacturer's values with joint_limits or limits.joint_acceleration"
+    f"{ASSUMED_RISE_TIME:g} s; specify the manufacturer's values with joint_limits or "
+    "limits.joint_acceleration"
 )
 
 
@@ -135,20 +143,21 @@ def _check_moving_joints(tree: Tree, moving: list[Joint]) -> None:
             f"No joint moves between base and tip in {tree.file}. Choose another base or tip."
         )
     for joint in moving:
-        if joint.kind not in TURNING:
+        if joint.kind not in REVOLUTE_TYPES:
             raise InvalidInput(
                 f"Joint {joint.name} of {tree.file} is {joint.kind}, but the joints of an arm must "
-                f"be revolute. Choose a base and a tip without it between them{_or_lock(joint)}."
+                "be revolute. Choose a base and a tip without it between "
+                f"them{_lock_advice(joint)}."
             )
         if joint.master is not None:
             raise InvalidInput(
                 f"Joint {joint.name} of {tree.file} mimics another joint, but the joints of an arm "
                 "must be independent. Choose a base and a tip without it between "
-                f"them{_or_lock(joint)}."
+                f"them{_lock_advice(joint)}."
             )
 
 
-def _or_lock(joint: Joint) -> str:
+def _lock_advice(joint: Joint) -> str:
     """Advice to lock a joint, for the end of a message; empty if it has no single position."""
     if joint.kind in ("planar", "floating"):
         return ""
@@ -164,16 +173,16 @@ def _limits(
     """
     names = [joint.name for joint in moving]
     table = _table(tree, moving)
-    soft = _soften(table, moving, tree.file)
+    soft = _apply_soft_limits(table, moving, tree.file)
     stated: Table = {**table, **{name: [None] * len(moving) for name in JOINT_RANGE}}
     stated = {name: list(values) for name, values in stated.items()}
-    described = {name: list(table[name]) for name in GIVEN}
+    described = {name: list(table[name]) for name in DESCRIBED_LIMITS}
     if file is not None:
-        override(table, names, file)
-        override(stated, names, file)
+        override_limits(table, names, file)
+        override_limits(stated, names, file)
     _check_radians(table, stated, moving, tree.file)
     lacking = {}
-    for name, key in GIVEN.items():
+    for name, key in DESCRIBED_LIMITS.items():
         lacking_joints = [x for x, value in zip(names, table[name], strict=True) if value is None]
         # A limit that the description has for some joints only is removed. If it is the file that
         # has the limit for some joints only, `limits_of` raises an error.
@@ -183,15 +192,15 @@ def _limits(
     if not heavy:
         table["joint_torque"] = [None] * len(moving)
         lacking.pop("effort", None)
-    note = "; ".join(x for x in (soft, _note(lacking, moving)) if x)
+    note = "; ".join(x for x in (soft, _missing_limits_note(lacking, moving)) if x)
     return assume_accelerations(limits_of(table, names, tree.file), note)
 
 
 def assume_accelerations(limits: Limits, note: str) -> tuple[Limits, str]:
     """Limits with accelerations derived from velocities if they are missing, and the new note."""
     if limits.joint_acceleration is None and limits.joint_velocity is not None:
-        limits = limits.replace(joint_acceleration=limits.joint_velocity / RISE)
-        note = f"{note}; {ASSUMED}" if note else ASSUMED
+        limits = limits.replace(joint_acceleration=limits.joint_velocity / ASSUMED_RISE_TIME)
+        note = f"{note}; {ASSUMED_NOTE}" if note else ASSUMED_NOTE
     return limits, note
 
 
@@ -209,7 +218,7 @@ def _table(tree: Tree, moving: list[Joint]) -> Table:
     table: Table = {name: [] for name in (*JOINT_LIMITS, *JOINT_RANGE)}
     for joint in moving:
         for name in JOINT_LIMITS:
-            key = GIVEN.get(name)
+            key = DESCRIBED_LIMITS.get(name)
             value = None if key is None else joint.number("limit", key, tree.file)
             table[name].append(None if value is None or value <= 0 else value)
         for name, key in zip(JOINT_RANGE, ("lower", "upper"), strict=True):
@@ -221,7 +230,7 @@ def _table(tree: Tree, moving: list[Joint]) -> Table:
     return table
 
 
-def _soften(table: Table, moving: list[Joint], file: str) -> str:
+def _apply_soft_limits(table: Table, moving: list[Joint], file: str) -> str:
     """Narrow ranges to the soft limits of safety controllers; returns a note, or an empty text."""
     narrowed = []
     for k, joint in enumerate(moving):
@@ -229,7 +238,7 @@ def _soften(table: Table, moving: list[Joint], file: str) -> str:
         # A safety controller of speed only has no such limits, or both are 0.
         if joint.kind != "continuous" and low is not None and high is not None and low < high:
             before = [table[name][k] for name in JOINT_RANGE]
-            narrow(table, k, low, high)
+            narrow_range(table, k, low, high)
             if before != [table[name][k] for name in JOINT_RANGE]:
                 narrowed.append(joint.name)
     if not narrowed:
@@ -254,7 +263,7 @@ def _check_radians(table: Table, stated: Table, moving: list[Joint], file: str) 
             )
 
 
-def _note(lacking: dict[str, str], moving: list[Joint]) -> str:
+def _missing_limits_note(lacking: dict[str, str], moving: list[Joint]) -> str:
     """Note on the kinds of limits that a description does not have; empty if it has all."""
     endless = [x.name for x in moving if x.kind == "revolute" and x.element.find("limit") is None]
     if endless:

@@ -19,7 +19,7 @@ from armcontour.robot.chain import Chain, check_inertia, join_bodies
 # Maximum length of a sequence of joints of which each mimics the next; grippers have about 3.
 MAX_MIMICS = 50
 # Maximum number of locked joints that a note lists.
-MAX_HELD = 8
+MAX_LOCKED = 8
 # Largest position, axis component, mass or inertia [SI]; products of larger numbers may overflow.
 LARGEST = 1e9
 TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -166,8 +166,8 @@ class Description:
         ]
         if held:
             self.notes.append(
-                f"joints outside the arm are locked, {list_some(held, MAX_HELD)}; to change their "
-                "positions, specify locked= (in a job, arm.locked)"
+                f"joints outside the arm are locked, {list_some(held, MAX_LOCKED)}; to change "
+                "their positions, specify locked= (in a job, arm.locked)"
             )
 
     def _follows_arm(self, joint: Joint) -> bool:
@@ -242,9 +242,9 @@ class Description:
         where = f"The link {link} of {self.tree.file}"
         if inertial is None:
             return None
-        mass = attribute(where, inertial.find("mass"), "mass", "value")
+        mass = read_attribute(where, inertial.find("mass"), "mass", "value")
         tensor = inertial.find("inertia")
-        xx, xy, xz, yy, yz, zz = (attribute(where, tensor, "inertia", key) for key in TENSOR)
+        xx, xy, xz, yy, yz, zz = (read_attribute(where, tensor, "inertia", key) for key in TENSOR)
         xyz, rpy = origin_of(inertial, where)
         frame = Frame(position=xyz, rotation=from_rpy(rpy))
         return mass, frame, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -253,7 +253,9 @@ class Description:
         """Unit vector of a joint axis, (3,)."""
         where = f"Joint {joint.name} of {self.tree.file}"
         element = joint.element.find("axis")
-        axis = three(where, "axis", "1 0 0" if element is None else element.get("xyz", "1 0 0"))
+        axis = read_three(
+            where, "axis", "1 0 0" if element is None else element.get("xyz", "1 0 0")
+        )
         size = float(np.linalg.norm(axis))
         if size == 0:
             raise InvalidInput(f"{where} has a zero axis. Specify a direction.")
@@ -279,10 +281,10 @@ def origin_of(element: ET.Element, where: str) -> tuple[FloatArray, FloatArray]:
     """Position [m] and roll, pitch, yaw [rad] of the origin of an element, (3,) each."""
     origin = element.find("origin")
     words = ["0 0 0"] * 2 if origin is None else [origin.get(x, "0 0 0") for x in ("xyz", "rpy")]
-    return three(where, "xyz", words[0]), three(where, "rpy", words[1])
+    return read_three(where, "xyz", words[0]), read_three(where, "rpy", words[1])
 
 
-def attribute(where: str, element: ET.Element | None, tag: str, key: str) -> float:
+def read_attribute(where: str, element: ET.Element | None, tag: str, key: str) -> float:
     """Number in the attribute `key` of an element; `where` and `tag` are for messages."""
     text = None if element is None else element.get(key)
     value = plain_number(text)
@@ -294,7 +296,7 @@ def attribute(where: str, element: ET.Element | None, tag: str, key: str) -> flo
     return value
 
 
-def three(where: str, name: str, words: str) -> FloatArray:
+def read_three(where: str, name: str, words: str) -> FloatArray:
     """The three numbers in the text of an attribute, (3,); `where` and `name` are for messages."""
     numbers = np.array([plain_number(x) for x in words.split()], dtype=np.float64)
     if numbers.shape != (3,) or not (np.abs(numbers) <= LARGEST).all():

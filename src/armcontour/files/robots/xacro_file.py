@@ -24,7 +24,7 @@ from armcontour.core.text import make_printable
 from armcontour.files.robots.arm_options import Value
 
 # File that marks the folder of a ROS package.
-MARK = "package.xml"
+PACKAGE_FILE = "package.xml"
 # Maximum number of parent folders in which the package of a description is searched.
 MAX_UP = 4
 # Maximum number of folders in the search for one package.
@@ -37,18 +37,18 @@ def find_near(folder: FilePath, name: str) -> FilePath | None:
     """Nearest folder whose `package.xml` has the package name `name`; None if not found."""
     # The search order is: the package of the description, its subfolders, its sibling folders, the
     # siblings of its parent folder, and their subfolders, as in a workspace of ROS.
-    for count, candidate in enumerate(_places(folder)):
+    for count, candidate in enumerate(_package_candidates(folder)):
         if count >= MAX_FOLDERS:
             break
-        if _name(candidate / MARK) == name:
+        if _package_name(candidate / PACKAGE_FILE) == name:
             return candidate
     return None
 
 
-def _places(folder: FilePath) -> Iterator[FilePath]:
+def _package_candidates(folder: FilePath) -> Iterator[FilePath]:
     """Yield the folders that can be a package near a folder, the nearest first."""
     near = (folder, *folder.parents[:MAX_UP])
-    package = next((x for x in near if (x / MARK).is_file()), folder)
+    package = next((x for x in near if (x / PACKAGE_FILE).is_file()), folder)
     yield package
     yield from _subfolders(package)
     yield from _subfolders(package.parent)
@@ -67,7 +67,7 @@ def _subfolders(folder: FilePath) -> list[FilePath]:
     return [folder / x for x in sorted(names)]
 
 
-def _name(file: FilePath) -> str | None:
+def _package_name(file: FilePath) -> str | None:
     """Package name in a `package.xml`; None if the file or the name does not exist."""
     if not file.is_file():
         return None
@@ -79,12 +79,12 @@ def _name(file: FilePath) -> str | None:
 
 
 # Time limit of an expansion [s]; the largest public descriptions take about 2 s.
-SECONDS = 10.0
+MAX_SECONDS = 10.0
 # Memory limit of the process [MB]; the largest public descriptions need about 100 MB.
-MEGABYTES = 1000
+MAX_MEGABYTES = 1000
 # Placeholder for the folder of a missing package. A description may name a missing package, such as
 # a simulator, but an error is raised if it reads files of the package.
-NOWHERE = os.path.join(os.sep, "package-not-found", "")
+MISSING_FOLDER = os.path.join(os.sep, "package-not-found", "")
 
 
 def expand_xacro(
@@ -102,7 +102,10 @@ def expand_xacro(
     from armcontour.core.child_process import import_path
 
     path = os.path.abspath(file)
-    wishes = {"packages": _folders(packages or {}), "arguments": _texts(arguments or {})}
+    wishes = {
+        "packages": _package_folders(packages or {}),
+        "arguments": _argument_texts(arguments or {}),
+    }
     try:
         done = subprocess.run(
             [sys.executable, "-P", "-X", "utf8", "-c", f"from {__name__} import main; main()"],
@@ -113,12 +116,12 @@ def expand_xacro(
             # The folder of the file is not in the import path, so that modules next to the file,
             # such as xacro.py, do not replace libraries.
             env=os.environ | {"PYTHONPATH": os.pathsep.join(import_path(os.path.dirname(path)))},
-            timeout=SECONDS,
+            timeout=MAX_SECONDS,
             creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
         )
         answer = json.loads(done.stdout)
     except subprocess.TimeoutExpired:
-        answer = {"error": f"the expansion takes longer than {SECONDS:g} s"}
+        answer = {"error": f"the expansion takes longer than {MAX_SECONDS:g} s"}
     except OSError as error:
         answer = {"error": f"its Python process cannot be started ({error.strerror})"}
     except ValueError:
@@ -132,7 +135,7 @@ def expand_xacro(
     return str(answer["text"])
 
 
-def _folders(packages: Mapping[str, str | FilePath]) -> dict[str, str]:
+def _package_folders(packages: Mapping[str, str | FilePath]) -> dict[str, str]:
     """Absolute paths of the folders of packages, by name; checks that they exist."""
     for name, folder in packages.items():
         if not os.path.isdir(folder):
@@ -140,7 +143,7 @@ def _folders(packages: Mapping[str, str | FilePath]) -> dict[str, str]:
     return {str(name): os.path.abspath(folder) for name, folder in packages.items()}
 
 
-def _texts(arguments: Mapping[str, Value]) -> dict[str, str]:
+def _argument_texts(arguments: Mapping[str, Value]) -> dict[str, str]:
     """Values of arguments as texts that xacro can read, by name."""
     for name, value in arguments.items():
         if not isinstance(value, Value):
@@ -154,7 +157,7 @@ def _texts(arguments: Mapping[str, Value]) -> dict[str, str]:
     }
 
 
-class _Lacking(BaseException):
+class _MissingValue(BaseException):
     """Error for a missing package or argument; a BaseException, which xacro does not catch."""
 
 
@@ -171,7 +174,7 @@ class _Arguments(dict[str, str]):
 
     def __getitem__(self, name: str) -> str:
         if name not in self:
-            raise _Lacking(
+            raise _MissingValue(
                 f"it requires a value of its argument {name!r}. Specify "
                 f"arguments={{{name!r}: ...}} (in a job, arm.arguments; with --arm, "
                 f"--xacro-arg {name}=VALUE)"
@@ -185,7 +188,7 @@ def main() -> None:
     try:
         answer = {"text": _expand(**request)}
     # Expressions in the file can raise any exception.
-    except (Exception, _Lacking) as error:
+    except (Exception, _MissingValue) as error:
         answer = {"error": _message(error)}
     json.dump(answer, sys.stdout)
 
@@ -202,13 +205,15 @@ def _expand(file: str, packages: dict[str, str], arguments: dict[str, str]) -> s
             folder = None
             with suppress(ImportError, LookupError):
                 folder = in_ros(name)
-            packages[name] = str(folder or find_near(FilePath(file).parent, name) or NOWHERE + name)
+            packages[name] = str(
+                folder or find_near(FilePath(file).parent, name) or MISSING_FOLDER + name
+            )
         return packages[name]
 
     def checked(name: str) -> str:
-        if name.startswith(NOWHERE):
-            package = name[len(NOWHERE) :].split("/")[0]
-            raise _Lacking(
+        if name.startswith(MISSING_FOLDER):
+            package = name[len(MISSING_FOLDER) :].split("/")[0]
+            raise _MissingValue(
                 f"it reads files of the package {package!r}, which was not found in a sourced ROS "
                 f"or near the file. Specify its folder with packages={{{package!r}: ...}} (in a "
                 f"job, arm.packages; with --arm, --package {package}=FOLDER)"
@@ -217,24 +222,24 @@ def _expand(file: str, packages: dict[str, str], arguments: dict[str, str]) -> s
 
     substitution._eval_find = substitution._eval_dict["find"] = find
     xacro.abs_filename_spec = checked
-    _limit()
+    _limit_resources()
     mappings = _Arguments(arguments)
     text = str(xacro.process_file(file, verbosity=0, mappings=mappings).toxml())
     for name in arguments.keys() - mappings.known.keys():
-        raise _Lacking(
+        raise _MissingValue(
             f"it has no argument {name!r}. Its arguments are {', '.join(mappings.known)}"
         )
     return text
 
 
-def _limit() -> None:
+def _limit_resources() -> None:
     """Limit memory and processor time of this process if the operating system supports it."""
     with suppress(ImportError):
         import resource
 
         for kind, maximum in (
-            (resource.RLIMIT_AS, MEGABYTES * 1_000_000),
-            (resource.RLIMIT_CPU, int(SECONDS) + 2),
+            (resource.RLIMIT_AS, MAX_MEGABYTES * 1_000_000),
+            (resource.RLIMIT_CPU, int(MAX_SECONDS) + 2),
         ):
             with suppress(ValueError, OSError):
                 resource.setrlimit(kind, (maximum, maximum))
@@ -245,6 +250,6 @@ def _message(error: BaseException) -> str:
     cause: Any = error
     while cause is not None:
         if isinstance(cause, MemoryError):
-            return f"it needs more memory than {MEGABYTES} MB"
+            return f"it needs more memory than {MAX_MEGABYTES} MB"
         cause = getattr(cause, "exc", None)
     return " ".join(str(error).split()) or type(error).__name__
