@@ -25,13 +25,13 @@ class Column:
     # SI unit of the figure; empty for counts
     unit: str
     # The smallest kind of work that computes the figure
-    since: str
+    smallest_work: str
 
     def is_computed_by(self, work: str) -> bool:
         """True if a kind of work computes the figure."""
-        if PLACE in (work, self.since):
-            return work == self.since
-        return INCREASING_WORKS.index(self.since) <= INCREASING_WORKS.index(work)
+        if PLACE in (work, self.smallest_work):
+            return work == self.smallest_work
+        return INCREASING_WORKS.index(self.smallest_work) <= INCREASING_WORKS.index(work)
 
 
 ERRORS = ("contour_error", "objective_error", "tracking_error", "experiment.contour_error")
@@ -60,7 +60,9 @@ UNITS_BY_WORK: dict[str, dict[str, str]] = {
     },
 }
 COLUMNS = {
-    x: Column(unit, since) for since, rows in UNITS_BY_WORK.items() for x, unit in rows.items()
+    x: Column(unit, smallest_work)
+    for smallest_work, rows in UNITS_BY_WORK.items()
+    for x, unit in rows.items()
 }
 DEFAULT_COLUMNS = {
     COMPENSATE: ("duration", "corner_error"),
@@ -91,8 +93,8 @@ def read_columns(requested: Iterable[str] | None, work: str) -> tuple[str, ...]:
             raise InvalidInput(f"{location}: unknown column {name}: {hint}")
         if name not in available:
             raise InvalidInput(
-                f"{location}: {name} requires do: {COLUMNS[name].since}, but the plan has do: "
-                f"{work}. Change do, or remove the column."
+                f"{location}: {name} requires do: {COLUMNS[name].smallest_work}, but the plan has "
+                f"do: {work}. Change do, or remove the column."
             )
         if name in names[:k]:
             raise InvalidInput(f"{location}: the column {name} is repeated.")

@@ -126,7 +126,7 @@ class Results:
     def __exit__(self, *_: object) -> None:
         self._closing.close()
 
-    def left(self, *, retry: bool) -> list[int]:
+    def remaining(self, *, retry: bool) -> list[int]:
         """Indices of the jobs without a result."""
         again = FAILED if retry else None
         rows = (self.rows.get(k, {"status": again}) for k in range(len(self._plan)))

@@ -150,7 +150,7 @@ def batch(
         open_executor(workers, cluster, executor) as opened,
         Results(FilePath(out), parsed) as results,
     ):
-        remaining = results.left(retry=retry)
+        remaining = results.remaining(retry=retry)
         if remaining:
             if not isinstance(opened, InProcess):
                 # Compile here first; otherwise several processes would compile the same functions.

@@ -116,7 +116,7 @@ class CsvTable(Generic[Key]):
     numbers: list[int]  # Line number in the file of each row, from 1
     comments: list[str]  # Lines that start with #
 
-    def need(self, *keys: Key) -> None:
+    def require_columns(self, *keys: Key) -> None:
         """Check that the table has columns for the given quantities."""
         missing = next((x for x in keys if x not in self.columns), None)
         if missing is None:
@@ -158,7 +158,7 @@ class CsvTable(Generic[Key]):
         """Text of the cell in a row and the column of a quantity."""
         return self.cells(row)[self.columns[key].index]
 
-    def texts(self, keys: Sequence[Key]) -> Iterator[tuple[int, list[list[str]]]]:
+    def cell_blocks(self, keys: Sequence[Key]) -> Iterator[tuple[int, list[list[str]]]]:
         """Yield blocks of rows: the index of the first row, and the cells of each given column."""
         indices, count = [self.columns[x].index for x in keys], len(self.lines)
         for first in range(0, count, BLOCK_ROWS):
@@ -171,7 +171,7 @@ class CsvTable(Generic[Key]):
             raise InvalidInput(f"{self.source} has column names, but no rows with numbers.")
         values = np.empty((len(self.lines), len(keys)))
         digits = [Digits() for _ in keys]
-        for first, texts in self.texts(keys):
+        for first, texts in self.cell_blocks(keys):
             for k, column in enumerate(texts):
                 if "," in "".join(column):
                     column = [_DECIMAL_COMMA.sub(r"\g<1>.\g<2>", x) for x in column]

@@ -46,7 +46,7 @@ from armcontour.core.quantities import (
     Quantity,
 )
 from armcontour.core.text import describe_fields
-from armcontour.files.forms import FORMS, Form
+from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides
 from armcontour.files.problems import first_problem
 from armcontour.files.units import read_quantity
 
@@ -230,20 +230,20 @@ def _new_model(name: str, summary: str, keys: dict[str, Any]) -> type[BaseModel]
 
 def _keys(owner: type, *, specified: bool = False, null: bool = False) -> dict[str, Any]:
     """Types and pydantic fields of the keys of a dataclass, by key."""
-    form = FORMS.get(owner, Form())
-    hints = {**get_type_hints(owner, include_extras=True), **form.types}
-    described = {**_descriptions(owner), **form.texts}
+    overrides = KEY_OVERRIDES.get(owner, KeyOverrides())
+    hints = {**get_type_hints(owner, include_extras=True), **overrides.types}
+    described = {**_descriptions(owner), **overrides.texts}
     fields: dict[str, Any] = {}
     own_names = inspect.get_annotations(owner)
     # Keys of the class itself come before the keys of its base classes.
     for field in sorted(dataclasses.fields(owner), key=lambda x: x.name not in own_names):
-        if field.name in form.omit or not field.init:
+        if field.name in overrides.omit or not field.init:
             continue
         kind = _type_of(hints[field.name])
         if null or (_has_factory(field) and field.default_factory not in (dict, list)):
             kind = kind | None
-        default = None if specified else form.defaults.get(field.name, _default(owner, field))
-        key = form.names.get(field.name, field.name)
+        default = None if specified else overrides.defaults.get(field.name, _default(owner, field))
+        key = overrides.names.get(field.name, field.name)
         text = described.get(field.name)
         if isinstance(default, Options):
             same: Any = partial(dataclasses.replace, default)
@@ -287,7 +287,7 @@ def _values(owner: type, model: BaseModel) -> dict[str, Any]:
 @cache
 def _names_of(owner: type) -> dict[str, str]:
     """Names of the fields of a dataclass by key, for keys with another name than the field."""
-    return {key: name for name, key in FORMS.get(owner, Form()).names.items()}
+    return {key: name for name, key in KEY_OVERRIDES.get(owner, KeyOverrides()).names.items()}
 
 
 def _descriptions(owner: type) -> dict[str, str]:

@@ -216,7 +216,7 @@ def _splices(text: YamlText, data: Any, change: Change) -> list[Splice]:
     part = text.root
     for depth, key in enumerate(change.keys):
         inner_keys = change.keys[depth + 1 :]
-        if not part.holds(key):
+        if not part.can_contain(key):
             removing = change.value is REMOVE
             return (
                 []

@@ -17,10 +17,10 @@ from armcontour.files.cell import GEOMETRY_KEYS, YAML, cell_names
 from armcontour.files.drawings.endings import READERS
 from armcontour.files.exports.formats import FORMATS, TemplateFormat
 from armcontour.files.exports.template import ending_of, templates
-from armcontour.files.forms import FORMS, Form
 from armcontour.files.job_edits import Keys
 from armcontour.files.job_file import json_schema
 from armcontour.files.job_model import JobModel, RunModel, SharedModel
+from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides
 from armcontour.files.patch import MERGED
 from armcontour.files.robots.loading import arm_names
 from armcontour.files.si_data import alternatives
@@ -41,12 +41,15 @@ def settings(
     kind_of_file: type = JobModel, outer: Keys = ()
 ) -> Iterator[tuple[Keys, About, Any, str]]:
     """Yield the keys with an `About`: key path, `About`, annotation and description."""
-    form, texts = FORMS.get(kind_of_file, Form()), describe_fields(kind_of_file)
+    overrides, texts = (
+        KEY_OVERRIDES.get(kind_of_file, KeyOverrides()),
+        describe_fields(kind_of_file),
+    )
     hints = get_type_hints(kind_of_file, include_extras=True)
     for field in dataclasses.fields(kind_of_file):
-        if field.name in form.omit:
+        if field.name in overrides.omit:
             continue
-        keys, hint = (*outer, form.names.get(field.name, field.name)), hints[field.name]
+        keys, hint = (*outer, overrides.names.get(field.name, field.name)), hints[field.name]
         for about in getattr(hint, "__metadata__", ()):
             if isinstance(about, About):
                 yield keys, about, hint, texts[field.name]

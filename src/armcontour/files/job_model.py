@@ -25,7 +25,7 @@ from armcontour.core.quantities import (
 from armcontour.core.text import show
 from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.files.file_keys import Methods, SpecifiedKeys
-from armcontour.files.forms import FORMS, Form, Place, Point
+from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides, Place, Point
 from armcontour.files.robots.arm_options import ArmOptions
 from armcontour.files.scene_file import BodiesModel, Direction, RotationModel, SceneModel
 from armcontour.files.units import parse_quantity
@@ -299,8 +299,8 @@ class PathModel(ReadOptions):
 
 
 # `corners` of a job has the key `continuity`, so that `path` does not need it.
-FORMS[PathModel] = Form(omit=frozenset({"continuity"}))
-FORMS[ArmModel] = Form(
+KEY_OVERRIDES[PathModel] = KeyOverrides(omit=frozenset({"continuity"}))
+KEY_OVERRIDES[ArmModel] = KeyOverrides(
     types={
         **dict.fromkeys(("joint_limits", "srdf"), str | None),
         "locked": dict[str, JointPosition] | None,

@@ -303,7 +303,7 @@ def read_samples(
     # omitted. Rounded times are replaced by equidistant times if they agree with them.
     times = [x for x in (TIME, FRACTION) if x in table.columns]
     if not times:
-        table.need(TIME)
+        table.require_columns(TIME)
     values, digits = table.read([*times, *keys])
     rows = _filled_rows(table, values, [*times, *keys], len(times))
     values, notes = values[rows], list[str]()

@@ -234,6 +234,6 @@ def read_tool_positions(file: str | FilePath, dimension: int) -> tuple[FloatArra
     text = read_csv_text(file, "file of tool positions")
     table = read_table(text, FilePath(file).name, read_tool_title, example=example)
     keys = [Key(x) for x in axes]
-    table.need(*keys)
+    table.require_columns(*keys)
     samples = read_samples(table, keys)
     return samples.t, samples.values

@@ -82,13 +82,13 @@ class ResultFolder:
     @property
     def scratch(self) -> FilePath:
         """Folder for temporary files; removed at the end, even after an error."""
-        return self._made("scratch")
+        return self._staging_folder("scratch")
 
     @property
     def _new(self) -> FilePath:
-        return self._made("new")
+        return self._staging_folder("new")
 
-    def _made(self, name: str) -> FilePath:
+    def _staging_folder(self, name: str) -> FilePath:
         """Path of a folder in the staging folder, which is created if it does not exist."""
         folder = self._staging.folder / name
         folder.mkdir(exist_ok=True)
@@ -167,7 +167,7 @@ class ResultFolder:
             self._staging.move([(self._new, self._target)])
             return
         earlier = self._find_earlier()
-        old = self._made(staging.OLD)
+        old = self._staging_folder(staging.OLD)
         fresh = sorted(_names_in(self._new), key=lambda x: x == SUMMARY)
         foreign = [x for x in fresh if os.path.lexists(self._target / x) and x not in earlier]
         if foreign:

@@ -18,7 +18,7 @@ from armcontour.core.frames import Frame, exp, from_rpy, rotations
 from armcontour.core.quantities import Choice, Distance, Length, Turn
 from armcontour.core.text import list_some, show
 from armcontour.files.file_keys import Number
-from armcontour.files.forms import Place
+from armcontour.files.key_overrides import Place
 from armcontour.files.robots.collision import Packages, collision_elements, shape_of
 from armcontour.files.robots.tree import read_tree
 from armcontour.files.robots.urdf_chain import Description
@@ -70,7 +70,7 @@ def read_scene_file(
         )
     tree = read_tree(str(location), file_access.read_bytes(location, "description of a cell"))
     obstacles: list[Obstacle] = []
-    for link, (_, frame) in Description(tree, (), (), {}, tree.root).carried().items():
+    for link, (_, frame) in Description(tree, (), (), {}, tree.root).link_frames().items():
         for k, element in enumerate(collision_elements(tree, link)):
             with error_context(location.name):
                 shape = shape_of(tree, element, packages, unit)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from armcontour.core.quantities import PartialFields, Quantity
 from armcontour.files.file_keys import MappingKeys, Methods, SpecifiedKeys
-from armcontour.files.forms import FORMS, Form
+from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides
 from armcontour.files.units import read_quantity
 
 # Kind of the value of a key: a `Quantity`, a dataclass, or a type of lists or mappings.
@@ -70,10 +70,10 @@ def _inside(kinds: Iterable[Kind], key: Any) -> tuple[Kind, ...]:
 @cache
 def _fields(owner: type) -> dict[str, tuple[Kind, ...]]:
     """Possible kinds of the keys of a dataclass."""
-    form = FORMS.get(owner, Form())
-    hints = {**get_type_hints(owner, include_extras=True), **form.types}
+    overrides = KEY_OVERRIDES.get(owner, KeyOverrides())
+    hints = {**get_type_hints(owner, include_extras=True), **overrides.types}
     return {
-        form.names.get(x.name, x.name): tuple(alternatives(hints[x.name]))
+        overrides.names.get(x.name, x.name): tuple(alternatives(hints[x.name]))
         for x in dataclasses.fields(owner)
     }
 

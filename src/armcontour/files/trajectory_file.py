@@ -170,9 +170,10 @@ def _joint_numbers(table: CsvTable[Key], role: str) -> list[str]:
     numbers = {int(x.joint) for x in table.columns if x.role == role and x.joint.isdigit()}
     first = 0 if 0 in numbers else 1
     joints = []
-    # `need` raises an error at the first missing number, because the largest may be of any size.
+    # `require_columns` raises an error at the first missing number, so that a huge number is
+    # no problem.
     for k in range(first, max(numbers, default=first) + 1):
-        table.need(Key("q", role, str(k)))
+        table.require_columns(Key("q", role, str(k)))
         joints.append(str(k))
     return joints
 

@@ -192,7 +192,7 @@ class YamlPart:
             return _values(self, self.node)
         return _items(self, self.node) if isinstance(self.node, yaml.SequenceNode) else []
 
-    def holds(self, key: Any) -> bool:
+    def can_contain(self, key: Any) -> bool:
         """True if the value can contain a key: it is a mapping, or for an index a list."""
         if self.node is None and self.outer is not None:
             raise SharedValue
@@ -216,7 +216,7 @@ class YamlPart:
         alike = type(old) is type(new) and set(keys) == set(_keys(new))
         if keys and alike and [x.key for x in self.parts] == keys:
             return [y for x in self.parts for y in x.replace(old[x.key], new[x.key])]
-        return self._write(new)
+        return self._replace_value(new)
 
     def add(self, key: Any, value: Any) -> list[Splice]:
         """Splices that add a key at the end of the mapping."""
@@ -239,7 +239,7 @@ class YamlPart:
         if index > 0:
             return [self._append_line(self.parts[index - 1], self.parts[0].column, "-", value)]
         first = self.parts[0]
-        line = "-" + self.child(value, first.column) + self.document.eol + " " * first.column
+        line = "-" + self.child_text(value, first.column) + self.document.eol + " " * first.column
         return [Splice(first.head, first.head, line)]
 
     def remove(self, key: Any) -> list[Splice]:
@@ -248,7 +248,7 @@ class YamlPart:
         assert gone is not None
         k = self.parts.index(gone)
         if len(self.parts) == 1:
-            return self._empty()
+            return self._remove_only_item()
         following = self.parts[k + 1].head if k + 1 < len(self.parts) else None
         if self.flow and following is None and not self.document.is_first(gone.head):
             return [Splice(self.parts[k - 1].end, gone.end, "")]
@@ -262,15 +262,15 @@ class YamlPart:
             return [Splice(gone.head, following, "")]
         return [self.document.cut_lines(gone.head, gone.end)]
 
-    def _empty(self) -> list[Splice]:
+    def _remove_only_item(self) -> list[Splice]:
         """Splices that remove the only item of the mapping or list, with comments after it."""
         empty: Any = {} if isinstance(self.node, yaml.MappingNode) else []
-        splices = self._write(empty)
+        splices = self._replace_value(empty)
         if len(splices) > 1:
             splices[1] = self.document.cut_lines(self.begin, self.end)
         return splices
 
-    def _write(self, new: Any) -> list[Splice]:
+    def _replace_value(self, new: Any) -> list[Splice]:
         """Splices that write another value in place of this value."""
         if self.outer is None:
             return self._write_root(new)
@@ -281,7 +281,7 @@ class YamlPart:
             column = _column(self.document, self.begin)
             return [Splice(self.begin, self.end, block_text(new, column, self.document.eol))]
         if long and not self.outer.flow:
-            return [Splice(self.name_end, self.end, self.outer.child(new, self.column))]
+            return [Splice(self.name_end, self.end, self.outer.child_text(new, self.column))]
         if self.begin == self.end:
             of_mapping = isinstance(self.outer.node, yaml.MappingNode)
             colon = ":" if of_mapping and self.document.text[self.name_end - 1] != ":" else ""
@@ -330,10 +330,10 @@ class YamlPart:
     def _append_line(self, after: YamlPart, column: int, name: str, value: Any) -> Splice:
         """Splice that adds a key or dash with its value in a new line after a part."""
         position = self.document.line_end(after.end)
-        line = self.document.eol + " " * column + name + self.child(value, column)
+        line = self.document.eol + " " * column + name + self.child_text(value, column)
         return Splice(position, position, line)
 
-    def child(self, value: Any, column: int) -> str:
+    def child_text(self, value: Any, column: int) -> str:
         """Text of a value after a key or dash in a column of this mapping or list."""
         return entry_text(
             value, column, self.document.eol, in_list=isinstance(self.node, yaml.SequenceNode)

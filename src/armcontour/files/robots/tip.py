@@ -93,12 +93,12 @@ def _tip_of(tree: Tree, last: str) -> str:
     fixed = [last]
     # The loop extends the list that it iterates over.
     for link in fixed:
-        fixed += [x.child for x in tree.from_link(link) if x.kind == "fixed"]
+        fixed += [x.child for x in tree.child_joints(link) if x.kind == "fixed"]
     for name in TOOL_FRAMES:
         named = [link for link in fixed if link.endswith(name)]
         if len(named) == 1:
             return named[0]
-    ends = [link for link in fixed if not tree.from_link(link)]
+    ends = [link for link in fixed if not tree.child_joints(link)]
     return ends[0] if len(ends) == 1 else last
 
 
@@ -106,7 +106,7 @@ def _turning_joints(tree: Tree, base: str, link: str) -> int:
     """Number of independent revolute joints between the base and a link below it."""
     count = 0
     while link != base:
-        joint = tree.above[link]
+        joint = tree.parent_joints[link]
         count += joint.kind in REVOLUTE_TYPES and joint.master is None
         link = joint.parent
     return count

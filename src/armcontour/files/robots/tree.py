@@ -63,7 +63,7 @@ class Tree:
     links: Mapping[str, ET.Element]  # XML elements of the links, by name
     joints: Mapping[str, Joint]  # Joints by name, in the order of the file
     # Parent joint of each link except the root, by name of the link
-    above: Mapping[str, Joint] = field(default_factory=dict)
+    parent_joints: Mapping[str, Joint] = field(default_factory=dict)
     # Child joints of each link, by name of the link
     _carried: dict[str, list[Joint]] = field(init=False, default_factory=dict)
 
@@ -74,9 +74,9 @@ class Tree:
     @property
     def root(self) -> str:
         """Name of the root link, which has no parent joint."""
-        return next(link for link in self.links if link not in self.above)
+        return next(link for link in self.links if link not in self.parent_joints)
 
-    def from_link(self, link: str) -> list[Joint]:
+    def child_joints(self, link: str) -> list[Joint]:
         """Child joints of a link."""
         return self._carried.get(link, [])
 
@@ -85,27 +85,27 @@ class Tree:
         joints: list[Joint] = []
         waiting = [link]
         while waiting:
-            nearest = self.from_link(waiting.pop())
+            nearest = self.child_joints(waiting.pop())
             joints += nearest
             waiting += [joint.child for joint in nearest]
         return joints
 
     def between(self, base: str, tip: str) -> list[Joint]:
         """Joints on the path from the link `base` to the link `tip`, in this order."""
-        link, start = self.link("tip", tip), self.link("base", base)
+        link, start = self.check_link("tip", tip), self.check_link("base", base)
         joints: list[Joint] = []
         # The joints are collected from the tip to the base, and reversed at the end.
         while link != start:
-            if link not in self.above:
+            if link not in self.parent_joints:
                 raise InvalidInput(
                     f"The tip {tip} is not below the base {start} in {self.file}. Choose another "
                     f"base, such as {self.root}."
                 )
-            joints.append(self.above[link])
+            joints.append(self.parent_joints[link])
             link = joints[-1].parent
         return joints[::-1]
 
-    def link(self, role: str, name: str) -> str:
+    def check_link(self, role: str, name: str) -> str:
         """Check that a link exists, and return its name; `role` is for messages."""
         if name not in self.links:
             raise InvalidInput(
@@ -144,7 +144,9 @@ def read_tree(file: str, content: bytes | str) -> Tree:
             f"{file} must have only one link without a parent joint, but has "
             f"{list_some(roots, MAX_NAMED)}."
         )
-    tree = Tree(file=file, name=robot.get("name") or file, links=links, joints=joints, above=above)
+    tree = Tree(
+        file=file, name=robot.get("name") or file, links=links, joints=joints, parent_joints=above
+    )
     if not roots or len(tree.below(roots[0])) < len(joints):
         raise InvalidInput(f"The links of {file} must form a tree, but some joints form a loop.")
     return tree

@@ -68,7 +68,7 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
             )
         slides = tree.joints[name].kind == "prismatic"
         positions[name] = locked_position(options, name, slides=slides)
-    start = tree.root if options.base is None else tree.link("base", options.base)
+    start = tree.root if options.base is None else tree.check_link("base", options.base)
     end, chosen = options.tip or "", ""
     if options.tip is None:
         end, chosen = choose_tip(tree, start, positions)
@@ -77,7 +77,9 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
     _check_moving_joints(tree, moving)
     description = Description(tree, route, moving, positions, start)
     chain = description.chain()
-    limits, lacking = _limits(tree, moving, options.limits_file, heavy=chain.masses is not None)
+    limits, lacking = _limits(
+        tree, moving, options.limits_file, has_bodies=chain.masses is not None
+    )
     missing = missing_meshes(tree, options.packages)
     notes = (chosen, *description.notes, lacking, missing)
     arm = SerialArm(
@@ -85,7 +87,7 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
         chain=chain,
         limits=limits,
         source=file,
-        limits_hint=_hint(limits, heavy=chain.masses is not None),
+        limits_hint=_hint(limits, has_bodies=chain.masses is not None),
         notes=tuple(f"{FilePath(file).name}: {x}." for x in notes if x),
     )
     if all(x.find("collision") is None for x in tree.links.values()):
@@ -100,9 +102,9 @@ def _shapes(arm: SerialArm, description: Description, packages: Packages | None)
     from armcontour.files.robots.urdf_chain import Description
     from armcontour.verification.clearance.distances import exclude_touching
 
-    tree, carried = description.tree, description.carried()
+    tree, carried = description.tree, description.link_frames()
     # Links that are not below the base are fixed, with all joints locked.
-    others = Description(tree, (), (), description.locked, tree.root).carried()
+    others = Description(tree, (), (), description.locked, tree.root).link_frames()
     back = others[description.base][1].inverse
     still = {name: (0, back @ place) for name, (_, place) in others.items() if name not in carried}
     last = description.moving[-1].child
@@ -165,11 +167,11 @@ def _lock_advice(joint: Joint) -> str:
 
 
 def _limits(
-    tree: Tree, moving: list[Joint], file: FilePath | None, *, heavy: bool
+    tree: Tree, moving: list[Joint], file: FilePath | None, *, has_bodies: bool
 ) -> tuple[Limits, str]:
     """Limits of the moving joints, and a note on limits that are missing or assumed.
 
-    `file` is a `joint_limits.yaml`; torque limits are used only if the bodies are known (`heavy`).
+    `file` is a `joint_limits.yaml`; torque limits are used only if `has_bodies`.
     """
     names = [joint.name for joint in moving]
     table = _table(tree, moving)
@@ -189,7 +191,7 @@ def _limits(
         if lacking_joints and table[name] == described[name]:
             table[name] = [None] * len(moving)
             lacking[key] = f"no {key} of {list_some(lacking_joints, MAX_NAMED)}"
-    if not heavy:
+    if not has_bodies:
         table["joint_torque"] = [None] * len(moving)
         lacking.pop("effort", None)
     note = "; ".join(x for x in (soft, _missing_limits_note(lacking, moving)) if x)
@@ -204,11 +206,11 @@ def assume_accelerations(limits: Limits, note: str) -> tuple[Limits, str]:
     return limits, note
 
 
-def _hint(limits: Limits, *, heavy: bool) -> str:
+def _hint(limits: Limits, *, has_bodies: bool) -> str:
     """Advice for an arm without acceleration limits; empty if it has them or torque limits."""
     if limits.joint_acceleration is not None:
         return ""
-    if not heavy or limits.joint_torque is not None:
+    if not has_bodies or limits.joint_torque is not None:
         return HINT
     return f"{HINT}; or specify has_effort_limits and max_effort, because the masses are known"
 

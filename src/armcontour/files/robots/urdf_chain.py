@@ -55,12 +55,12 @@ class Description:
 
     def chain(self) -> Chain:
         """Chain of the moving joints, with the bodies that move with each joint if known."""
-        carried = self.carried()
-        heavy = self._has_bodies(carried)
+        carried = self.link_frames()
+        has_bodies = self._has_bodies(carried)
         self._note_held_joints()
-        places = [carried[joint.parent][1] @ self._place(joint) for joint in self.moving]
+        places = [carried[joint.parent][1] @ self._joint_frame(joint) for joint in self.moving]
         bodies: dict[str, Any] = {}
-        if heavy:
+        if has_bodies:
             links: list[Any] = [[] for _ in self.moving]
             for name, (link, place) in carried.items():
                 body = self._body(name) if link else None
@@ -76,13 +76,13 @@ class Description:
             rotations=np.array([x.rotation for x in places]),
             positions=np.array([x.position for x in places]),
             axes=np.array([self._axis(joint) for joint in self.moving]),
-            viscous=np.array([self._loss(joint, "damping") for joint in self.moving]),
-            coulomb=np.array([self._loss(joint, "friction") for joint in self.moving]),
+            viscous=np.array([self._friction(joint, "damping") for joint in self.moving]),
+            coulomb=np.array([self._friction(joint, "friction") for joint in self.moving]),
             tip=carried[self.tip][1],
             **bodies,
         )
 
-    def carried(self) -> dict[str, tuple[int, Frame]]:
+    def link_frames(self) -> dict[str, tuple[int, Frame]]:
         """Index of the chain's link that each link is fixed to (0: base), and its frame there."""
         number = {joint.name: k for k, joint in enumerate(self.moving, start=1)}
         frames = {self.base: (0, Frame())}
@@ -91,10 +91,10 @@ class Description:
                 frames[joint.child] = number[joint.name], Frame()
             else:
                 link, place = frames[joint.parent]
-                frames[joint.child] = link, place @ self._place(joint)
+                frames[joint.child] = link, place @ self._joint_frame(joint)
         return frames
 
-    def _place(self, joint: Joint) -> Frame:
+    def _joint_frame(self, joint: Joint) -> Frame:
         """Frame of the child link of a joint in the parent link, at 0 or the locked position."""
         xyz, rpy = origin_of(joint.element, f"Joint {joint.name} of {self.tree.file}")
         place = Frame(position=xyz, rotation=from_rpy(rpy))
@@ -183,22 +183,22 @@ class Description:
 
     def _has_bodies(self, carried: Mapping[str, tuple[int, Frame]]) -> bool:
         """True if all links that the arm moves have valid masses; adds a note if not."""
-        faults, heavy = self._faults(carried)
-        if heavy and faults:
+        faults, has_bodies = self._inertia_faults(carried)
+        if has_bodies and faults:
             others = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
             self.notes.append(
                 f"masses, torques and effort limits are ignored, because {faults[0]}{others}; only "
                 "kinematics are known"
             )
-        elif not heavy and any(
+        elif not has_bodies and any(
             joint.number("limit", "effort", self.tree.file) is not None for joint in self.moving
         ):
             self.notes.append(
                 "effort limits are ignored, because no link has a mass; only kinematics are known"
             )
-        return heavy and not faults
+        return has_bodies and not faults
 
-    def _faults(self, carried: Mapping[str, tuple[int, Frame]]) -> tuple[list[str], bool]:
+    def _inertia_faults(self, carried: Mapping[str, tuple[int, Frame]]) -> tuple[list[str], bool]:
         """Descriptions of faults in the inertial data, and True if any link has such data."""
         faults: list[str] = []
         weight = [0.0] * len(self.moving)
@@ -221,7 +221,7 @@ class Description:
                 if joint.name in self._names and mass == 0:
                     faults.append(f"the link {joint.child}, which a joint moves, has the mass 0 kg")
                 weight[link - 1] += mass
-            if self._follows_arm(joint) and self._weighs(joint.child):
+            if self._follows_arm(joint) and self._has_mass(joint.child):
                 faults.append(f"joint {joint.name} moves a mass along with joint {joint.master}")
         bare = [
             f"the link {joint.child} has no mass"
@@ -230,7 +230,7 @@ class Description:
         ]
         return faults or bare, known
 
-    def _weighs(self, link: str) -> bool:
+    def _has_mass(self, link: str) -> bool:
         """True if a link, or a link below it, has a mass other than 0."""
         links = [link, *(joint.child for joint in self.tree.below(link))]
         masses = [self.tree.links[x].find("inertial/mass") for x in links]
@@ -261,7 +261,7 @@ class Description:
             raise InvalidInput(f"{where} has a zero axis. Specify a direction.")
         return axis / size
 
-    def _loss(self, joint: Joint, key: str) -> float:
+    def _friction(self, joint: Joint, key: str) -> float:
         """Damping [N m s/rad] or friction [N m] of a joint, by its attribute; 0 if missing."""
         value = joint.number("dynamics", key, self.tree.file) or 0.0
         if value < 0:

@@ -79,7 +79,7 @@ class AxesModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OffModel:
+class PositionErrorModel:
     """Position error of a part.
 
     Args:
@@ -108,7 +108,7 @@ TENSOR = [[0, 1, 2], [1, 3, 4], [2, 4, 5]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Form:
+class KeyOverrides:
     """Differences between the keys of a file and the fields of their dataclass, by field."""
 
     # Names of keys that differ from the field
@@ -126,16 +126,16 @@ class Form:
 # Names of the keys for the ends of a range.
 ENDS = {"start": "from", "end": "to"}
 # The keys of dataclasses that are not listed equal the fields.
-FORMS: dict[type, Form] = {
-    AnglesModel: Form(names=ENDS),
-    LengthsModel: Form(names=ENDS),
-    Uncertainty: Form(
+KEY_OVERRIDES: dict[type, KeyOverrides] = {
+    AnglesModel: KeyOverrides(names=ENDS),
+    LengthsModel: KeyOverrides(names=ENDS),
+    Uncertainty: KeyOverrides(
         names={"dead_time_shared": "shared"},
         types={"gains": Ratio | list[Ratio] | list[list[Ratio]]},
     ),
-    SegmentLimits: Form(omit=frozenset({"tag"})),
-    Event: Form(names={"s": "at"}),
-    Lead: Form(
+    SegmentLimits: KeyOverrides(omit=frozenset({"tag"})),
+    Event: KeyOverrides(names={"s": "at"}),
+    Lead: KeyOverrides(
         types={
             "length": Annotated[
                 Literal["auto"] | Distance,
@@ -145,7 +145,7 @@ FORMS: dict[type, Form] = {
         },
         defaults={"length": "auto"},
     ),
-    Payload: Form(
+    Payload: KeyOverrides(
         types={
             "center": Place,
             "inertia": Annotated[
@@ -159,16 +159,16 @@ FORMS: dict[type, Form] = {
             "tip [kg m²]; a point by default."
         },
     ),
-    PlaceSearch: Form(
+    PlaceSearch: KeyOverrides(
         names={"what": "move", "refined": "refine"},
         types={
             "over": Annotated[AxesModel, AfterValidator(AxesModel.ranges)],
-            "uncertainty": Annotated[OffModel, AfterValidator(OffModel.sizes)],
+            "uncertainty": Annotated[PositionErrorModel, AfterValidator(PositionErrorModel.sizes)],
             "about": Annotated[str, Choice(POINTS)] | Place,
         },
     ),
-    PolePlacement: Form(types={"poles": Poles | list[Poles] | None}),
-    Process: Form(
+    PolePlacement: KeyOverrides(types={"poles": Poles | list[Poles] | None}),
+    Process: KeyOverrides(
         types={
             "begin": Annotated[
                 Literal["auto", "drawn"] | Distance | Point, Field(union_mode="left_to_right")
