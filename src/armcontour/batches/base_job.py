@@ -29,7 +29,7 @@ from armcontour.program import Program
 from armcontour.robot import Arm
 from armcontour.robot.scene import Scene
 
-# Keys of a job that read files, and the keys inside them that name files.
+# Sections of a job that can name files, and the keys in these sections whose values are file names.
 FILE_SECTIONS = ("arm", "tools", "path", "scene")
 FILE_KEYS = ("file", "files", "joint_limits")
 # Section of a job whose key `run` selects the run, by kind of work.
@@ -38,7 +38,7 @@ RUN_SELECTORS = {CERTIFY: "certificate", PLACE: "placement"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BaseJob:
-    """A job before its parameters have values."""
+    """Job of a plan, before the parameters of the plan replace its values."""
 
     # Name of the job in results
     name: str
@@ -64,7 +64,7 @@ class BaseJob:
         return data
 
     def model(self, data: Mapping[str, Any]) -> JobModel:
-        """Model of the keys of a job."""
+        """Check the data of a job, and return its model."""
         return model_of(JobModel, data, self.source)
 
     def job(self, data: Mapping[str, Any], *, trust_xacro: bool = False) -> Job:

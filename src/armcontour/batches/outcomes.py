@@ -93,7 +93,7 @@ def _execute_work(work: str, job: Job, run: str | None) -> Any:
 
 
 ROWS, TABLE, REPORT = "results.jsonl", "results.parquet", "report.html"
-# Column that differs between runs of the same batch.
+# Name of the column with the run times, which differ if the same batch is run again.
 SECONDS = "seconds (not reproducible)"
 
 

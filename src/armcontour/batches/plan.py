@@ -23,7 +23,7 @@ from armcontour.core.yaml_loader import load
 from armcontour.files.file_keys import MappingKeys, read_keys
 
 PRODUCT, ZIP = "product", "zip"
-# Largest number of jobs of a plan: their rows take about 1 kB each.
+# Maximum number of jobs of a plan; their rows need about 1 kB each.
 MAX_JOBS = 1_000_000
 
 
@@ -31,7 +31,7 @@ MAX_JOBS = 1_000_000
 class DrawingModel:
     """A drawing and its cell."""
 
-    # The drawing, relative to the plan
+    # File name of the drawing, relative to the plan file
     drawing: str
     # Name of a built-in cell, or a job file relative to the plan
     cell: str
@@ -57,7 +57,7 @@ class PlanModel:
     job: str | DrawingModel | None = None
     # Several job files or drawings; each is combined with all parameter values
     jobs: Annotated[list[str | DrawingModel], Field(min_length=1)] | None = None
-    # Name of the run of the jobs; not needed if they have one run
+    # Name of the run to execute; optional if the jobs have only one run
     run: str | None = None
     # Kind of work: `compensate` plans and compensates, `run` also simulates, `certify` finds the
     # fastest plan that satisfies the job's certificate, `place` finds the best placement
@@ -67,7 +67,7 @@ class PlanModel:
     # Combination of the values: `product` makes a job for each combination, `zip` combines values
     # with the same index; or samples of ranges
     combine: Literal["product", "zip"] | SamplesModel = "product"
-    # Stored figures of each job; the guide lists them
+    # Names of the stored figures of each job; docs/guides/batches.md lists them
     columns: list[str] | None = None
 
 

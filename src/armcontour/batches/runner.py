@@ -1,4 +1,4 @@
-"""Entry point `batch`: run all jobs of a plan and store their results."""
+"""`batch`, which runs all jobs of a plan and stores their results."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class BatchProgress:
 
     @property
     def rate(self) -> float:
-        """Jobs per second; 0 at the start."""
+        """Finished jobs per second since the start of the batch; 0 at the start."""
         return (self.done - self.before) / self.seconds if self.seconds > 0 else 0.0
 
     @property

@@ -37,7 +37,7 @@ def path_of(
     progress: Progress | None = None,
     drawing: Program | None = None,
 ) -> Path | Program:
-    """The objective path or program of a job, with the tool orientation if the job gives one."""
+    """Objective path or program of a job, with the tool orientation if it is specified."""
     unplaced = unplaced_path(model, folder, dimension, progress, drawing)
     return placed_path(model, unplaced, dimension)
 
@@ -79,7 +79,7 @@ def placed_path(model: PathModel, path: Path | Program, dimension: int) -> Path 
 
 
 def _path_from_keys(model: PathModel) -> Path:
-    """The path of a job without a file, with the tool orientation if the job gives one."""
+    """Path of a job without a file, with the tool orientation if it is specified."""
     path = _positions(model)
     if model.orientation is None:
         return path

@@ -103,7 +103,7 @@ class PositionErrorModel:
 Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
 Place = Annotated[list[Length], Field(min_length=3, max_length=3)]
 Poles = Annotated[list[Pole], Field(min_length=3, max_length=3)]
-# Indices of xx, xy, xz, yy, yz and zz in a symmetric matrix.
+# Indices of the components xx, xy, xz, yy, yz and zz that form the symmetric tensor, (3, 3).
 TENSOR = [[0, 1, 2], [1, 3, 4], [2, 4, 5]]
 
 

@@ -391,7 +391,7 @@ class _Unpacker:
 
     @contextmanager
     def installed(self) -> Iterator[None]:
-        """Context in which rosbags uses this decompression, for one bag per process."""
+        """Context in which rosbags uses this decompression; a lock allows one bag at a time."""
         import lz4.frame  # type: ignore[import-untyped, unused-ignore]
         import rosbags.rosbag2
 

@@ -98,7 +98,7 @@ def read_lesson(file: FilePath, plan: Trajectory) -> LearningResult:
     except InvalidInput as error:
         raise error.with_location(str(file)) from None
     except Exception as error:
-        # A damaged zip file can raise almost anything.
+        # Reading a damaged zip file can raise almost any exception.
         raise InvalidInput(
             f"{file} is not a lesson file, or is damaged ({type(error).__name__}). Start learning "
             "again with the set-points of the job."

@@ -36,7 +36,7 @@ MAX_DURATION = 2**31 - 1
 FIELDS = {"positions": "q", "velocities": "dq", "accelerations": "ddq", "effort": "torque"}
 # Smallest tolerance [rad]; encoder errors and a delay of one controller cycle are smaller.
 MIN_TOLERANCE = 1e-3
-# Shortest time for the joints to settle at the last point [s].
+# Minimum time after the last point within which the joints must reach the goal [s].
 SETTLING = 0.5
 TOLERANCE = "- name: %s\n  position: %.6f\n  velocity: 0.0\n  acceleration: 0.0\n"
 

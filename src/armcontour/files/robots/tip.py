@@ -72,7 +72,7 @@ def _only_chain(tree: Tree, following: NextJoints) -> list[Joint]:
 
 
 def _without_fingers(following: NextJoints, branches: Sequence[Joint], depth: int) -> list[Joint]:
-    """Branches that are not fingers; fingers have equal lengths below `depth`, the chain's."""
+    """Branches without fingers, which are branches of equal length that is less than `depth`."""
     lengths = [_length(following, x) for x in branches]
     fingers = [length < depth and lengths.count(length) > 1 for length in lengths]
     return [x for x, finger in zip(branches, fingers, strict=True) if not finger]
