@@ -246,7 +246,7 @@ def test_the_tool_axis_of_a_file_takes_precedence_over_the_cell(tmp_path):
     job = read_cell("ur5e", file, path={"units": "mm"})
     axis = job.program.path.orientation(0.0)[:, 2]
     np.testing.assert_allclose(axis, np.array([0, 0.1, -1]) / np.hypot(0.1, 1), atol=1e-12)
-    assert "comes from seam.csv" in job.path.notes[-1]
+    assert "because seam.csv has tool orientations" in job.path.notes[-1]
 
 
 def test_settings_for_layers_do_not_demand_them(tmp_path, folder):

@@ -204,7 +204,7 @@ def test_what_goes_with_another_choice_is_left_out():
     assert [x.timing.method for x in runs.values()] == ["optimal"] * 2
     assert runs["a"].timing.reserve == 0.1
     # But nothing that is given beside it.
-    words = "runs.a.timing ... knots goes with the method paper, not optimal"
+    words = "runs.a.timing ... knots requires the method paper, not optimal"
     both = "{timing.knots: 40, timing.method: optimal}"
     refusals(lambda x: read(x, job), [(both, words)])
 

@@ -92,7 +92,7 @@ def test_the_path_of_an_arm_in_the_plane_gets_a_frame():
     np.testing.assert_allclose((first + last) / 2, [0.33, 0.2], atol=1e-12)
     # It does not lift the path out of the plane.
     lifted = PLANE.replace("points:", "frame: {position: [0, 0, 0.1]}, points:")
-    refusals(parse_job, [(lifted, "lifts or tilts")])
+    refusals(parse_job, [(lifted, "moves the drawing out of the plane")])
 
 
 def test_options_that_replaced_values_are_in_the_file(placed):

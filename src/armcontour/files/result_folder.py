@@ -120,7 +120,7 @@ class ResultFolder:
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         try:
             if kind is None:
-                self._put_in_place()
+                self._move_to_destination()
         except OSError as error:
             raise self._unwritable(error) from None
         finally:
@@ -149,9 +149,9 @@ class ResultFolder:
         changed = [x for x in files if not _is_unchanged(self._target / x, written.get(x))]
         if changed:
             raise InvalidInput(
-                f"In the folder {self.folder}, armcontour did not write "
-                f"{list_some(sorted(changed), MAX_NAMED)}, or they have changed since. Move them "
-                "elsewhere, or choose another --out."
+                f"The folder {self.folder} has files that armcontour did not write or that have "
+                f"changed since: {list_some(sorted(changed), MAX_NAMED)}. Move them elsewhere, or "
+                "choose another --out."
             )
         # The summary marks a complete result, so that it is moved away first.
         return sorted(names, key=lambda x: x != SUMMARY)

@@ -245,5 +245,5 @@ def test_torques_are_those_of_the_plan(tmp_path):
         ((kind, _, raw),) = reader.messages()
         message = reader.deserialize(raw, kind.msgtype)
     np.testing.assert_allclose([x.effort for x in message.points], torque, atol=1e-12)
-    bad = [(None, "torques ... give arm"), (ac.load_arm("pmk3s"), "joints")]
+    bad = [(None, "torques ... Specify arm"), (ac.load_arm("pmk3s"), "joints")]
     refusals(lambda x: export(data, tmp_path / "b.csv", CsvFormat(effort=True), arm=x), bad)

@@ -147,7 +147,7 @@ def test_refuses_what_cannot_be_a_table(set_points, conventional, arm):
         ((data, {"cycle": 0.008}), "have a cycle of 0.004 s"),
         ((three, {"arm": arm}), "has 2 joints, but 'x' has 3"),
         ((data, {"joint_names": ["a", "b" * 81]}), "81 characters, more than 80"),
-        (([1, 2], {}), "not list"),
+        (([1, 2], {}), "but is of type list"),
         ((too_early, {}), "0.05 s before the first set-point"),
     ]
     refusals(lambda x: make_table(x[0], name="x", **x[1]), table)
@@ -416,7 +416,7 @@ def test_events_without_an_output_are_warned_of_once(set_points, six, tmp_path):
             export(points, place, form)
         assert len(caught) == 1 and caught[0].filename == __file__
     # Values that these programs cannot switch.
-    with pytest.warns(UserWarning, match="gas, label, whose values are not on or off"):
+    with pytest.warns(UserWarning, match="gas, label, because the values are not on or off"):
         export(set_points(q), place, abb)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -446,7 +446,7 @@ def test_a_period_beyond_the_motion_is_refused(conventional, tmp_path, refuses):
 
 def test_refuses_what_does_not_fit_together(six, tmp_path):
     cases = [
-        ("a.txt", {}, "The ending of a.txt is not that of a format"),
+        ("a.txt", {}, "The extension of a.txt does not belong to a format"),
         ("a.csv", {"format": "xml"}, "ExportFormat"),
         ("a.csv", {"joint_names": "abcdef"}, "joint_names must be a list"),
         ("no/a.csv", {}, "No such file or directory"),
@@ -465,7 +465,7 @@ def test_refuses_what_does_not_fit_together(six, tmp_path):
     ]
     refusals(lambda x: x(), wrong)
     assert not list(tmp_path.iterdir())
-    with pytest.warns(UserWarning, match="gas, whose values are not on or off"):
+    with pytest.warns(UserWarning, match="gas, because the values are not on or off"):
         export(six, tmp_path / "a.script", URScriptFormat(outputs={"tool": 1}))
     export(six, tmp_path / "a.csv", joint_names=np.array(list("abcdef")))
 
@@ -498,7 +498,7 @@ def test_a_bag_replaces_a_bag_but_nothing_else(six, tmp_path):
     (precious / "thesis.tex").write_text("all of it")
     file.write_text("a file")
     places = [
-        (precious, "other things than a bag ... thesis.tex"),
+        (precious, "files that do not belong to a bag ... thesis.tex"),
         (file, "because a file has this name"),
         (folder, "because a folder has this name"),
     ]

@@ -164,7 +164,7 @@ def test_the_arm_has_the_values_of_its_description():
     np.testing.assert_array_equal(limits.joint_upper, [np.inf, 1.5, 2.5, 3])
     # Speeds are assumed to be reached in one second.
     np.testing.assert_array_equal(limits.joint_acceleration, limits.joint_velocity)
-    assert [x for x in arm.notes if "no accelerations" in x] and arm.limits_hint == ""
+    assert [x for x in arm.notes if "no acceleration limits" in x] and arm.limits_hint == ""
     np.testing.assert_array_equal(arm.chain.viscous, [0.5, 0, 0.1, 0])
     np.testing.assert_array_equal(arm.chain.coulomb, [1.5, 0, 0, 0])
     np.testing.assert_allclose(arm.chain.axes[1], [0, np.sqrt(0.5), np.sqrt(0.5)])
@@ -213,18 +213,18 @@ def test_without_any_inertial_only_kinematics_are_known(tmp_path):
 BAD = """
 link name="cover" => link => a link without a name
 joint name="elbow" => joint name="tilt" => two joints ... tilt
-<child link="wrist"/> => <child link="lower"/> => on two joints ... elbow and roll
+<child link="wrist"/> => <child link="lower"/> => has two parent joints ... elbow and roll
 <parent link="world"/> => <parent link="tcp"/> => loop
-<link name="world"/> => <link name="world"/><link name="lost"/> => in parts ... lost
+<link name="world"/> => <link name="world"/><link name="lost"/> => only one link without a parent joint ... lost
 name="elbow" type="revolute" => name="elbow" type="ball" => elbow ... 'ball'
 name="elbow" type="revolute" => name="elbow" type="prismatic" => elbow ... is prismatic ... locked=
 <limit lower="-2.5" => <mimic joint="tilt"/><limit lower="-2.5" => elbow ... mimics ... locked=
 effort="40" velocity="2.5" => effort="40" velocity="fast" => velocity ... joint elbow ... 'fast'
-lower="-2.5" upper="2.5" => => range of joint elbow is empty
-<mass value="2"/> => <mass/> => link lower of ... value of its mass
-<axis xyz="0 1 1"/> => <axis xyz="0 0 0"/> => Joint tilt of ... axis of length 0
-<dynamics damping="0.1"/> => <dynamics damping="-0.1"/> => elbow ... damping -0.1
-<mimic joint="left" => <mimic joint="right" => right ... mimics no joint
+lower="-2.5" upper="2.5" => => lower end of the range of joint elbow
+<mass value="2"/> => <mass/> => link lower of ... value of the mass
+<axis xyz="0 1 1"/> => <axis xyz="0 0 0"/> => Joint tilt of ... zero axis
+<dynamics damping="0.1"/> => <dynamics damping="-0.1"/> => elbow ... damping of joint elbow
+<mimic joint="left" => <mimic joint="right" => right ... must mimic an existing joint
 """
 NO_ROBOTS = """
 solid gripper => is not valid XML ... line 1
@@ -440,9 +440,12 @@ def test_descriptions_of_absurd_size_are_refused_at_once(tmp_path):
         return ac.load_arm(file)
 
     table = [
-        (links(1001), "more than the 1000 links"),
-        ("<robot>" + "<x/>" * 300_000 + "</robot>", "more than the 200000 elements"),
-        ("<robot>" + "<link>" * 101 + "</link>" * 101 + "</robot>", "nested more than 100 deep"),
+        (links(1001), "more than 1000 links"),
+        ("<robot>" + "<x/>" * 300_000 + "</robot>", "more than 200000 elements"),
+        (
+            "<robot>" + "<link>" * 101 + "</link>" * 101 + "</robot>",
+            "nested more than 100 levels deep",
+        ),
     ]
     refusals(read, table)
     # Only what a body is is taken from it.
@@ -461,13 +464,13 @@ NAMES = [
 # N stands for what is no number.
 NUMBERS = """
 velocity="2.5" => velocity="N" => must be one finite number
-<mass value="2"/> => <mass value="N"/> => needs a number as value of its mass
-<origin xyz="0.4 0 0.02"/> => <origin xyz="N 0 0"/> => needs three numbers as its xyz
+<mass value="2"/> => <mass value="N"/> => value of the mass must be a number
+<origin xyz="0.4 0 0.02"/> => <origin xyz="N 0 0"/> => xyz must be three numbers
 """
 TOO_LARGE = """
-xyz="0.4 0 0.02" => xyz="1e300 0 0.02" => elbow ... up to 1e+09 ... 1e300
-<mass value="2"/> => <mass value="1e200"/> => its mass ... up to 1e+09
-multiplier="0.5" => multiplier="1e300" => right ... is locked ... beyond 1e+09
+xyz="0.4 0 0.02" => xyz="1e300 0 0.02" => elbow ... at most 1e+09 ... 1e300
+<mass value="2"/> => <mass value="1e200"/> => of the mass ... at most 1e+09
+multiplier="0.5" => multiplier="1e300" => locked position ... right ... at most 1e+09
 """
 
 
@@ -494,7 +497,7 @@ def test_pipes_are_refused(tmp_path):
         for i in range(600)
     )
     change = ("</robot>", mimics + "</robot>")
-    refusals(lambda x: load(tmp_path, x), [(change, "Joint m ... mimics no joint")])
+    refusals(lambda x: load(tmp_path, x), [(change, "Joint m ... must mimic an existing joint")])
 
 
 # Joints as name, kind, parent link, child link, mimicked joint.

@@ -146,7 +146,7 @@ def describe_program(
         )
     if valued:
         sentences.append(
-            f"the program does not switch {list_some(list(valued), MAX_NAMES)}, because their "
+            f"the program does not switch {list_some(list(valued), MAX_NAMES)}, because the "
             f"values are not on or off. It has {SUBSTITUTES[name]} instead. For such values, write "
             "your own template."
         )
