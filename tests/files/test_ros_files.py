@@ -314,7 +314,7 @@ def test_several_topics_and_what_is_no_bag(tmp_path):
     (tmp_path / "folder").mkdir()
     (tmp_path / "a.yaml").write_text("a: 1\n")
     no_bags = [
-        ("bag", "several topics of JointState ... --topic ... /left, /right"),
+        ("bag", "several topics of the type JointState ... --topic ... /left, /right"),
         ("a.mcap", "a.mcap cannot be read as a bag of ROS 2"),
         ("folder", "folder cannot be read as a bag of ROS 2"),
     ]

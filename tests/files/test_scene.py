@@ -100,7 +100,7 @@ def test_links_of_an_arm_and_its_tool_get_shapes():
 BAD = """
 scene => boxes: [{name: a, size: [1, 0, 1]}] => scene.boxes: a ... size
 scene => spheres: [{name: a, radius: 0}] => scene.spheres: a ... radius
-scene => halfspaces: [{name: w, normal: [0, 0, 0]}] => scene.halfspaces: w ... length 0
+scene => halfspaces: [{name: w, normal: [0, 0, 0]}] => scene.halfspaces: w ... must not be zero
 scene => meshes: [{name: m, file: no.stl}] => scene.meshes: m ... no.stl
 scene => files: [no.urdf] => scene.files ... no.urdf
 scene => spheres: [{name: a, radius: 1}, {name: a, radius: 2}] => Two obstacles ... 'a'

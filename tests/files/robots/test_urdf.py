@@ -215,7 +215,7 @@ link name="cover" => link => a link without a name
 joint name="elbow" => joint name="tilt" => two joints ... tilt
 <child link="wrist"/> => <child link="lower"/> => has two parent joints ... elbow and roll
 <parent link="world"/> => <parent link="tcp"/> => loop
-<link name="world"/> => <link name="world"/><link name="lost"/> => only one link without a parent joint ... lost
+<link name="world"/> => <link name="world"/><link name="lost"/> => without a parent joint ... lost
 name="elbow" type="revolute" => name="elbow" type="ball" => elbow ... 'ball'
 name="elbow" type="revolute" => name="elbow" type="prismatic" => elbow ... is prismatic ... locked=
 <limit lower="-2.5" => <mimic joint="tilt"/><limit lower="-2.5" => elbow ... mimics ... locked=
