@@ -167,7 +167,7 @@ def test_refuses_in_one_sentence_and_writes_nothing(result, folder, refused, cal
         ("a.csv --cycle 48ms", ["--cycle goes with --reference"]),
         ("a.csv --reference --cycle 1ms", ["multiple", "4 ms", "1 ms"]),
         ("a.csv --tool-motion", ["its job file or its cell with --job"]),
-        ("a.csv --points-per-file 1", ["--points-per-file", "from 2 on", "motoros2"]),
+        ("a.csv --points-per-file 1", ["--points-per-file", "of at least 2", "motoros2"]),
         ("a.csv --call", ["--call has no effect"]),
         ("a.npz --decimals 7", ["--decimals has no effect"]),
         ("a.csv --output spindle=1", ["--output goes with"]),

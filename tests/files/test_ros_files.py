@@ -320,8 +320,8 @@ def test_several_topics_and_what_is_no_bag(tmp_path):
     ]
     refusals(lambda x: read_trajectory(tmp_path / x), no_bags)
     no_logs = [
-        ("bag", "no topic of JointTrajectoryControllerState"),
-        ("b.db3", "There is no"),
+        ("bag", "no topic of the type JointTrajectoryControllerState"),
+        ("b.db3", "does not exist"),
         ("a.yaml", "a log needs commands and measured positions"),
     ]
     refusals(lambda x: read_log(tmp_path / x), no_logs)
