@@ -156,7 +156,7 @@ WRONG = [
     ({}, {TOLERANCE: between(0, 1, 3, scale="log")}, ["positive", "from 0"]),
     ({}, {TOLERANCE: between(1, 2, 3, scale="cubic")}, ["linear, log", "cubic"]),
     ({"combine": "zip"}, {SPEED: [1, 2], TOLERANCE: [1, 2, 3]}, [f"{SPEED} has 2", "has 3"]),
-    ({}, {"corners": ["sharp"], TOLERANCE: [1]}, ["over.corners and over.corners.tolerance"]),
+    ({}, {"corners": ["sharp"], TOLERANCE: [1]}, ["over.corners contains over.corners.tolerance"]),
     (SOBOL, {SPEED: [1]}, ["combine.sobol", "requires a range"]),
     (SOBOL, {SPEED: [1, 2]}, ["over.limits.speed", "requires a range"]),
     (SOBOL, {SPEED: between(1, 2, 3)}, ["Remove steps"]),

@@ -180,7 +180,7 @@ def test_refuses_in_one_sentence_and_writes_nothing(result, folder, refused, cal
     file.write_text(text + "\n")
     rows = [
         (("export", tmp_path, "a.csv"), ["has no result"]),
-        ("export out a.csv", ["set_points.csv changed since"]),
+        ("export out a.csv", ["set_points.csv has changed since"]),
     ]
     assert refused(folder, rows, codes=(2,)) == []
     file.write_text(text)

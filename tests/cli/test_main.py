@@ -207,7 +207,7 @@ def test_other_texts_are_refused_with_the_option():
     for text, words in (
         ("5 mm", "^--speed: must be a quantity in m/s, but is '5 mm'.$"),
         ("5", "^--speed: '5' has no unit: write one, as in '0.15 m/s'.$"),
-        ("12,5 mm/s", "write '12.5 mm/s'"),
+        ("12,5 mm/s", "Write '12.5 mm/s'"),
         ("fast", "^--speed: 'fast' is not a quantity in m/s"),
     ):
         with pytest.raises(InvalidInput, match=words):
