@@ -150,7 +150,7 @@ def test_wrong_files_and_options_are_refused(folder, refused):
         (f"bare.csv {arm}", []),
         ("planned.csv --arm ur5e", ["positions of 2 joints ('joint 1 [rad]'", "UR5e has 6"]),
         (f"planned.csv {arm} --limits limits.yaml", ["with --path"]),
-        (f"planned.csv {arm} --columns t,q1", ["names of 2 are given"]),
+        (f"planned.csv {arm} --columns t,q1", ["--columns has 2 names"]),
         (
             ("planned.csv", *arm.split(), "--noise", "1 mrad, 1 rad/s"),
             ["--noise has 2 values", "no velocities"],
