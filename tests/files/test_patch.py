@@ -157,7 +157,7 @@ def test_a_drawing_is_placed_and_its_layers_keep_their_settings_in_the_job(tmp_p
     np.testing.assert_allclose(turned.vertices, [[0.3, 0.2], [0.3, 0.24]], atol=1e-15)
     moved = placed("{path.frame.position: [0.28, 0.25, 0], path.scale: 0.5}")
     np.testing.assert_allclose(moved.vertices, [[0.28, 0.25], [0.3, 0.25]], atol=1e-15)
-    words = "units must be a unit of length such as mm, not 'kg'"
+    words = "units must be a unit of length such as mm, but is 'kg'"
     table = [("{path.scale: 0}", "path.scale: "), ("{path.units: kg}", words)]
     refusals(placed, table)
 
