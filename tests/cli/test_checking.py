@@ -68,7 +68,7 @@ def test_times_since_1970_and_notes(folder, check):
     # Rows that are there twice.
     lines = (folder / "late.csv").read_text().splitlines()
     (folder / "late.csv").write_text("\n".join([*lines[:9], lines[8], *lines[9:]]) + "\n")
-    assert "Note: 1 row of late.csv repeats" in check(folder, "late.csv", *options).out
+    assert "Note: 1 row of late.csv was skipped" in check(folder, "late.csv", *options).out
 
 
 def test_kept_limits_end_with_0(folder, check):
@@ -146,11 +146,11 @@ def test_wrong_files_and_options_are_refused(folder, refused):
     (folder / "bare.csv").write_text("0,1,2,open\n1,2,3,open\n")
     arm = "--arm pmk3s"
     rows = [
-        (f"none.csv {arm}", ["There is no trajectory file"]),
+        (f"none.csv {arm}", ["no trajectory file"]),
         (f"bare.csv {arm}", []),
         ("planned.csv --arm ur5e", ["positions of 2 joints ('joint 1 [rad]'", "UR5e has 6"]),
         (f"planned.csv {arm} --limits limits.yaml", ["with --path"]),
-        (f"planned.csv {arm} --columns t,q1", ["names of 2 are given"]),
+        (f"planned.csv {arm} --columns t,q1", ["--columns has 2 names"]),
         (
             ("planned.csv", *arm.split(), "--noise", "1 mrad, 1 rad/s"),
             ["--noise has 2 values", "no velocities"],

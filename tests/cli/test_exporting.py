@@ -167,7 +167,7 @@ def test_refuses_in_one_sentence_and_writes_nothing(result, folder, refused, cal
         ("a.csv --cycle 48ms", ["--cycle requires --reference"]),
         ("a.csv --reference --cycle 1ms", ["multiple", "4 ms", "1 ms"]),
         ("a.csv --tool-motion", ["its job file or cell with --job"]),
-        ("a.csv --points-per-file 1", ["--points-per-file", "from 2 on", "motoros2"]),
+        ("a.csv --points-per-file 1", ["--points-per-file", "of at least 2", "motoros2"]),
         ("a.csv --call", ["supports --call"]),
         ("a.npz --decimals 7", ["supports --decimals"]),
         ("a.csv --output spindle=1", ["--output requires"]),
@@ -179,8 +179,8 @@ def test_refuses_in_one_sentence_and_writes_nothing(result, folder, refused, cal
     text = file.read_text()
     file.write_text(text + "\n")
     rows = [
-        (("export", tmp_path, "a.csv"), ["holds no result"]),
-        ("export out a.csv", ["set_points.csv changed since"]),
+        (("export", tmp_path, "a.csv"), ["has no result"]),
+        ("export out a.csv", ["set_points.csv has changed since"]),
     ]
     assert refused(folder, rows, codes=(2,)) == []
     file.write_text(text)

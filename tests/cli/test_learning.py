@@ -126,7 +126,7 @@ def test_recorded_set_points_stay_valid_with_another_servo(shop, tmp_path, refus
     assert runs[1]["contour_rms"] < 0.25 * runs[0]["contour_rms"]
     # Another plan is refused.
     other.write_text(CORNER_JOB.replace("0.72 rad", "0.70 rad"), encoding="utf-8")
-    rows = [((other, "--log", log, "--set-points", shop.first, "--out", "a"), ["begin again"])]
+    rows = [((other, "--log", log, "--set-points", shop.first, "--out", "a"), ["start again"])]
     assert refused(tmp_path, rows, codes=(2,), begin=("learn",)) == []
 
 

@@ -95,7 +95,7 @@ def test_any_key_of_the_job_is_set(tmp_path, run, refused):
         (("--set", "limits.speed=1 mm"), ["--set: job.yaml: limits.speed: must be", "m/s"]),
         (("--tolerance", "1 s"), ["--tolerance: job.yaml: corners.tolerance: must be"]),
         (("--set", "limits.speed=1", "--speed", "1 m/s"), ["--speed and --set limits.speed"]),
-        (("--set", "limits.speed"), ["--set: 'limits.speed' sets no key: write one such as"]),
+        (("--set", "limits.speed"), ["--set: 'limits.speed' sets no key. Write KEY=VALUE"]),
         (("--set", "runs.plan.end_time=1"), ["--set: job.yaml: runs.plan.end_time names no run"]),
         # The tolerance is not what is wrong.
         (
@@ -205,9 +205,9 @@ def test_a_quantity_has_a_unit_unless_it_is_zero():
 
 def test_other_texts_are_refused_with_the_option():
     for text, words in (
-        ("5 mm", "^--speed: must be a quantity in m/s, which '5 mm' is not.$"),
+        ("5 mm", "^--speed: must be a quantity in m/s, but is '5 mm'.$"),
         ("5", "^--speed requires a unit, but '5' has none. Specify it as in '0.15 m/s'.$"),
-        ("12,5 mm/s", "write '12.5 mm/s'"),
+        ("12,5 mm/s", "Write '12.5 mm/s'"),
         ("fast", "^--speed: 'fast' is not a quantity in m/s"),
     ):
         with pytest.raises(InvalidInput, match=words):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.errors import InvalidInput
-from armcontour.files.cell import OWN_PATH
+from armcontour.files.cell import GEOMETRY_KEYS
 from armcontour.files.job_edits import Keys, line_of, value_at
 from armcontour.files.job_form import usual_ranges
 from armcontour.files.job_model import JobModel
@@ -210,7 +210,7 @@ def _options(path: Any) -> Any:
     """Keys of the path except those that contain its points."""
     if not isinstance(path, Mapping):
         return path
-    return {key: x for key, x in path.items() if key not in OWN_PATH}
+    return {key: x for key, x in path.items() if key not in GEOMETRY_KEYS}
 
 
 def _layers(job: Job) -> list[str]:

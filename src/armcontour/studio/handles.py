@@ -15,7 +15,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import Quantity
 from armcontour.core.text import show
-from armcontour.files.cell import OWN_PATH
+from armcontour.files.cell import GEOMETRY_KEYS
 from armcontour.files.job_arm import frame_of
 from armcontour.files.job_edits import Change, Keys, change_data
 from armcontour.files.job_model import FrameModel, PathModel
@@ -175,7 +175,7 @@ def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
 def is_blank(data: Mapping[str, Any]) -> bool:
     """True if the path of a job is still empty."""
     path = data.get("path")
-    return isinstance(path, Mapping) and not any(path.get(x) for x in (*OWN_PATH, FILE))
+    return isinstance(path, Mapping) and not any(path.get(x) for x in (*GEOMETRY_KEYS, FILE))
 
 
 def blank_handles(data: Mapping[str, Any], make_job: Callable[[Any], Job]) -> Handles:

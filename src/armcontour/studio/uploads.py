@@ -11,7 +11,7 @@ from typing import Any
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import make_printable
-from armcontour.files.cell import OWN_PATH, YAML, cell_names, drawing_text
+from armcontour.files.cell import GEOMETRY_KEYS, YAML, cell_names, drawing_text
 from armcontour.files.drawings.endings import READERS
 from armcontour.files.job_edits import Change, change_text
 from armcontour.studio.document import Document
@@ -70,7 +70,7 @@ class Uploads:
             return Document.of_text(text, folder, source, key, upload=True)
         path = document.data.get("path") or {}
         return [
-            *(Change(("path", x)) for x in OWN_PATH if x in path),
+            *(Change(("path", x)) for x in GEOMETRY_KEYS if x in path),
             Change(("path", "file"), file),
             *options,
         ]

@@ -16,7 +16,7 @@ from armcontour.core.quantities import Quantity
 from armcontour.files.file_keys import MappingKeys, read_keys
 from armcontour.files.job_edits import Change, change_data
 from armcontour.files.job_model import PathModel
-from armcontour.files.job_path import READING, path_of
+from armcontour.files.job_path import FILE_OPTIONS, path_of
 from armcontour.files.units import write_like
 from armcontour.geometry import Path
 from armcontour.studio.handles import ANGLE, FILE, LENGTH, Handles
@@ -44,7 +44,7 @@ def waypoint_changes(handles: Handles, data: Mapping[str, Any]) -> list[Change]:
     straight = not any(assigned) and not local_path.curvatures.any()
     new = _points(local_path, write) if straight else _segments(local_path, write, assigned)
     changes = [Change(("path", key), x) for key, x in new.items()]
-    changes += [Change(("path", key)) for key in ("file", *READING) if key in path_data]
+    changes += [Change(("path", key)) for key in ("file", *FILE_OPTIONS) if key in path_data]
     _verify(path, change_data(data, changes)["path"], handles)
     return changes
 

@@ -75,7 +75,7 @@ def export(request: Request) -> PageFrame:
     """
     from armcontour.files.exports.formats import TemplateFormat, format_named, write_destination
     from armcontour.files.exports.table import make_table
-    from armcontour.files.exports.template import SHIPPED, describe_program, ending_of
+    from armcontour.files.exports.template import BUILT_IN, describe_program, ending_of
     from armcontour.jobs import analog_outputs
 
     format_class = format_named(str(request.option("format", "csv")))
@@ -89,8 +89,8 @@ def export(request: Request) -> PageFrame:
     template, ending = None, format.ending
     if isinstance(format, TemplateFormat):
         template = format.label
-        if template not in SHIPPED:
-            names = ", ".join(SHIPPED)
+        if template not in BUILT_IN:
+            names = ", ".join(BUILT_IN)
             raise InvalidInput(f"The template must be one of {names}, but is {template!r}.")
         ending = ending_of(template)
     set_points = source != "planned"
