@@ -1,9 +1,9 @@
 """Compiled inverse kinematics: Newton's method, damped least squares, pose sequences."""
 
 # The task dimension is the number of equations per target pose: 6; 5 if rotation about the tool
-# axis is free; 3 for the tool point only. If the arm has more joints than that, guide equations
-# `w q = w g` fix the redundant degrees of freedom: w are the guide's rows, g the guide's joint
-# positions.
+# axis is free; 3 for the tool point only. If the arm has more joints than equations, guide
+# equations `w q = w g` fix the redundant degrees of freedom: w are the rows of the guide, g its
+# joint positions.
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from armcontour.robot.kernels import Vector, add, cross, write_frames
 # one times the condition number of the Jacobian.
 ARRIVED = 1e-10
 MAX_STEPS = 15
-# Longest step of a joint [rad]; longer steps are scaled down.
+# Longest step of a joint [rad]; longer steps are reduced.
 LONGEST_STEP = 0.5
 # `follow`: longest correction of any joint [rad], and largest number of corrections per step.
 FOLLOW_STEP = 0.15
@@ -66,7 +66,7 @@ def solve(a: FloatArray, b: FloatArray, n: int) -> float:
 
 @compiled(inner=True)
 def write_row(row: FloatArray, out: FloatArray) -> None:
-    """Copy numbers into another array; assignments of whole arrays take long to compile."""
+    """Copy numbers into another array one by one; array assignments take long to compile."""
     for k in range(len(row)):
         out[k] = row[k]
 
@@ -94,18 +94,18 @@ def write_task(task: int, target: FloatArray, move: Vector, turn: Vector, out: F
 
 
 class PoseEquations(NamedTuple):
-    """Memory for the equations of one pose."""
+    """Work arrays for the equations of one pose."""
 
     frames: FloatArray  # Frames of the joints and of the tool, (dof + 1, 3, 4)
-    rows: FloatArray  # Jacobian of the pose error, (task, dof) or more
-    error: FloatArray  # The pose error, (task,) or longer
+    rows: FloatArray  # Jacobian of the pose error, (task, dof) or more rows
+    error: FloatArray  # Pose error, (task,) or longer
 
 
 @compiled(inner=True)
 def write_equations(
     links: FloatArray, task: int, q: FloatArray, target: FloatArray, out: PoseEquations
 ) -> None:
-    """Write the pose error of the tool and its derivatives by the joint positions."""
+    """Write the pose error of the tool and its Jacobian by the joint positions."""
     # The first 3 values are the position error [m]. For task 6 the others are the rotation vector
     # from the pose to the target [rad]. For task 5 they are the components of the rotation vector
     # between the tool axes along the target's x and y axes [rad].
@@ -122,7 +122,7 @@ def write_equations(
         elif task == 5:
             rows[3, k], rows[4, k] = dot(column(target, 0), axis), dot(column(target, 1), axis)
     turn, cosine = (0.0, 0.0, 0.0), 0.0
-    # The rotation to the target is the target times the transposed pose: sine and cosine, twice.
+    # Sum up the sine (times the axis) and cosine of the rotation to the target, doubled for task 6.
     for k in range(0 if task == 6 else 2, 3):
         turn = add(turn, 1.0, cross(column(pose, k), column(target, k)))
         cosine += dot(column(pose, k), column(target, k))
@@ -214,7 +214,7 @@ def path_derivatives(
         # Angular velocity of the tool, and its acceleration and angular acceleration at ddq = 0.
         turned = tool_acceleration = twisted = (0.0, 0.0, 0.0)
         for k in range(dof):
-            # The link before the joint turns the joint axis, which adds omega x axis dq.
+            # The rotation of the previous link turns the joint axis, which adds omega x axis dq.
             axis = column(frames[k], 2)
             twisted = add(twisted, b[k], cross(turned, axis))
             turned = add(turned, b[k], axis)
@@ -239,7 +239,7 @@ def path_derivatives(
 
 @compiled()
 def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArray) -> FloatArray:
-    """Orthonormal basis of the joint motion at a fixed tool pose, (n, dof - task, dof)."""
+    """Orthonormal basis of the self-motion at a fixed tool pose, (n, dof - task, dof)."""
     # For task 5 the tool may rotate about its axis, for task 3 about the tool point.
     # links (dof + 1, 12), q (n, dof) [rad], targets (n, 3, 4).
     n, dof = q.shape
@@ -249,7 +249,7 @@ def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArra
         write_equations(links, task, q[i], targets[i], equations)
         for r in range(dof):
             if r >= task:
-                # Start from the joint axis farthest from the span of the rows before.
+                # Start from the joint axis farthest from the span of the previous rows.
                 farthest = 0
                 for k in range(dof):
                     residual[k], rows[r, k] = 1.0, 0.0
@@ -288,7 +288,7 @@ def write_shortest_step(
 ) -> float:
     """Write the shortest joint step that removes the pose error; return its size [rad]."""
     # The step is `J^T (J J^T + damping² I)^-1 e`; it is long or not finite near a singularity.
-    # square (6, 6) and right (6,) are memory.
+    # square (6, 6) and right (6,) are work arrays.
     rows, dof = equations.rows, len(out)
     for i in range(task):
         for j in range(i + 1):
@@ -314,7 +314,8 @@ def approach(
     links: FloatArray, task: int, target: FloatArray, q: FloatArray, weight: float, max_steps: int
 ) -> FloatArray:
     """Move q [rad] to a pose by damped least squares; remaining errors [m, rad], (n, 2)."""
-    # links (dof + 1, 12), target (3, 4), q (n, dof), overwritten; weight of a radian [m/rad].
+    # links: (dof + 1, 12). target: (3, 4). q: initial positions, (n, dof); overwritten. weight:
+    # weight of a radian relative to a metre [m/rad].
     n, dof = q.shape
     frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
     best = PoseEquations(frames, np.empty((6, dof)), np.empty(6))
@@ -383,9 +384,9 @@ def follow(
     enough: float,
 ) -> None:
     """Follow poses from several joint positions by the shortest joint steps."""
-    # targets (n, 3, 4), each close to the one before. q (branches, n, dof) [rad]: rows 0 are
-    # inputs, the others outputs. reached (branches,): output, number of reached poses, including
-    # the first. A pose is reached with a correction below `enough` [rad].
+    # targets: (n, 3, 4), each close to the previous pose. q: [rad], (branches, n, dof); the first
+    # pose of each branch is input, the others are output. reached: output, number of reached poses
+    # of each branch, with the first. A pose is reached if the correction is below `enough` [rad].
     branches, n, dof = q.shape
     frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
     equations = PoseEquations(frames, np.empty((6, dof)), np.empty(6))
@@ -406,8 +407,8 @@ def follow(
                 for _ in range(FOLLOW_CORRECTIONS):
                     write_equations(links, task, trial, target, equations)
                     size = write_shortest_step(task, equations, 0.0, square, right, step)
-                    # Each correction must be at most half of the one before; otherwise the steps
-                    # may lead to another configuration.
+                    # Each correction must be at most half of the previous one; otherwise the steps
+                    # may end in another configuration.
                     if not size < 0.5 * before or size > FOLLOW_STEP:
                         break
                     for k in range(dof):
