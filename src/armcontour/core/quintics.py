@@ -84,7 +84,7 @@ def evaluate(coefficients: FloatArray, width: FloatArray, u: FloatArray, order: 
 
 def rescale(coefficients: FloatArray, begin: FloatArray, factor: FloatArray) -> FloatArray:
     """Coefficients in y of polynomials p(x) with x = begin + factor y, (n, degree + 1, values)."""
-    # `coefficients` are those of powers of x from 1 on; a negative factor reverses the polynomials.
+    # `coefficients` belong to the powers 1, x, x², ...; a negative factor reverses the polynomials.
     expanded = np.empty_like(coefficients)
     size = coefficients.shape[1]
     for k in range(size):

@@ -13,9 +13,9 @@ import yaml
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import LONGEST, parse_number, show
 
-# Longest text: PyYAML's parser reads 0.3 million characters per second. Tables hold long paths.
+# Longest text [characters]; PyYAML's parser reads 0.3 million per second. Tables have long paths.
 MAX_CHARACTERS = 16_000_000
-# Largest number of values that aliases add: an alias repeats all values of its anchor.
+# Largest number of values that aliases add; an alias repeats all values of its anchor.
 MAX_ALIASED = 100_000
 # Number of characters of text that count as one value.
 CHARACTERS_PER_VALUE = 80
@@ -80,7 +80,7 @@ class Loader(yaml.SafeLoader):
         return node
 
     def flatten_mapping(self, node: yaml.MappingNode) -> None:
-        """Insert merged keys before explicit ones, which override them; PyYAML 6.0.4 does not."""
+        """Insert merged keys before explicit keys, which override them, unlike PyYAML 6.0.4."""
         merged, explicit = [], []
         for key, value in node.value:
             if key.tag != MERGE_TAG:
@@ -115,7 +115,7 @@ def construct_int(loader: Loader, node: yaml.ScalarNode) -> int:
     text = str(loader.construct_scalar(node))
     if not WHOLE.match(text):
         raise _wrong(node, f"{show(text)} is not a whole number")
-    # Rejects thousands of digits.
+    # `_parse` rejects numbers with thousands of digits.
     _parse(text, node)
     return int(text)
 
@@ -129,7 +129,7 @@ def construct_float(loader: Loader, node: yaml.ScalarNode) -> float:
 
 
 def _parse(text: str, node: yaml.Node) -> float:
-    """Parse a number; the error has its line."""
+    """Parse a number; raises an error that states the line."""
     if len(text) > LONGEST:
         raise _wrong(node, f"{show(text)} has {len(text)} characters, too many for a number")
     try:
@@ -160,12 +160,12 @@ class AngleLoader(Loader):
 
 
 def construct_degrees(loader: Loader, node: yaml.Node) -> float:
-    """An angle in degrees."""
+    """Convert an angle in degrees to radians."""
     return math.radians(_parse(str(node.value), node))
 
 
 def construct_radians(loader: Loader, node: yaml.Node) -> float:
-    """An angle in radians."""
+    """Read an angle in radians."""
     return _parse(str(node.value), node)
 
 
@@ -187,7 +187,7 @@ def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> An
 
 
 def load_with_node(text: str, source: str) -> tuple[Any, yaml.Node | None]:
-    """Load a YAML document and the root of its nodes, which have the line numbers."""
+    """Load a YAML document, and the root of its nodes, which have line numbers; None if empty."""
     # In the nodes, merged keys stay where they are written.
     with _reading(text, source):
         loader = Loader(text)
@@ -205,8 +205,8 @@ def _reading(content: str | bytes, source: str) -> Iterator[None]:
     """Context that converts errors of parsing to InvalidInput."""
     if len(content) > MAX_CHARACTERS:
         raise InvalidInput(
-            f"{source} has {len(content) / 1e6:.0f} million characters, more than the "
-            f"limit of {MAX_CHARACTERS / 1e6:.0f} million for YAML: write a long path to a "
+            f"{source} has {len(content) / 1e6:.0f} million characters, but at most "
+            f"{MAX_CHARACTERS / 1e6:.0f} million are allowed for YAML. Write a long path to a "
             "separate CSV file."
         )
     try:
