@@ -60,7 +60,7 @@ NOT_NUMERIC = {
 
 def frozen_array(values: npt.ArrayLike, name: str = "An array", unit: str = "") -> FloatArray:
     """Read-only copy of `values` as a float array; `values` itself if it is read-only already."""
-    if isinstance(values, np.ndarray) and _is_locked(values):
+    if isinstance(values, np.ndarray) and _is_frozen(values):
         return values
     array = np.array(floats(name, values, unit))
     array.setflags(write=False)
@@ -77,13 +77,13 @@ def kernel_array(values: npt.ArrayLike) -> FloatArray:
     return np.require(values, np.float64, ["C", "W"])
 
 
-def _is_locked(array: npt.NDArray[Any]) -> bool:
+def _is_frozen(array: npt.NDArray[Any]) -> bool:
     """True if an array of floats is read-only and owns its data."""
     flags = array.flags
     return array.dtype == np.float64 and flags.owndata and not flags.writeable
 
 
-def lock_copy(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def freeze_copy(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Read-only copy of an array, of the same type."""
     copy = array.copy()
     copy.setflags(write=False)
@@ -110,18 +110,18 @@ class Value:
         kind: Any = type(self)
         names = _field_names(kind)
         values = [getattr(self, name) for name in names]
-        locked = [k for k, x in enumerate(values) if _is_locked_value(x)]
+        frozen = [k for k, x in enumerate(values) if _is_frozen_value(x)]
         others = getattr(self, "__dict__", None)
         if others is not None:
             others = {name: x for name, x in others.items() if name not in names}
-        return values, locked, others or None
+        return values, frozen, others or None
 
     def __setstate__(self, state: tuple[list[Any], list[int], dict[str, Any] | None]) -> None:
         """Restore the fields; arrays that were read-only in the original are read-only again."""
         _refuse_old(self, state, 3)
-        values, locked, others = state
-        for k in locked:
-            _lock_value(values[k])
+        values, frozen, others = state
+        for k in frozen:
+            _freeze_value(values[k])
         if others is not None:
             vars(self).update(others)
         kind: Any = type(self)
@@ -137,10 +137,10 @@ def _field_names(kind: type) -> tuple[str, ...]:
 
 def pack_state(values: Mapping[str, Any]) -> State:
     """Attributes for a copy, and names of the attributes with read-only arrays."""
-    return dict(values), tuple(name for name, x in values.items() if _is_locked_value(x))
+    return dict(values), tuple(name for name, x in values.items() if _is_frozen_value(x))
 
 
-def _is_locked_value(value: Any) -> bool:
+def _is_frozen_value(value: Any) -> bool:
     """True if a value is a read-only array, or a tuple of such arrays."""
     if type(value) is np.ndarray:
         return not value.flags.writeable
@@ -158,7 +158,7 @@ def _refuse_old(instance: object, state: Any, count: int) -> None:
         )
 
 
-def _lock_value(value: Any) -> None:
+def _freeze_value(value: Any) -> None:
     """Make an array, or all arrays of a tuple, read-only."""
     for array in value if isinstance(value, tuple) else (value,):
         array.setflags(write=False)
@@ -182,15 +182,15 @@ class Immutable:
         construct = cls.__init__
 
         @wraps(construct)
-        def construct_and_lock(self: Immutable, *args: Any, **keywords: Any) -> None:
+        def construct_and_freeze(self: Immutable, *args: Any, **keywords: Any) -> None:
             construct(self, *args, **keywords)
             # If this is not the constructor of the object's class, a subclass constructor
             # continues.
-            if type(self).__init__ is construct_and_lock:
+            if type(self).__init__ is construct_and_freeze:
                 arrays = {k: x for k, x in vars(self).items() if isinstance(x, np.ndarray)}
-                vars(self).update({k: lock_copy(x) for k, x in arrays.items()}, _locked=True)
+                vars(self).update({k: freeze_copy(x) for k, x in arrays.items()}, _frozen=True)
 
-        cls.__init__ = construct_and_lock  # type: ignore[assignment, method-assign]
+        cls.__init__ = construct_and_freeze  # type: ignore[assignment, method-assign]
 
     def __getstate__(self) -> State:
         """Values of all attributes, and names of the attributes with read-only arrays."""
@@ -199,9 +199,9 @@ class Immutable:
     def __setstate__(self, state: State) -> None:
         """Restore the fields; arrays that were read-only in the original are read-only again."""
         _refuse_old(self, state, 2)
-        values, locked = state
-        for name in locked:
-            _lock_value(values[name])
+        values, frozen = state
+        for name in frozen:
+            _freeze_value(values[name])
         vars(self).update(values)
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -213,16 +213,16 @@ class Immutable:
         super().__delattr__(name)
 
     def _refuse_change(self, name: str) -> None:
-        if "_locked" in vars(self):
+        if "_frozen" in vars(self):
             raise FrozenInstanceError(
                 f"The {name} of a {type(self).__name__} cannot be set after construction, because "
                 f"plans may depend on it. {self._instead}."
             )
 
 
-def lock_numbers(name: str, values: npt.ArrayLike) -> FloatArray:
+def freeze_numbers(name: str, values: npt.ArrayLike) -> FloatArray:
     """Read-only result of `check_numbers`; `values` itself if it is a valid read-only array."""
-    if isinstance(values, np.ndarray) and _is_locked(values) and values.size:
+    if isinstance(values, np.ndarray) and _is_frozen(values) and values.size:
         # NaN fails both comparisons.
         if values.max() <= LARGEST and values.min() >= -LARGEST:
             return values
@@ -601,7 +601,7 @@ def check_names(name: str, values: Any, count: int | None = None) -> tuple[str, 
     return tuple(check_name(f"name in {name}", x) for x in names)
 
 
-def read_place(user: str, path: Any) -> FilePath:
+def read_file_path(user: str, path: Any) -> FilePath:
     """Return the path of a file, given as text or a path."""
     try:
         return FilePath(path)

@@ -34,13 +34,13 @@ GARBAGE = (20_000, 20, 50)
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
-def locked(mapping: Mapping[Any, Any]) -> MappingProxyType[Any, Any]:
+def frozen_mapping(mapping: Mapping[Any, Any]) -> MappingProxyType[Any, Any]:
     """Read-only copy of a mapping."""
     return MappingProxyType(dict(mapping))
 
 
 # Pickle does not support read-only mappings, which are fields of values.
-copyreg.pickle(MappingProxyType, lambda x: (locked, (dict(x),)))
+copyreg.pickle(MappingProxyType, lambda x: (frozen_mapping, (dict(x),)))
 
 
 class ProcessEnded(ExecutionError):
@@ -160,7 +160,7 @@ def serve() -> None:
             _write(answers, answer)
 
 
-def tell(value: Any) -> None:
+def report_to_parent(value: Any) -> None:
     """Report a picklable value to the parent of a `submit_reporting` call before the result."""
     if _Serving.answers is not None:
         _write(_Serving.answers, pickle.dumps((None, value)))

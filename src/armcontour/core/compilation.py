@@ -57,9 +57,9 @@ def compile_kernels(kind: Which = "all", progress: Progress | None = None) -> Co
     """Compile functions that are not compiled yet, in as many processes as the memory allows."""
     listed, compiled = read_list(kind), 0
     if not _is_compiled(kind):
-        order = Order(listed, progress)
-        order.run_all()
-        compiled = order.compiled
+        schedule = CompilationSchedule(listed, progress)
+        schedule.run_all()
+        compiled = schedule.compiled
         _stamp(kind)
     return CompiledKernels(len(listed), compiled, _folder())
 
@@ -75,25 +75,25 @@ def compile_for_run(dimension: int | None, progress: Progress) -> Iterator[None]
         return
 
     def tell(step: Step) -> None:
-        if order.waits or not step.done:
+        if schedule.waits or not step.done:
             progress(step)
         if not step.done:
             report_compiling(step.names[-1])
 
     def work() -> None:
         with suppress(*FAILURES):
-            order.run_all()
-        if order.is_done:
+            schedule.run_all()
+        if schedule.is_done:
             _stamp(kind)
 
-    order = Order(read_list(kind), tell)
+    schedule = CompilationSchedule(read_list(kind), tell)
     helper = Thread(target=work, name="compiling")
     helper.start()
     try:
-        with waiting(order.wait):
+        with waiting(schedule.wait):
             yield
     except BaseException:
-        order.give_up()
+        schedule.give_up()
         raise
     finally:
         helper.join()
@@ -147,7 +147,7 @@ def from_text(text: str) -> tuple[Any, ...]:
     return kinds
 
 
-class Order:
+class CompilationSchedule:
     """Schedule of a compilation: the longest function whose callees are compiled is next."""
 
     def __init__(self, listed: dict[Key, list[str]], progress: Progress | None) -> None:

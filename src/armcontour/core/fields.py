@@ -359,14 +359,14 @@ def _read_numbers(
         (len(x.axes), [(i, n) for i, n in enumerate(x.axes) if isinstance(n, int)]) for x in shapes
     ]
 
-    def lock(value: Any) -> Any:
-        return _lock(value, kind, field.who, unit)
+    def freeze(value: Any) -> Any:
+        return _freeze_array(value, kind, field.who, unit)
 
     def read(value: Any) -> Any:
         # NaN fails the comparison.
         if shapes is SINGLE and type(value) is float and low <= value <= high:
             return value
-        array = lock(value)
+        array = freeze(value)
         fits = shapes[0].axes == (...,) or any(
             array.ndim == n and all(array.shape[i] == x for i, x in fixed) for n, fixed in lengths
         )
@@ -380,16 +380,16 @@ def _read_numbers(
             _refuse_outside(array * (-1.0, 1.0) if paired else array, quantity, field, limit)
         return float(array) if shapes is SINGLE else array
 
-    return lock if quantity is None and shapes is ANY_SHAPE else read
+    return freeze if quantity is None and shapes is ANY_SHAPE else read
 
 
-def _lock(value: Any, kind: Any, who: str, unit: str) -> Any:
+def _freeze_array(value: Any, kind: Any, who: str, unit: str) -> Any:
     """Read-only array of a type; the value itself if it is a read-only array already."""
     if kind is np.float64:
         return checks.frozen_array(value, who, unit)
     array = checks.indices(who, value) if kind is np.intp else value
     checks.raise_if(not isinstance(array, np.ndarray), f"{who} must be an array.")
-    return array if array.flags.owndata and not array.flags.writeable else checks.lock_copy(array)
+    return array if array.flags.owndata and not array.flags.writeable else checks.freeze_copy(array)
 
 
 def _refuse_outside(array: Any, quantity: Quantity, field: _Field, limit: str | None) -> None:

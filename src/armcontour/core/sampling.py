@@ -29,7 +29,7 @@ MAX_GAPS = 0.05
 DEVIATION_PER_MEDIAN = 1.4826
 
 
-def check_distance(t: FloatArray, describe: Place, rename: Callable[[str], str] = str) -> None:
+def check_time_range(t: FloatArray, describe: Place, rename: Callable[[str], str] = str) -> None:
     """Check that times are small enough to be seconds."""
     distant = np.flatnonzero(np.abs(t) > LATEST)
     if len(distant):
@@ -45,7 +45,7 @@ def check_distance(t: FloatArray, describe: Place, rename: Callable[[str], str] 
 
 def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], describe: Place) -> None:
     """Check that times and joint values of a sampled motion are possible."""
-    check_distance(t, describe)
+    check_time_range(t, describe)
     # The bound depends on the later time; a step back is below any bound.
     steps = np.diff(t)
     short = np.flatnonzero(~(steps >= _shortest_step(t[1:])))

@@ -62,7 +62,7 @@ def read_job(
         InvalidInput: No such file, not YAML, an unknown key, a value without its unit, or values
             that do not make a job; one sentence that names the key.
     """
-    location = checks.read_place("read_job", file)
+    location = checks.read_file_path("read_job", file)
     return parse_job(
         job_text(location),
         source=location.name,

@@ -80,7 +80,7 @@ def read_log(
     Raises:
         InvalidInput: A file of another form, or samples that `Log` refuses; names file and line.
     """
-    location = checks.read_place("read_log", file)
+    location = checks.read_file_path("read_log", file)
     return _read(location, (), (start, end), unwrap, columns, topic, commanded=True)[0]
 
 

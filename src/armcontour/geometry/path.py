@@ -22,7 +22,7 @@ from armcontour.geometry.projection import Projection, find_nearest
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments, close_gaps
 
 PLANE = "A tool is oriented in space: give the points of the path three coordinates."
-EVERY_VERTEX = checks.lock_copy(np.empty(0, dtype=np.intp))
+EVERY_VERTEX = checks.freeze_copy(np.empty(0, dtype=np.intp))
 # A break of an orientation within this distance of a vertex of its path, in metres plus the same
 # fraction of the path length, is moved to the vertex. The differences come from remainders that
 # corner rounding discards, and from rounding errors of summed lengths.
@@ -499,7 +499,7 @@ def _increasing(waypoints: npt.ArrayLike, n: int) -> IntArray:
         or not (indices[1:] > indices[:-1]).all()
     ):
         raise InvalidInput(f"waypoints of a path must increase from 0 to {n}.")
-    return checks.lock_copy(indices)
+    return checks.freeze_copy(indices)
 
 
 def _range(values: FloatArray, unit: str) -> str:

@@ -45,7 +45,7 @@ class JointAxis(NamedTuple):
         """Angles about the axis that rotate vectors a to the directions of vectors b [rad]."""
         return np.arctan2(_dot(a @ self.cross.T, b), _dot(self.across(a), b))
 
-    def meet(
+    def solve_angles(
         self, v: FloatArray, along: FloatArray, component: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Angles about the axis that give rotated vectors a component along a direction."""
@@ -69,12 +69,14 @@ class Reach(NamedTuple):
     # into the plane [m], (n,).
     lacking: FloatArray
     first: FloatArray  # Angles of the first joint [rad], (n, 2)
-    wanted: FloatArray  # Required direction of axis 6, rotated back by joint 1, (n, 2, 3)
+    target_axis: FloatArray  # Required direction of axis 6, rotated back by joint 1, (n, 2, 3)
     fifth: FloatArray  # Angles of joint 5 [rad], (n, 2, m); 0 for a wrist
     bend: FloatArray  # Sum of the angles of joints 2, 3 and 4 [rad], (n, 2, m); 0 for a wrist
-    open: BoolArray  # True if joint 5 can give axis 6 the required direction, (n, 2, m)
+    feasible: BoolArray  # True if joint 5 can give axis 6 the required direction, (n, 2, m)
     flat: BoolArray  # True if axis 6 is then nearly parallel to axis 2, (n, 2, m)
-    way: FloatArray  # Vector in the plane from joint 2 to the end of the forearm [m], (n, 2, m, 3)
+    vector: (
+        FloatArray  # Vector in the plane from joint 2 to the end of the forearm [m], (n, 2, m, 3)
+    )
     gap: FloatArray  # Length that the links lack, negative if they are long enough [m], (n, 2, m)
 
 
@@ -90,16 +92,16 @@ class ClosedForm:
     wrist: bool
 
     @classmethod
-    def of(cls, chain: Chain) -> ClosedForm | None:
+    def from_chain(cls, chain: Chain) -> ClosedForm | None:
         """Closed form of a chain; None if the chain has another kind of geometry."""
         if len(chain) != 6:
             return None
         links = link_poses(chain.replace(base=Frame()), np.zeros((1, 6)))[0, 1:]
         points, axes = links[..., 3], np.einsum("kij,kj->ki", links[..., :3], chain.axes)
-        center = _meeting(points[4:6], axes[4:6])
+        center = _intersect_axes(points[4:6], axes[4:6])
         if center is None or not _parallel(axes[1], axes[2]):
             return None
-        fourth = _meeting(points[3:5], axes[3:5])
+        fourth = _intersect_axes(points[3:5], axes[3:5])
         wrist = fourth is not None and bool(np.abs(fourth - center).max() < EXACT)
         if not wrist and not _parallel(axes[1], axes[3]):
             return None
@@ -120,21 +122,21 @@ class ClosedForm:
             return np.empty((0, 6))
         first, normal, third, fourth, fifth, sixth = self.axes
         upper, fore = self._links
-        square = _dot(reach.way, reach.way)
-        doubtful = reach.open & (reach.flat | (np.abs(reach.gap) <= NEAR) | (square <= NEAR))
+        square = _dot(reach.vector, reach.vector)
+        doubtful = reach.feasible & (reach.flat | (np.abs(reach.gap) <= NEAR) | (square <= NEAR))
         if reach.lacking > -NEAR or doubtful.any():
             return None
         # The last array axis is for the two elbow angles; a wrist adds an axis for its two angles.
         cosine = (square - upper @ upper - fore @ fore) / 2
-        lacking, elbow = normal.meet(fore, upper, cosine)
-        exists = (reach.open & (lacking <= 0))[..., None]
+        lacking, elbow = normal.solve_angles(fore, upper, cosine)
+        exists = (reach.feasible & (lacking <= 0))[..., None]
         q1 = reach.first[:, None, None]
-        q2 = normal.angle(upper + normal.turn(elbow, fore), reach.way[..., None, :])
+        q2 = normal.angle(upper + normal.turn(elbow, fore), reach.vector[..., None, :])
         if self.wrist:
             together = q2 + elbow
-            axis = normal.turn(-together, reach.wanted[:, None, None])
+            axis = normal.turn(-together, reach.target_axis[:, None, None])
             rotated = first.turn(q1, normal.turn(together, fourth.along)) @ reach.turned
-            lacking, q5 = fifth.meet(sixth.along, fourth.along, axis @ fourth.along)
+            lacking, q5 = fifth.solve_angles(sixth.along, fourth.along, axis @ fourth.along)
             if (exists & (np.abs(lacking) <= NEAR)).any():
                 return None
             exists = (exists & (lacking <= 0))[..., None]
@@ -150,7 +152,7 @@ class ClosedForm:
         *q, exists = np.broadcast_arrays(q1, q2, q3, q4, q5, q6, exists)
         return np.asarray(np.pi - np.mod(np.pi - np.stack(q, axis=-1)[exists], 2 * np.pi))
 
-    def beyond(self, bases: FloatArray, poses: FloatArray, enough: float) -> FloatArray:
+    def measure_excess(self, bases: FloatArray, poses: FloatArray, enough: float) -> FloatArray:
         """Largest distance by which poses are out of reach, per placement of the arm [m], (n,)."""
         # bases: base frame of each placement, (n, 3, 4). poses: (m, 3, 4). The evaluation of a
         # placement ends after a batch with a pose farther out of reach than `enough` [m]. The
@@ -162,7 +164,7 @@ class ClosedForm:
             reach = self._reach(
                 np.repeat(bases[remaining], len(few), axis=0), np.tile(few, (len(remaining), 1, 1))
             )
-            gap = np.where(reach.open, np.where(reach.flat, 0.0, reach.gap), np.inf).min(
+            gap = np.where(reach.feasible, np.where(reach.flat, 0.0, reach.gap), np.inf).min(
                 axis=(1, 2)
             )
             gap = np.where(
@@ -190,13 +192,13 @@ class ClosedForm:
         center = end + turned @ (self.center - self.end[:, 3]) - foot
         # Joint 1 must rotate the centre into the plane of upper arm and forearm.
         side = (self.center - foot) @ normal.along
-        lacking, angles = first.meet(center, normal.along, np.full(len(center), side))
+        lacking, angles = first.solve_angles(center, normal.along, np.full(len(center), side))
         end_point = foot + first.turn(angles, center[:, None])[:, :, None]
         target = first.turn(angles, (turned @ sixth.along)[:, None])
         angle_sum = q5 = np.zeros((len(center), 2, 1))
         is_open, flat = angle_sum == 0.0, angle_sum != 0.0
         if not self.wrist:
-            missing, q5 = fifth.meet(sixth.along, normal.along, target @ normal.along)
+            missing, q5 = fifth.solve_angles(sixth.along, normal.along, target @ normal.along)
             bent = fifth.turn(q5, sixth.along)
             level = normal.across(bent)
             is_open, flat = (
@@ -222,7 +224,7 @@ def _parallel(first: FloatArray, second: FloatArray) -> bool:
     return float(np.linalg.norm(np.cross(first, second))) < EXACT
 
 
-def _meeting(points: FloatArray, axes: FloatArray) -> FloatArray | None:
+def _intersect_axes(points: FloatArray, axes: FloatArray) -> FloatArray | None:
     """Intersection of two lines [m], (3,); None if they are parallel or skew."""
     across = np.cross(axes[0], axes[1])
     size = float(across @ across)

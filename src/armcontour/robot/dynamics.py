@@ -32,14 +32,9 @@ class Dynamics:
         if chain.masses is None:
             raise InvalidInput("Dynamics require the masses of the links, but the chain has none.")
         self.chain = chain
-        self._links = _numbers(chain)
+        self._links = _link_data(chain)
         self._gravity = np.array(chain.gravity)
         self._friction = np.asarray(chain.viscous), np.asarray(chain.coulomb)
-
-    @property
-    def numbers(self) -> tuple[FloatArray, FloatArray]:
-        """Input of the compiled dynamics: link data, (dof, 24), and gravity [m/s²], (3,)."""
-        return self._links, self._gravity
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
         """Joint torques [N m] of links, payload, drives and gravity, without friction."""
@@ -152,13 +147,13 @@ def pinocchio() -> Any:
     return module
 
 
-def _numbers(chain: Chain) -> FloatArray:
+def _link_data(chain: Chain) -> FloatArray:
     """Data of the links for the compiled dynamics, (dof, 24), in frames with z on joint axes."""
     # Columns: rotation (9) and position (3) relative to the previous frame; mass; first moment (3);
     # inertia about the joint xx, xy, xz, yy, yz, zz; mass of this and all later links; armature.
     assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
-    numbers, before = np.zeros((len(chain), 24)), np.eye(3)
-    for k, (row, frame) in enumerate(zip(numbers, joint_frames(chain), strict=True)):
+    rows, before = np.zeros((len(chain), 24)), np.eye(3)
+    for k, (row, frame) in enumerate(zip(rows, joint_frames(chain), strict=True)):
         bodies = [(chain.masses[k], chain.centers[k], chain.inertias[k])]
         if chain.payload is not None and k == len(chain) - 1:
             load, tip = chain.payload, chain.tip
@@ -175,9 +170,9 @@ def _numbers(chain: Chain) -> FloatArray:
             row[13:16] += mass * centre
             row[16:22] += about[np.triu_indices(3)]
         before = frame
-    numbers[:, 22] = np.cumsum(numbers[::-1, 12])[::-1]
-    numbers[:, 23] = chain.armature
-    return numbers
+    rows[:, 22] = np.cumsum(rows[::-1, 12])[::-1]
+    rows[:, 23] = chain.armature
+    return rows
 
 
 def pinocchio_model(chain: Chain, limits: Limits) -> Any:

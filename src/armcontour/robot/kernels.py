@@ -33,8 +33,8 @@ COSINE = tuple((-1) ** k / math.factorial(2 * k) for k in range(11, -1, -1))
 JOINT_ROWS = 5
 # First rows of parts of a state: position, vector from the previous joint, axis, motion; rows 0 to
 # 8 are the columns of the rotation. The motion is velocity and angular velocity, and their first
-# and second derivatives. ROWS is the number of rows.
-PLACE, WAY, AXIS, MOTION, ROWS = 9, 12, 15, 18, 36
+# and second derivatives. STATE_ROWS is the number of rows.
+POSITION, LEVER, AXIS, MOTION, STATE_ROWS = 9, 12, 15, 18, 36
 IDENTITY = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
 # Within this angle [rad] of the last exact evaluation (anchor), sine and cosine are computed by a
 # series, which is exact to rounding.
@@ -174,7 +174,7 @@ def add_motion(order: int, joint: FloatArray, state: FloatArray) -> None:
     # The highest derivative is updated first, because it depends on the lower derivatives of the
     # previous frame.
     for i in range(B if order > 2 else 0):
-        lever, axis, rate = get(state, WAY, i), get(state, AXIS, i), joint[2 * B + i]
+        lever, axis, rate = get(state, LEVER, i), get(state, AXIS, i), joint[2 * B + i]
         w, e, f = get(state, MOTION + 3, i), get(state, MOTION + 9, i), get(state, MOTION + 15, i)
         lever1, axis1 = cross(w, lever), cross(w, axis)
         lever2 = add(cross(e, lever), 1.0, cross(w, lever1))
@@ -184,14 +184,14 @@ def add_motion(order: int, joint: FloatArray, state: FloatArray) -> None:
         turned = add(add(f, joint[4 * B + i], axis), 2.0 * joint[3 * B + i], axis1)
         put(state, MOTION + 15, i, add(turned, rate, axis2))
     for i in range(B if order > 1 else 0):
-        lever, axis, rate = get(state, WAY, i), get(state, AXIS, i), joint[2 * B + i]
+        lever, axis, rate = get(state, LEVER, i), get(state, AXIS, i), joint[2 * B + i]
         w, e = get(state, MOTION + 3, i), get(state, MOTION + 9, i)
         lever2 = add(cross(e, lever), 1.0, cross(w, cross(w, lever)))
         put(state, MOTION + 6, i, add(get(state, MOTION + 6, i), 1.0, lever2))
         put(state, MOTION + 9, i, add(add(e, joint[3 * B + i], axis), rate, cross(w, axis)))
     for i in range(B):
         w = get(state, MOTION + 3, i)
-        lever1 = cross(w, get(state, WAY, i))
+        lever1 = cross(w, get(state, LEVER, i))
         put(state, MOTION, i, add(get(state, MOTION, i), 1.0, lever1))
         put(state, MOTION + 3, i, add(w, joint[2 * B + i], get(state, AXIS, i)))
 
@@ -212,10 +212,10 @@ def tool_motion(
     # order).
     n, dof = q.shape
     result = np.empty((n, 6 * order if order else 12))
-    joint, state = np.empty(JOINT_ROWS * B), np.empty(ROWS * B)
+    joint, state = np.empty(JOINT_ROWS * B), np.empty(STATE_ROWS * B)
     for begin in range(0, n, B):
         # The base has the unit rotation and no motion.
-        for i in range(ROWS * B):
+        for i in range(STATE_ROWS * B):
             state[i] = 0.0
         for k in range(3):
             for i in range(B):
@@ -238,8 +238,8 @@ def tool_motion(
                 for k in range(3):
                     x, y, z = state[k * B + i], state[(3 + k) * B + i], state[(6 + k) * B + i]
                     lever = x * p0 + y * p1 + z * p2
-                    state[(PLACE + k) * B + i] += lever
-                    state[(WAY + k) * B + i] = lever
+                    state[(POSITION + k) * B + i] += lever
+                    state[(LEVER + k) * B + i] = lever
                     x, y, z = into_link(r, c, s, (x, y, z))
                     state[k * B + i], state[(3 + k) * B + i] = x, y
                     state[(AXIS + k) * B + i] = state[(6 + k) * B + i] = z

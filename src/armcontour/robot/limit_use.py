@@ -128,10 +128,10 @@ class States:
         return self.columns[2]
 
     @cached_property
-    def _bound(self) -> dict[str, Bounded]:
+    def _measured(self) -> dict[str, Bounded]:
         return {}
 
-    def bound(self, name: str) -> Bounded:
+    def measure(self, name: str) -> Bounded:
         """Values of the quantity that a limit applies to, and bounds on their errors."""
         # The values are in the unit of the limit, (n, dof) of joints or (n,) of the tool. Joint
         # values are signed, except for torques.
@@ -142,13 +142,13 @@ class States:
         order, measure = QUANTITIES[name]
         if order >= len(self.columns):
             raise InvalidInput(f"The use of {name} requires states with {ORDERS[order]}.")
-        if name not in self._bound:
-            self._bound[name] = measure(self)
-        return self._bound[name]
+        if name not in self._measured:
+            self._measured[name] = measure(self)
+        return self._measured[name]
 
     def use(self, name: str, limits: Limits) -> Use:
         """Use of a limit by these states, as by `use_of`."""
-        return use_of(name, limits, *self.bound(name))
+        return use_of(name, limits, *self.measure(name))
 
     def uses(self, limits: Limits) -> Iterator[Use]:
         """Yield the use of every specified limit that can be evaluated for these states and arm."""
@@ -277,7 +277,10 @@ def _tool_motion(states: States, order: int) -> Bounded:
 
 def _centripetal(states: States) -> Bounded:
     """Tool accelerations normal to the motion, (n,), and bounds on their errors."""
-    (speed, speed_error), (size, error) = states.bound("speed"), states.bound("tool_acceleration")
+    (speed, speed_error), (size, error) = (
+        states.measure("speed"),
+        states.measure("tool_acceleration"),
+    )
     # An error of the direction of motion turns part of the tangential acceleration into normal
     # acceleration.
     turned = size * np.minimum(1.0, speed_error / np.maximum(speed, SLOWEST))

@@ -103,7 +103,7 @@ class Limits(Checked):
         # joints.
         for name in JOINT_LIMITS:
             if name != "joint_jerk" and getattr(self, name) is not None:
-                checks.lock_numbers(name, getattr(self, name))
+                checks.freeze_numbers(name, getattr(self, name))
         # Infinity of either sign means that the range has no end.
         for name, end in (("joint_lower", -np.inf), ("joint_upper", np.inf)):
             values = getattr(self, name)

@@ -261,7 +261,7 @@ class SerialArm(ChainArm):
         """Closed-form inverse kinematics of the whole pose; None if it does not support the arm."""
         from armcontour.robot.closed_form import ClosedForm
 
-        return ClosedForm.of(self.chain)
+        return ClosedForm.from_chain(self.chain)
 
     @cached_property
     def moves_in_a_plane(self) -> bool:

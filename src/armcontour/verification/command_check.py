@@ -27,7 +27,7 @@ from armcontour.verification.trajectory_check import PathDeviation, TimeSamples,
 # Number of times per interval of a law at which the distance from the path is computed, and total
 # number of times above which fewer are used. With 32 the peak of a smooth error exceeds the largest
 # value by at most 0.3 %.
-PLACES, MAX_TIMES = 32, 400_000
+MAX_PER_INTERVAL, MAX_TIMES = 32, 400_000
 # Interpolations whose velocity is discontinuous at the points.
 IN_STEPS = ("lines", "held", "next point")
 # Ratio to the acceleration limit above which the points themselves exceed the limit, not only their
@@ -193,7 +193,7 @@ def _commands(curve: CommandCurve, rate: float) -> TimeSamples:
 def _times(points: TimeSamples) -> FloatArray:
     """Times at the points and between them, since the first point [s], (n,)."""
     t = np.round(np.asarray(points.t) - points.t[0], 9)
-    count = int(np.clip(MAX_TIMES // len(t), 2, PLACES))
+    count = int(np.clip(MAX_TIMES // len(t), 2, MAX_PER_INTERVAL))
     inside = t[:-1, None] + np.arange(count) / count * np.diff(t)[:, None]
     return np.append(inside.ravel(), t[-1])
 

@@ -101,7 +101,7 @@ class ContourExecution:
         return self.path(self.followed.s)
 
     @cached_property
-    def off_objective(self) -> Followed | None:
+    def followed_objective(self) -> Followed | None:
         """Path points of the samples on the objective path; None if the objective is unknown."""
         return None if self.objective is None else self._follow(self.objective, self.before_work)
 
@@ -148,13 +148,13 @@ class ContourExecution:
     @cached_property
     def objective_error(self) -> ErrorProfile | None:
         """Profile of the distance from the tool to the objective path [m]; None if unknown."""
-        followed = self.off_objective
+        followed = self.followed_objective
         return None if followed is None else self._path_profile(followed)
 
     @property
     def objective_coverage_error(self) -> Coverage | None:
         """Largest distance from the objective path to the tool [m]; None if unknown."""
-        followed, error = self.off_objective, self.objective_error
+        followed, error = self.followed_objective, self.objective_error
         if self.objective is None or followed is None or error is None:
             return None
         work = self.before_work or (0.0, self.objective.length)
@@ -181,13 +181,13 @@ class ContourExecution:
     @cached_property
     def corners(self) -> tuple[CornerDeviation, ...]:
         """Cornering deviations at the corners of the objective path; empty if unknown."""
-        if self.objective is None or self.off_objective is None:
+        if self.objective is None or self.followed_objective is None:
             return ()
         judged = self.t <= self.end_time
         return corner_deviations(
             self.tool[judged],
             self.objective,
-            self.off_objective.s[judged],
+            self.followed_objective.s[judged],
             self._maximize_nearby if self._has_fine_motion else None,
         )
 
@@ -274,7 +274,7 @@ class ContourExecution:
         return np.append(0.0, np.cumsum(length(np.diff(self.tool, axis=0))))
 
     def _distance_to_motion(self, point: FloatArray, i: int) -> tuple[float, float]:
-        """Distance [m] from a point to the motion near sample i, and time [s] of a sample near it."""
+        """Distance [m] from a point to the motion near sample i, and the nearest sample time [s]."""
         reach = 2 * float(length(self.tool[i] - point))
         # Range of the samples within a tool travel of `reach` before and after sample i.
         low, high = np.searchsorted(

@@ -360,7 +360,7 @@ def smallest_angles(
     # path than the nearest one. The result is therefore the smallest angle at the nearest points of
     # all segments, and at segment ends, within `reach` [m]. Angles that cannot be the largest one
     # are not reduced. turned: rotation matrices of the tool, (n, 3, 3).
-    from armcontour.verification.kernels import find_places
+    from armcontour.verification.kernels import find_path_points
 
     assert path.orientation is not None
     angle = orientation_angles(path.orientation, nearest.s, turned)
@@ -369,7 +369,7 @@ def smallest_angles(
     while done < len(order) and angle[order[done]] > worst:
         these = order[done : done + size]
         radius = np.maximum(reach, nearest.distance[these])
-        point, arc_lengths = find_places(tool[these], geometry, radius)
+        point, arc_lengths = find_path_points(tool[these], geometry, radius)
         fits = orientation_angles(
             path.orientation, np.minimum(arc_lengths, path.length), turned[these[point]]
         )

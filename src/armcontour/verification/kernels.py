@@ -132,7 +132,7 @@ def follow(
     return distance, s, n, held
 
 
-def find_places(
+def find_path_points(
     points: FloatArray, rows: FloatArray, reach: FloatArray
 ) -> tuple[IntArray, FloatArray]:
     """Find all path points near each point: indices of points, and arc lengths [m], (m,) each."""

@@ -22,9 +22,9 @@ from armcontour.robot.limits import UNITS as LIMIT_UNITS
 from armcontour.verification.error_profile import maximize_smooth, smallest_angles
 
 # Number of evaluated times per interval of a law, including its ends: as many as give ENOUGH times
-# in all intervals together, at most MAX_PLACES and at least LEAST_PLACES; but all intervals
-# together have at least FEWEST times.
-LEAST_PLACES, MAX_PLACES = 3, 20
+# in all intervals together, but from MIN_PER_INTERVAL to MAX_PER_INTERVAL. All intervals together
+# always have at least FEWEST times.
+MIN_PER_INTERVAL, MAX_PER_INTERVAL = 3, 20
 FEWEST, ENOUGH = 4000, 12_000
 # Number of the highest estimated peaks that are refined.
 PEAKS = 12
@@ -224,7 +224,7 @@ class LimitUseAccumulator:
             self._highest[name] = occurrence(i)
         return float(slack.max())
 
-    def rates(
+    def record_rates(
         self, name: str, t: FloatArray, rates: FloatArray, q: FloatArray, error: npt.ArrayLike = 0.0
     ) -> float:
         """Record rates as a use of their limit, if there is one; return the largest ratio error."""
@@ -232,20 +232,20 @@ class LimitUseAccumulator:
             return 0.0
         return self.record(use_of(name, self.limits, rates, error), t, q)
 
-    def states(self, t: FloatArray, states: States) -> None:
+    def record_states(self, t: FloatArray, states: States) -> None:
         """Record all quantities of joints and tool for some states."""
         for use in states.uses(self.limits):
             self.record(use, t, states.q)
 
-    def tool(self, q: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def tool_points(self, q: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Tool points [m], (n, dimension), and a bound on the norm of their error, (n,)."""
         return States(self.arm, (q,), (error,)).bounded(self.arm.tool_position, 0)
 
-    def pose(self, t: FloatArray, q: FloatArray, error: FloatArray) -> None:
+    def record_pose(self, t: FloatArray, q: FloatArray, error: FloatArray) -> None:
         """Record the distance of the tool from the path and from the required tool orientation."""
         if self.path is None:
             return
-        points, error_bound = self.tool(q, error)
+        points, error_bound = self.tool_points(q, error)
         nearest = self.path.project(points)
         worst = int(np.argmax(nearest.distance))
         if nearest.distance[worst] >= self.farthest["distance"]:
@@ -323,7 +323,7 @@ def record_law(
         count += len(t)
         for use in uses:
             tally.record(use, t, q)
-        tally.pose(t, q, np.zeros(tally.arm.dof))
+        tally.record_pose(t, q, np.zeros(tally.arm.dof))
         _record_acceleration_steps(
             law, ends if first == 0 else left_times, tally, jerks, (breaks[0], breaks[-1])
         )
@@ -465,7 +465,7 @@ def _largest_ratios(motion: Trajectory, arm: Arm, limits: Limits) -> dict[str, f
     """Largest ratio of each limit in a motion, by name of the limit."""
     breaks, jerks = motion.smooth_breaks, find_known_jerks(motion, limits, motion.starts[:1])
     few, enough = (-(-x // (len(breaks) - 1)) for x in (FEWEST, ENOUGH))
-    count = max(LEAST_PLACES, few, min(MAX_PLACES, enough))
+    count = max(MIN_PER_INTERVAL, few, min(MAX_PER_INTERVAL, enough))
     part, size = np.linspace(0.0, 1.0, count)[:, None], max(1, CHUNK // count)
     best: dict[str, float] = {}
     for first in range(0, len(breaks) - 1, size):

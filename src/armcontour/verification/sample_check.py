@@ -78,9 +78,9 @@ def record_samples(log: SampledMotion, tally: LimitUseAccumulator) -> None:
     """Record the values at the samples, and lower bounds of the peaks between samples."""
     rates = () if log.dq is None else (log.dq,) if log.ddq is None else (log.dq, log.ddq)
     states = States(tally.arm, (log.q, *rates), log.errors)
-    tally.states(log.t, states)
+    tally.record_states(log.t, states)
     if log.dq is None and log.ddq is not None:
-        tally.rates("joint_acceleration", log.t, log.ddq, log.q, log.errors[2])
+        tally.record_rates("joint_acceleration", log.t, log.ddq, log.q, log.errors[2])
     rows, tool = _mean_rows(log, states, tally.limits)
     frames = None
     if tally.limits.angular_speed is not None and isinstance(tally.arm, SerialArm):
@@ -93,7 +93,7 @@ def record_samples(log: SampledMotion, tally: LimitUseAccumulator) -> None:
             if len(log.t) > order * k:
                 t, q = log.middles(order * k)
                 mean, error = log.mean(column, order, k)
-                slack = max(slack, tally.rates(name, t, mean, q, error))
+                slack = max(slack, tally.record_rates(name, t, mean, q, error))
         if frames is not None:
             slack = max(slack, _record_angular_speed(log, tally, frames, k))
         if log.dq is not None:
@@ -109,12 +109,14 @@ def record_samples(log: SampledMotion, tally: LimitUseAccumulator) -> None:
     if tally.path is not None:
         from scipy.interpolate import CubicHermiteSpline
 
-        tally.pose(log.t, log.q, log.errors[0])
+        tally.record_pose(log.t, log.q, log.errors[0])
         if log.dq is not None:
             # The weights of the velocities in the cubic sum to at most a quarter of the interval.
             position_error = log.errors[0] + np.diff(log.t).max() / 4 * log.errors[1]
             between = (log.t[:-1, None] + np.diff(log.t)[:, None] * BETWEEN).ravel()
-            tally.pose(between, CubicHermiteSpline(log.t, log.q, log.dq)(between), position_error)
+            tally.record_pose(
+                between, CubicHermiteSpline(log.t, log.q, log.dq)(between), position_error
+            )
 
 
 def _mean_rows(
@@ -162,7 +164,7 @@ def _record_angular_speed(
     # An error of a joint position turns the tool by at most the same angle.
     error = (2 * log.errors[0].sum() + angle / span * time_error) / (span + time_error)
     t, q = log.middles(k)
-    return tally.rates("angular_speed", t, (angle / span)[:, None], q, error)
+    return tally.record_rates("angular_speed", t, (angle / span)[:, None], q, error)
 
 
 def _record_centripetal(
@@ -197,7 +199,7 @@ def _record_centripetal(
     value[sharp] = bound[sharp] = size[sharp]
     counts = moving | sharp
     name = "centripetal_acceleration"
-    tally.rates(name, t[counts], value[counts], q[counts], bound[counts])
+    tally.record_rates(name, t[counts], value[counts], q[counts], bound[counts])
     return float(error.max()) / limit
 
 
@@ -210,7 +212,7 @@ def _record_windows(log: SampledMotion, dq: FloatArray, tally: LimitUseAccumulat
         residual = step - v * span
         smallest = np.abs(residual) - position_error - np.abs(v) * time_error
         error = 2 * np.abs(residual) / span**2 - 2 * smallest / (span + time_error) ** 2
-        tally.rates("joint_acceleration", t, sign * 2 * residual / span**2, q, error)
+        tally.record_rates("joint_acceleration", t, sign * 2 * residual / span**2, q, error)
     residual = np.abs(total * span - 2 * step)
     mean, smallest = (
         6 * residual / span**3,
@@ -219,5 +221,5 @@ def _record_windows(log: SampledMotion, dq: FloatArray, tally: LimitUseAccumulat
     # `highest` must not include this mean jerk, because with rounded positions it can be far above
     # the jerk of the recorded motion.
     narrow, tally.narrow = tally.narrow, False
-    tally.rates("joint_jerk", t, mean, q, mean - 6 * smallest / (span + time_error) ** 3)
+    tally.record_rates("joint_jerk", t, mean, q, mean - 6 * smallest / (span + time_error) ** 3)
     tally.narrow = narrow

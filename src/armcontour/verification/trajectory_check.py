@@ -49,7 +49,7 @@ ULPS = 4
 ON_GRID = 1e-3
 UNITS = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
 # Number of tool points between two breaks of a law.
-PLACES = 4
+POINTS_PER_INTERVAL = 4
 
 
 class TimeSamples(Protocol):
@@ -557,13 +557,16 @@ def record_coverage(motion: Any, tally: LimitUseAccumulator, allowed: float) -> 
     assert tally.path is not None
     if callable(motion):
         breaks = np.asarray(motion.breaks, dtype=np.float64)
-        inner = breaks[:-1, None] + np.arange(PLACES) / PLACES * np.diff(breaks)[:, None]
+        inner = (
+            breaks[:-1, None]
+            + np.arange(POINTS_PER_INTERVAL) / POINTS_PER_INTERVAL * np.diff(breaks)[:, None]
+        )
         t = np.append(inner.ravel(), breaks[-1])
         q = np.asarray(motion(t, 0, side="left"))
         error = np.zeros(q.shape[1])
     else:
         t, q, error = motion.t, motion.q, motion.errors[0]
-    points, error_bound = tally.tool(q, error)
+    points, error_bound = tally.tool_points(q, error)
     followed = follow_path(tally.path, points)
     sagitta = np.zeros(len(points))
     middle = (points[2:] + points[:-2]) / 2
@@ -575,6 +578,6 @@ def record_coverage(motion: Any, tally: LimitUseAccumulator, allowed: float) -> 
         Use("coverage_error", followed.coverage_error, allowed, around + error_bound), t, q
     )
     if tally.deviation is not None:
-        # Distance from the path point. `pose` records the nearest point, which may be on another
-        # part of the path.
+        # Distance from the path point. `record_pose` records the distance from the nearest point,
+        # which may be on another part of the path.
         tally.record(Use("path_deviation", followed.distance, tally.deviation, error_bound), t, q)

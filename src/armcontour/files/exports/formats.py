@@ -349,7 +349,7 @@ def export(
             missing, the template has an error, the format cannot hold the data, or the file cannot
             be written.
     """
-    destination = checks.read_place("export", file)
+    destination = checks.read_file_path("export", file)
     chosen = format_of(destination)() if format is None else format
     table = make_table(
         data,

@@ -117,7 +117,7 @@ def load_arm(
             is not trusted, or a file that does not describe an arm.
     """
     if not is_model(name):
-        name = checks.read_place("load_arm", name)
+        name = checks.read_file_path("load_arm", name)
     arm = _load(name, options, payload, trust_xacro)
     arm = _equip(arm, tool, work, payload)
     return arm if options.srdf is None else with_more_shapes(arm, srdf=FilePath(options.srdf))

@@ -29,7 +29,7 @@ ROUNDS = 60
 
 
 @compiled()
-def spread(
+def simulate_deviations(
     mass: FloatArray,
     damping: FloatArray,
     stiffness: FloatArray,
@@ -120,9 +120,9 @@ class Response(Checked):
     """The closed loop, linearized around a motion: `M x'' + D x' + K x = G u + f`.
 
     x is the deviation of the joints, u the deviation of the command at the drives, f an additional
-    torque. The joints are at rest at the first time. Time is discrete, as in `spread`, and torques
-    are averaged over neighbouring times with the weights 1/4, 1/2 and 1/4. Only `equations`
-    includes integrators and the drive cycle.
+    torque. The joints are at rest at the first time. Time is discrete, as in `simulate_deviations`,
+    and torques are averaged over neighbouring times with the weights 1/4, 1/2 and 1/4. Only
+    `equations` includes integrators and the drive cycle.
 
     Args:
         t: Regular times [s], (n,).
@@ -167,7 +167,9 @@ class Response(Checked):
         # arrays.
         loops = (self.mass, self.damping, self.stiffness)
         mass, damping, stiffness = (np.array(x, order="C") for x in loops)
-        deviations, _ = spread(mass, damping, stiffness, self.step, means, free, free[1:], free[0])
+        deviations, _ = simulate_deviations(
+            mass, damping, stiffness, self.step, means, free, free[1:], free[0]
+        )
         return deviations.reshape(torque.shape)
 
     def equations(self) -> Equations:
@@ -349,7 +351,7 @@ class NominalMotion:
         n, dof, _ = torque.shape
         loops, still = (self.mass, self.damping, self.stiffness), np.zeros((n - 1, dof))
         hold = np.where(self.held, HELD, 0.0)
-        return spread(*loops, self.step, torque, hold, still, np.zeros(dof))[0]
+        return simulate_deviations(*loops, self.step, torque, hold, still, np.zeros(dof))[0]
 
 
 def simulate(
@@ -401,7 +403,9 @@ def simulate(
         loops, moved = (mass, damping, stiffness), np.diff(q, axis=0)
         correction, friction = (
             found[:, :, 0]
-            for found in spread(*loops, step, lacking[:, :, None], free, moved, coulomb)
+            for found in simulate_deviations(
+                *loops, step, lacking[:, :, None], free, moved, coulomb
+            )
         )
         q = q + correction
         size = float(np.abs(correction).max())

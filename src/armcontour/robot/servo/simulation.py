@@ -45,7 +45,7 @@ class ServoSimulation:
             self.kind = HELD
             self.commands = command_and_rates(q, cycle, servo.interpolation)[0]
             return
-        self.commands = with_integrated(servo, lambda x: polynomials(q, cycle, x))
+        self.commands = add_integrator_pieces(servo, lambda x: polynomials(q, cycle, x))
         self.starts = np.arange(len(q)) * cycle + servo.dead_time[:, None]
 
     def run(
@@ -120,9 +120,11 @@ class ServoSimulation:
             # Feed-forward is computed from two earlier cycles.
             times = np.asarray((first + np.arange(-2, len(starts))) * drive_cycle, np.float64)
             u = sample_command(pieces, cycle, servo.dead_time, times).T
-            return hold(cycle_feedforward(u, drive_cycle, servo), starts, self.joints.kp)
+            return make_held_pieces(
+                cycle_feedforward(u, drive_cycle, servo), starts, self.joints.kp
+            )
 
-        return with_integrated(self.servo, commands), np.tile(starts, (len(pieces), 1))
+        return add_integrator_pieces(self.servo, commands), np.tile(starts, (len(pieces), 1))
 
 
 def _loops(kv: FloatArray | None, like: FloatArray) -> FloatArray:
@@ -132,7 +134,7 @@ def _loops(kv: FloatArray | None, like: FloatArray) -> FloatArray:
     return np.where(np.isinf(kv), 0.0, kv)
 
 
-def with_integrated(servo: Any, commands: Callable[[Any], FloatArray]) -> FloatArray:
+def add_integrator_pieces(servo: Any, commands: Callable[[Any], FloatArray]) -> FloatArray:
     """Pieces of commands, followed by the pieces of the command for integrators, if any."""
     pieces = commands(servo)
     if not np.any(servo.ki):
@@ -142,7 +144,7 @@ def with_integrated(servo: Any, commands: Callable[[Any], FloatArray]) -> FloatA
     return np.concatenate([pieces, commands(integrated)], axis=2)
 
 
-def hold(values: FloatArray, starts: FloatArray, kp: FloatArray) -> FloatArray:
+def make_held_pieces(values: FloatArray, starts: FloatArray, kp: FloatArray) -> FloatArray:
     """Pieces of held commands; for joints with a pure delay, pieces of lines."""
     pieces = np.zeros((len(values), values.shape[1] + 1, 4))
     pieces[:, 1:, 0] = values
@@ -210,14 +212,14 @@ def follow(
         u = np.stack([command.evaluate(times - delay) for delay in each.dead_time])
 
         def held_pieces(shifted: JointServo) -> FloatArray:
-            return hold(cycle_feedforward(u, drive_cycle, shifted), times[2:], each.kp)
+            return make_held_pieces(cycle_feedforward(u, drive_cycle, shifted), times[2:], each.kp)
 
-        pieces, starts = with_integrated(each, held_pieces), np.tile(times[2:], (rows, 1))
+        pieces, starts = add_integrator_pieces(each, held_pieces), np.tile(times[2:], (rows, 1))
     else:
         # Set-points before the first simulated one reach the joint before the motion.
         early = command.t[0] - np.max(each.dead_time)
         first = max(int(np.searchsorted(command.knots, early)) - 1, 0)
-        pieces = with_integrated(each, lambda x: command.for_servo(x, rows, first))
+        pieces = add_integrator_pieces(each, lambda x: command.for_servo(x, rows, first))
         starts = command.knots[first:] + each.dead_time[:, None]
     states = np.zeros((3, rows))
     states[0], states[1], states[2] = q0, dq0, ddq0

@@ -121,7 +121,7 @@ class _Poses:
         """Mask of bases (n, 3, 4) from which a pose of the path is certainly out of reach."""
         closed = arm.closed_form
         if self.task == WHOLE and closed is not None:
-            return closed.beyond(bases, self.fine, BEYOND) > BEYOND
+            return closed.measure_excess(bases, self.fine, BEYOND) > BEYOND
         return beyond_links(arm.chain, self.task, self.first.row, bases) > 0
 
     def bounds_of(self, arm: SerialArm, limits: Limits, every: bool) -> PlaceBounds:

@@ -75,9 +75,9 @@ def _search(
     low = np.maximum(np.minimum(first, last) - AROUND, ranges[0])
     high = np.minimum(np.maximum(first, last) + AROUND, ranges[1])
     random = np.random.default_rng(0)
-    lines = _Lines(cell)
+    lines = _LineChecker(cell)
     trees = _Tree(first), _Tree(last)
-    while lines.left > 0:
+    while lines.remaining > 0:
         goal = random.uniform(low, high)
         for a, b in (trees, trees[::-1]):
             reached = a.grow(goal, lines)
@@ -85,23 +85,23 @@ def _search(
                 continue
             met = b.grow(a.postures[reached], lines, whole=True)
             if met is not None and np.array_equal(b.postures[met], a.postures[reached]):
-                ends = (a.back(reached), b.back(met))
+                ends = (a.trace_to_root(reached), b.trace_to_root(met))
                 begin, end = ends if a is trees[0] else ends[::-1]
                 return np.array([*begin[::-1], *end[1:]])
     return None
 
 
-class _Lines:
+class _LineChecker:
     """Checker of straight lines in joint space, with a limited number of checks."""
 
     def __init__(self, cell: Cell) -> None:
         self._cell = cell
-        self.left = MAX_PIECES
+        self.remaining = MAX_PIECES
 
-    def clear(self, first: FloatArray, last: FloatArray) -> bool:
+    def is_clear(self, first: FloatArray, last: FloatArray) -> bool:
         """True if the line is collision-free; False if it is not or no checks are left."""
-        self.left -= 1
-        return self.left >= 0 and self._cell.keeps(JointPath.spline([first, last]))
+        self.remaining -= 1
+        return self.remaining >= 0 and self._cell.keeps(JointPath.spline([first, last]))
 
 
 class _Tree:
@@ -111,7 +111,7 @@ class _Tree:
         self.postures = [root]
         self.parents = [0]
 
-    def grow(self, goal: FloatArray, lines: _Lines, *, whole: bool = False) -> int | None:
+    def grow(self, goal: FloatArray, lines: _LineChecker, *, whole: bool = False) -> int | None:
         """Grow from the nearest posture towards a goal; index of the newest posture, or None."""
         # With `whole`, the growth continues to the goal; otherwise it is one step.
         rows = np.array(self.postures)
@@ -124,7 +124,7 @@ class _Tree:
                 return k
             ends = length <= STEP
             new = goal if ends else self.postures[k] + step * (STEP / length)
-            if not lines.clear(self.postures[k], new):
+            if not lines.is_clear(self.postures[k], new):
                 return newest
             self.postures.append(new)
             self.parents.append(k)
@@ -132,7 +132,7 @@ class _Tree:
             if ends or not whole:
                 return newest
 
-    def back(self, k: int) -> list[FloatArray]:
+    def trace_to_root(self, k: int) -> list[FloatArray]:
         """Postures from posture k to the root of the tree."""
         postures = [self.postures[k]]
         while k:
