@@ -274,7 +274,7 @@ class ContourExecution:
         return np.append(0.0, np.cumsum(length(np.diff(self.tool, axis=0))))
 
     def _distance_to_motion(self, point: FloatArray, i: int) -> tuple[float, float]:
-        """Distance [m] from a point to the motion near sample i, and the nearest sample time [s]."""
+        """Distance [m] from a point to the motion near sample i, and the nearest sample's time."""
         reach = 2 * float(length(self.tool[i] - point))
         # Range of the samples within a tool travel of `reach` before and after sample i.
         low, high = np.searchsorted(

@@ -40,6 +40,15 @@ class PathIntervals(NamedTuple):
     first: IntArray  # Segments on which the intervals begin, (MAX_STRETCHES + 1,)
 
 
+class PathParts(NamedTuple):
+    """Parts of a path between the path points of successive tool points, m parts."""
+
+    # Step (index of the tool point before it), segment, and 1 if the part is the last of its step.
+    indices: IntArray  # (m, 3)
+    ends: FloatArray  # First and last arc length of each part [m], (m, 2)
+    bounds: FloatArray  # Bounds on the distance from each part to the tool [m], (m,)
+
+
 @compiled(inner=True)
 def _reachable_intervals(
     p: Point,
@@ -209,23 +218,21 @@ def _measure_parts(
     motion: FollowedTool,
     rows: FloatArray,
     order: IntArray,
-    parts: IntArray,
-    arc_lengths: FloatArray,
-    bounds: FloatArray,
+    parts: PathParts,
     distances: FloatArray,
     distance_s: FloatArray,
 ) -> None:
     """Measure the largest distance from parts of the path to the tool, and store it per step."""
     # A part is measured at its ends, and halved while its bound exceeds the largest distance so
-    # far. `parts`: step, segment, and 1 if the part is the last of its step, (m, 3). `arc_lengths`:
-    # ends of the parts, (m, 2). Updates `distances` [m], -1 if not measured, and their arc lengths
-    # `distance_s`, (n,) each. The largest is at most SURE below that of the whole path.
+    # far. Updates `distances` [m], -1 if not measured, and their arc lengths `distance_s`, (n,)
+    # each. The largest distance found is at most SURE below the largest distance of all parts.
     n = len(motion.points)
     halves, worst = np.empty((MAX_HALVES, 2)), -1.0
     for m in order:
-        if bounds[m] <= worst + SURE:
+        if parts.bounds[m] <= worst + SURE:
             continue
-        i, g, first, last = parts[m, 0], rows[parts[m, 1]], arc_lengths[m, 0], arc_lengths[m, 1]
+        i, g = parts.indices[m, 0], rows[parts.indices[m, 1]]
+        first, last = parts.ends[m, 0], parts.ends[m, 1]
         chord, size = min(i, n - 2), last - first
         p, q = point_at(g, first - g[11]), point_at(g, last - g[11])
         # The distances from this chord alone bound the range of chords to search.
@@ -238,7 +245,7 @@ def _measure_parts(
             p, q = point_at(g, first_s - g[11]), point_at(g, last_s - g[11])
             a, b, bound = _tool_distances(p, q, motion, chord, last, reach)
             # The end of the last part of a step is the path point of the next tool point.
-            end_point = i + 1 if parts[m, 2] and last_s == last and i < n - 1 else i
+            end_point = i + 1 if parts.indices[m, 2] and last_s == last and i < n - 1 else i
             for d, arc_length, point in ((a, first_s, i), (b, last_s, end_point)):
                 if d > distances[point]:
                     distances[point], distance_s[point] = d, arc_length
@@ -281,11 +288,8 @@ def measure_coverage(
     )
     worst = np.flatnonzero(step == np.argmax(motion.distance))
     order = np.concatenate([worst, np.arange(len(step))])
-    parts = np.stack([step, k, last == high[step]], axis=1)
-    arc_lengths, distances, distance_s = (
-        np.stack([first, last], axis=1),
-        np.full(len(low), -1.0),
-        np.zeros(len(low)),
-    )
-    _measure_parts(motion, rows, order, parts, arc_lengths, bounds, distances, distance_s)
+    indices = np.stack([step, k, last == high[step]], axis=1)
+    parts = PathParts(indices, np.stack([first, last], axis=1), bounds)
+    distances, distance_s = np.full(len(low), -1.0), np.zeros(len(low))
+    _measure_parts(motion, rows, order, parts, distances, distance_s)
     return distances, distance_s

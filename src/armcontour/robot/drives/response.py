@@ -28,11 +28,17 @@ EXACT = 1e-10
 ROUNDS = 60
 
 
+class LinearLoops(NamedTuple):
+    """Closed loops `M x'' + D x' + K x` of all joints at n times, (n, dof, dof) each."""
+
+    mass: FloatArray  # M [kg m²]
+    damping: FloatArray  # D [N m s/rad]
+    stiffness: FloatArray  # K [N m/rad]
+
+
 @compiled()
 def simulate_deviations(
-    mass: FloatArray,
-    damping: FloatArray,
-    stiffness: FloatArray,
+    loops: LinearLoops,
     step: float,
     torque: FloatArray,
     hold: FloatArray,
@@ -43,17 +49,18 @@ def simulate_deviations(
     # Newmark's method with constant mean acceleration (second order, unconditionally stable): `M
     # (x[k+1] - 2 x[k] + x[k-1]) / h² + D (x[k+1] - x[k-1]) / 2h + K mean(x) = f[k]` with `mean(x) =
     # (x[k+1] + 2 x[k] + x[k-1]) / 4`. Friction brakes a moving joint with the Coulomb torque, and
-    # holds a joint at rest with a torque of at most this size. mass, damping, stiffness: M, D, K at
-    # the times, (n, dof, dof). step: h [s]. torque: f, averaged around the times [N m], (n, dof,
-    # cases). hold: additional stiffness of a sticking joint in each step, as a multiple of M / h² +
-    # D / 2h + K / 4, (n, dof); 0 for other joints. moved: displacement of the motion in each step
-    # [rad], (n - 1, dof). coulomb: [N m], (dof,). Returns deviations [rad] and friction torques in
-    # each step [N m], (n, dof, cases) each.
+    # holds a joint at rest with a torque of at most this size.
+    # step: h [s]. torque: f, averaged around the times [N m], (n, dof, cases). hold: additional
+    # stiffness of a sticking joint in each step, as a multiple of M / h² + D / 2h + K / 4, (n,
+    # dof); 0 for other joints. moved: displacement of the motion in each step [rad], (n - 1, dof).
+    # coulomb: Coulomb torques [N m], (dof,).
+    # Returns deviations [rad] and friction torques in each step [N m], (n, dof, cases) each.
     n, dof, cases = torque.shape
     deviations, friction = np.zeros((n, dof, cases)), np.zeros((n, dof, cases))
     right, free, enough = np.zeros(dof), np.zeros(dof), EXACT * coulomb.max()
     for k in range(n - 1):
-        m, d, s = mass[k] / step**2, damping[k] / (2 * step), stiffness[k] / 4
+        m, d = loops.mass[k] / step**2, loops.damping[k] / (2 * step)
+        s = loops.stiffness[k] / 4
         ahead, present, before = m + d + s, 2 * m - 2 * s, m - d + s
         for i in range(dof):
             extra = hold[k, i] * ahead[i, i]
@@ -165,11 +172,9 @@ class Response(Checked):
         free = np.zeros(self.mass.shape[:2])
         # The copies are writable, because Numba would compile the kernel again for read-only
         # arrays.
-        loops = (self.mass, self.damping, self.stiffness)
-        mass, damping, stiffness = (np.array(x, order="C") for x in loops)
-        deviations, _ = simulate_deviations(
-            mass, damping, stiffness, self.step, means, free, free[1:], free[0]
-        )
+        arrays = (self.mass, self.damping, self.stiffness)
+        loops = LinearLoops(*(np.array(x, order="C") for x in arrays))
+        deviations, _ = simulate_deviations(loops, self.step, means, free, free[1:], free[0])
         return deviations.reshape(torque.shape)
 
     def equations(self) -> Equations:
@@ -181,7 +186,7 @@ class Response(Checked):
         servo, delay = self.servo, self.servo.drive_cycle / 2
         lags = np.isfinite(servo.kp)
         loop = np.zeros_like(servo.kp) if servo.kv is None else np.isfinite(servo.kv) * 1.0
-        # Damping and stiffness of the loops per gain, and 1 for joints whose torque is delayed.
+        # Damping and stiffness of the loops divided by the gain; delay as a fraction of a step.
         loops = loop / np.where(lags, servo.kp, 1.0), lags * 1.0
         fraction = lags * delay / self.step
         before, after = (np.diag(0.25 + x * fraction / 2) for x in (1, -1))
@@ -349,9 +354,9 @@ class NominalMotion:
         """Deviations of the joints [rad] under small torques [N m], (n, dof, cases) each."""
         # Sticking joints remain at rest, and friction does not change its direction.
         n, dof, _ = torque.shape
-        loops, still = (self.mass, self.damping, self.stiffness), np.zeros((n - 1, dof))
+        loops, still = LinearLoops(self.mass, self.damping, self.stiffness), np.zeros((n - 1, dof))
         hold = np.where(self.held, HELD, 0.0)
-        return simulate_deviations(*loops, self.step, torque, hold, still, np.zeros(dof))[0]
+        return simulate_deviations(loops, self.step, torque, hold, still, np.zeros(dof))[0]
 
 
 def simulate(
@@ -400,12 +405,10 @@ def simulate(
         lacking = demanded - drives.stiffness * _mean(q, before)
         lacking -= (drives.damping + brake - lost_damping) * dq - lost_mass * ddq
         lacking -= drives.inertial_torque(q, dq, ddq)
-        loops, moved = (mass, damping, stiffness), np.diff(q, axis=0)
+        loops, moved = LinearLoops(mass, damping, stiffness), np.diff(q, axis=0)
         correction, friction = (
             found[:, :, 0]
-            for found in simulate_deviations(
-                *loops, step, lacking[:, :, None], free, moved, coulomb
-            )
+            for found in simulate_deviations(loops, step, lacking[:, :, None], free, moved, coulomb)
         )
         q = q + correction
         size = float(np.abs(correction).max())
