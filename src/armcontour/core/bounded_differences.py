@@ -117,7 +117,7 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
 
 
 def differences(values: FloatArray, order: int) -> FloatArray:
-    """Differences of an order of values that are constant outside of their range."""
+    """Differences of an order, of values assumed constant before the first and after the last."""
     around = [(order - 1, order - 1), *[(0, 0)] * (values.ndim - 1)]
     return np.diff(np.pad(values, around, mode="edge"), order, axis=0)
 

@@ -51,7 +51,7 @@ class Frame(Value):
     rotation: FloatArray = field(default_factory=lambda: IDENTITY, kw_only=False)
 
     def __post_init__(self) -> None:
-        # Fast path for the most frequent frame, whose arrays are valid and locked.
+        # Fast path for the most frequent frame, whose arrays are valid and read-only.
         if self.position is ORIGIN and self.rotation is IDENTITY:
             return
         position, rotation = read_poses("position of a frame", self.position)

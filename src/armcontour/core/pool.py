@@ -90,10 +90,10 @@ class InProcess(Executor):
 class ProcessPool(ThreadPoolExecutor):
     """Executor of child processes; one thread of this process serves each of them."""
 
-    # Scripts that use it need no `if __name__ == "__main__"`. If a process ends during a call, the
-    # call raises `ProcessEnded`, and a new process replaces it. Other errors of the work are raised
-    # as RuntimeError with their text. If processes cannot be started, the work runs in threads of
-    # this process.
+    # Scripts that use the pool need no `if __name__ == "__main__"`. If a process ends during a
+    # call, the call raises `ProcessEnded`, and a new process replaces it. Other errors of the work
+    # are raised as RuntimeError with their text. If processes cannot be started, the work runs in
+    # threads of this process.
 
     def __init__(self, processes: int | None = None) -> None:
         self.processes = processes or processors()

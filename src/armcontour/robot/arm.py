@@ -34,7 +34,7 @@ FAR_OUT = 20.0
 
 
 def unit_hint(gap: float) -> str:
-    """Suffix on missing units for a point `gap` [m] out of reach; "" for small gaps."""
+    """Message suffix that suggests a missing unit for a point `gap` [m] out of reach, or ""."""
     if gap < FAR_OUT:
         return ""
     return (
@@ -45,7 +45,7 @@ def unit_hint(gap: float) -> str:
 def resolve_limits(
     user: str, arm: Arm, limits: Limits | None, planned: Limits | None = None
 ) -> Limits:
-    """Resolve limits value by value: the explicit ones, then those of the plan, then the arm's.
+    """Resolve limits value by value: explicit limits, then the plan's, then the arm's limits.
 
     Args:
         user: Name of the caller, which begins the error message.
@@ -79,7 +79,7 @@ def resolve_limits(
 
 def compare_limits(limits: Limits, arm: Arm) -> str:
     """Warning about limits (one value per joint) that exceed the arm's; empty if none does."""
-    # Lifted limits do not count.
+    # Lifted limits are None and are skipped.
     above = []
     for name, unit in UNITS.items():
         values, arm_values = getattr(limits, name), getattr(arm.limits, name)
@@ -111,7 +111,7 @@ def compare_limits(limits: Limits, arm: Arm) -> str:
 
 
 def _as_ceilings(name: str, values: npt.ArrayLike, dof: int) -> FloatArray:
-    """Upper bounds, (1, 1) of the tool or (1, dof); of directed limits with -lower, (2, dof)."""
+    """Upper bounds, (1, 1) of the tool or (1, dof); if directed, also negated lower bounds."""
     array = np.asarray(values, dtype=np.float64)
     if name in TOOL_LIMITS:
         return array.reshape(1, 1)
@@ -360,7 +360,7 @@ class Arm(Immutable, ABC):
 
     @abstractmethod
     def tool_position(self, q: npt.ArrayLike) -> FloatArray:
-        """Tool points [m] of joint positions [rad].
+        """Tool points [m] at joint positions [rad].
 
         Args:
             q: Joint positions [rad], (..., dof).

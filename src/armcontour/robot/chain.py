@@ -121,7 +121,7 @@ class Chain(Checked):
         if n == 0:
             raise InvalidInput("A chain needs at least one revolute joint.")
         if self.masses is not None and (self.centers is None or self.inertias is None):
-            raise InvalidInput("A chain with masses needs centres of mass and inertias too.")
+            raise InvalidInput("A chain with masses also requires centres of mass and inertias.")
         for name in ("armature", "viscous", "coulomb"):
             if getattr(self, name) is None:
                 object.__setattr__(self, name, checks.frozen_array(np.zeros(n)))
@@ -159,7 +159,7 @@ class Chain(Checked):
 
 
 def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
-    """Frames of the base and of all links in the work frame for q, (n, dof), (n, dof + 1, 3, 4)."""
+    """Frames of the base and of all links in the work frame, (n, dof + 1, 3, 4), at q, (n, dof)."""
     from armcontour.robot.kernels import frames_of
 
     joints = frames_of(link_table(chain), checks.kernel_array(np.asarray(q, dtype=np.float64)))

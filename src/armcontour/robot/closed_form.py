@@ -61,7 +61,7 @@ class JointAxis(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """Geometry that the links must bridge for n poses; m is 2 angles of joint 5, 1 for a wrist."""
+    """Geometry that the links must bridge for n poses; m = 2 angles of joint 5, 1 for a wrist."""
 
     # Rotation of the last link from its position with all joints at 0, (n, 3, 3).
     turned: FloatArray
@@ -73,7 +73,7 @@ class Reach(NamedTuple):
     fifth: FloatArray  # Angles of joint 5 [rad], (n, 2, m); 0 for a wrist
     bend: FloatArray  # Sum of the angles of joints 2, 3 and 4 [rad], (n, 2, m); 0 for a wrist
     feasible: BoolArray  # True if joint 5 can give axis 6 the required direction, (n, 2, m)
-    flat: BoolArray  # True if axis 6 is then nearly parallel to axis 2, (n, 2, m)
+    flat: BoolArray  # True if it makes axis 6 nearly parallel to axis 2, (n, 2, m)
     vector: (
         FloatArray  # Vector in the plane from joint 2 to the end of the forearm [m], (n, 2, m, 3)
     )
@@ -115,8 +115,8 @@ class ClosedForm:
         )
 
     def solve(self, base: FloatArray, pose: FloatArray) -> FloatArray | None:
-        """All joint positions for a tool pose, (3, 4) [rad], (k, 6); None near singularities."""
-        # base: frame of the base in the work frame, (3, 4).
+        """All joint positions for a tool pose [rad], (k, 6); None near singularities."""
+        # base: frame of the base in the work frame, (3, 4). pose: (3, 4).
         reach = Reach(*(value[0] for value in self._reach(base[None], pose[None])))
         if reach.lacking > NEAR:
             return np.empty((0, 6))

@@ -124,7 +124,7 @@ def out_of_link(r: Rotation, c: float, s: float, v: Vector) -> Vector:
 @compiled(inner=True)
 def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
     """Write the frames of all joints and of the tool in the work frame for one state."""
-    # links (dof + 1, 12), q (dof,) [rad], frames (dof + 1, 3, 4).
+    # links: (dof + 1, 12). q: joint positions [rad], (dof,). frames: (dof + 1, 3, 4).
     for j in range(len(links)):
         c, s = (math.cos(q[j]), math.sin(q[j])) if j < len(q) else (1.0, 0.0)
         r = rotation_of(links, j)
@@ -143,7 +143,7 @@ def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
 @compiled()
 def frames_of(links: FloatArray, q: FloatArray) -> FloatArray:
     """Frames of all joints and of the tool for many states, (n, dof + 1, 3, 4)."""
-    # q (n, dof) [rad].
+    # q: joint positions [rad], (n, dof).
     frames = np.empty((len(q), len(links), 3, 4))
     for i in range(len(q)):
         write_frames(links, q[i], frames[i])
@@ -337,7 +337,8 @@ def path_terms(
     links: FloatArray, gravity: FloatArray, q: FloatArray, first: FloatArray, second: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Coefficients a, b, c of the torque `a dds + b ds² + c` of all states, (n, dof) each."""
-    # links (dof, 24), gravity (3,) [m/s²], q (n, dof) [rad], first (n, dof), second (n, dof).
+    # links: (dof, 24). gravity: [m/s²], (3,). q, first, second: joint positions [rad] and their
+    # first and second derivative by s, (n, dof) each.
     n, dof = q.shape
     a, b, c = np.empty((n, dof)), np.empty((n, dof)), np.empty((n, dof))
     rows, motion = np.empty((dof, LINK_ROWS * B)), np.empty(MOTION_ROWS * B)

@@ -49,7 +49,7 @@ class Use:
 
     @property
     def ratio(self) -> FloatArray:
-        """Values over limits: 1 is the limit. NaN is replaced by infinity."""
+        """Ratios of values to limits; NaN is replaced by infinity."""
         return self.ratios()[0]
 
     @property

@@ -16,8 +16,8 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernels import compiled
 from armcontour.robot.kernels import Vector, add, cross, write_frames
 
-# Newton's method ends when its step is below this [rad]: the next step would be the square of this
-# one times the condition number of the Jacobian.
+# Newton's method ends when its step is below this [rad], because the next step would be about the
+# square of this step times the condition number of the Jacobian.
 ARRIVED = 1e-10
 MAX_STEPS = 15
 # Longest step of a joint [rad]; longer steps are reduced.
@@ -27,15 +27,15 @@ FOLLOW_STEP = 0.15
 FOLLOW_CORRECTIONS = 6
 # `follow` gives up after it has halved the step between two poses this many times.
 MAX_HALVINGS = 12
-# A matrix counts as singular if its smallest pivot over its largest one is below this.
+# A matrix counts as singular if the ratio of its smallest to its largest pivot is below this.
 SINGULAR = 1e-11
 
 
 @compiled(inner=True)
 def solve(a: FloatArray, b: FloatArray, n: int) -> float:
     """Solve a x = b in place by Gaussian elimination with pivoting."""
-    # a (n, n), b (n,).
-    # Returns the smallest pivot over the largest pivot; 0 if a is singular.
+    # a: (n, n). b: (n,).
+    # Returns the ratio of the smallest to the largest pivot; 0 if a is singular.
     smallest, largest = math.inf, 0.0
     for i in range(n):
         best = i
@@ -109,7 +109,7 @@ def write_equations(
     # The first 3 values are the position error [m]. For task 6 the others are the rotation vector
     # from the pose to the target [rad]. For task 5 they are the components of the rotation vector
     # between the tool axes along the target's x and y axes [rad].
-    # links (dof + 1, 12), q (dof,) [rad], target (3, 4).
+    # links: (dof + 1, 12). q: joint positions [rad], (dof,). target: (3, 4).
     dof, rows, frames = len(q), out.rows, out.frames
     write_frames(links, q, frames)
     pose = frames[dof]
@@ -143,7 +143,7 @@ def newton(
     links: FloatArray, task: int, q: FloatArray, targets: FloatArray, w: FloatArray, g: FloatArray
 ) -> BoolArray:
     """Solve the inverse kinematics by Newton's method; mask of the solved poses, (n,)."""
-    # links (dof + 1, 12), q (n, dof) [rad] with initial guesses, overwritten; targets (n, 3, 4).
+    # links: (dof + 1, 12). q: initial guesses [rad], (n, dof); overwritten. targets: (n, 3, 4).
     # The guide equations use only w[:, 0] and g[:, 0]; derivatives in w[:, 1:] and g[:, 1:] are
     # ignored.
     n, dof = q.shape
@@ -183,12 +183,12 @@ def path_derivatives(
     g: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Derivatives dq_ds [rad/m] and d2q_ds2 [rad/m²], (n, dof), at the poses of a path."""
-    # Also the smallest over the largest pivot of the equations, (n,): 0 if they are singular. If
-    # rotation about the tool axis is free, the equations of the orientation are
-    # `x . omega = x . rate` for the target's x and y axes, which rotate with the target. The second
-    # derivative follows from differentiating these equations.
-    # rates (n, 4, 3): first and second derivative of the position, angular velocity and its
-    # derivative. w (n, 3, dof - task, dof) and g (n, 3, dof): guide and its first two derivatives.
+    # Also returns the ratio of the smallest to the largest pivot, (n,); 0 if singular. If rotation
+    # about the tool axis is free, the equations of the orientation are `x . omega = x . rate` for
+    # the target's x and y axes, which rotate with the target. The second derivative follows from
+    # differentiating these equations. rates, (n, 4, 3): first and second derivative of the
+    # position, angular velocity and its derivative. w, (n, 3, dof - task, dof), and g, (n, 3, dof):
+    # guide and its first two derivatives.
     n, dof = q.shape
     first, second, pivot_ratio = np.empty((n, dof)), np.empty((n, dof)), np.empty(n)
     frames, a, b = np.empty((dof + 1, 3, 4)), np.empty((dof, dof)), np.empty(dof)
@@ -221,7 +221,7 @@ def path_derivatives(
             lever = add(column(frames[k + 1], 3), -1.0, column(frames[k], 3))
             tool_acceleration = add(tool_acceleration, 1.0, cross(twisted, lever))
             tool_acceleration = add(tool_acceleration, 1.0, cross(turned, cross(turned, lever)))
-        # The tool may rotate about its axis at another rate than the target: the difference of
+        # The tool may rotate about its axis at another rate than the target, so the difference of
         # the angular velocities is along the tool axis.
         free = cross(add(turn, -1.0, turned), turn)
         twist = add(add(twist, -1.0, twisted), 1.0, free)
@@ -241,7 +241,7 @@ def path_derivatives(
 def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArray) -> FloatArray:
     """Orthonormal basis of the self-motion at a fixed tool pose, (n, dof - task, dof)."""
     # For task 5 the tool may rotate about its axis, for task 3 about the tool point.
-    # links (dof + 1, 12), q (n, dof) [rad], targets (n, 3, 4).
+    # links: (dof + 1, 12). q: joint positions [rad], (n, dof). targets: (n, 3, 4).
     n, dof = q.shape
     basis, rows, residual = np.empty((n, dof - task, dof)), np.empty((dof, dof)), np.empty(dof)
     equations = PoseEquations(np.empty((dof + 1, 3, 4)), rows, np.empty(dof))

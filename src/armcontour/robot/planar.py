@@ -44,7 +44,7 @@ class LinkTube(Checked):
             )
 
     def mass(self, length: float) -> float:
-        """Mass of a tube of the length `length` [m], [kg]."""
+        """Mass of a tube of this length [kg]."""
         outer, inner = self._radii()
         return self.density * math.pi * (outer**2 - inner**2) * length
 
@@ -86,7 +86,8 @@ class PlanarTwoLink(ChainArm):
     """
 
     dimension = 2
-    # Named after the sign of theta2. The paper prints (4) for the first solution only.
+    # The branches are named after the sign of theta2. The paper prints (4) for the first branch
+    # only.
     branches = ("positive", "negative")
 
     @checked
@@ -140,7 +141,8 @@ class PlanarTwoLink(ChainArm):
         c, y = tool[..., 0] - self.base, tool[..., 1]
         distance = np.hypot(c, y)
         self._check_reach(tool, distance)
-        # 1 - cos(theta2) and 1 + cos(theta2) as products, which are exact at both limits of reach.
+        # low is 1 + cos(theta2) and high is 1 - cos(theta2). The products are exact at both limits
+        # of reach.
         shortest, longest = self.reach
         low = (distance - shortest) * (distance + shortest) / (2 * self.link1 * self.link2)
         high = (longest - distance) * (longest + distance) / (2 * self.link1 * self.link2)

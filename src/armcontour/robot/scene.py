@@ -128,7 +128,8 @@ class Mesh(Shape):
         if self.triangles is None:
             return self
         if self._hull is None:
-            # Cached because the collision library keeps its data for as long as the mesh lives.
+            # The hull is cached, because the collision library keeps its data for as long as the
+            # mesh lives.
             object.__setattr__(self, "_hull", Mesh(points=self.points, source=self.source))
         assert self._hull is not None
         return self._hull
@@ -183,14 +184,14 @@ class LeftOut:
     # first, second: names of the links.
     first: str
     second: str
-    reason: str  # Reason why it is not checked
+    reason: str  # Reason why their distance is not checked
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ArmShapes(Checked):
     """The shapes of an arm's links and tool."""
 
-    # The shapes. A link may have several shapes.
+    # Shapes of the links and of the tool; a link may have several shapes.
     shapes: tuple[LinkShape, ...]
     # Pairs of links whose distance is not checked, with the reasons. The distance of neighbouring
     # links is never checked.
@@ -218,8 +219,9 @@ class ArmShapes(Checked):
 BASE, PART = "base", "part"
 # Name of the tool in `allow` of an obstacle.
 TOOL = "tool"
-# Name of the obstacle at a specified height of the floor. Without a height there is no such
-# obstacle: `AT_BASE` means that links should stay above the mounting plane, `NO_FLOOR` no check.
+# Name of the obstacle that represents a floor of a specified height. The values `AT_BASE` and
+# `NO_FLOOR` add no obstacle; with `AT_BASE`, links should stay above the mounting plane of the
+# base.
 FLOOR = "floor"
 AT_BASE: Literal["base"] = "base"
 NO_FLOOR: Literal["none"] = "none"

@@ -20,7 +20,8 @@ from armcontour.robot.limits import Limits
 if TYPE_CHECKING:
     from armcontour.robot.closed_form import ClosedForm
 
-# Joint axes are parallel if the sine of their angle is below this, for rounding errors.
+# Joint axes are parallel if the sine of their angle is below this, which allows for rounding
+# errors.
 PARALLEL = 1e-9
 
 
@@ -141,7 +142,7 @@ class ChainArm(Arm):
         return np.asarray(jacobians(self.link_table, rows).reshape(*leading, 6, self.dof))
 
     def tool_position(self, q: npt.ArrayLike) -> FloatArray:
-        """Tool points [m], (n, dimension), in the plane eq. (1)-(2)."""
+        """Tool points [m], (n, dimension); for a planar arm by eq. (1)-(2)."""
         return self.poses(q)[..., : self.dimension, 3].copy()
 
     def links(self, q: npt.ArrayLike) -> FloatArray:
@@ -195,7 +196,7 @@ class ChainArm(Arm):
 
     def _motion(self, *states: npt.ArrayLike) -> FloatArray:
         """Pose of the tool, or its twist and the derivatives of the twist if dq, ... are given."""
-        # Numba is imported at first use: it loads slowly, and arms are also loaded to be listed.
+        # Numba is imported at first use, because it loads slowly and many arms are only listed.
         from armcontour.robot.kernels import tool_motion
 
         leading, rows = self._rows(*states)

@@ -90,9 +90,9 @@ class Drives:
 
     def moving_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """The torque of the loops for a motion, without gravity feed-forward [N m], (n, dof)."""
-        # It includes inertia, coupling, Coriolis and centrifugal torques, payload, friction, and
-        # the gravity torque that the controller does not feed forward. Coulomb friction is
-        # `coulomb sign(dq)`, except for joints slower than `CREEP`.
+        # The torque includes inertia, coupling, Coriolis and centrifugal torques, payload,
+        # friction, and the gravity torque that the controller does not feed forward. Coulomb
+        # friction is `coulomb sign(dq)`, except for joints slower than `CREEP`.
         chain = self.arm.dynamics.chain
         torque = self.inertial_torque(q, dq, ddq) + np.asarray(chain.viscous) * dq
         torque += np.asarray(chain.coulomb) * np.clip(dq / CREEP, -1.0, 1.0)

@@ -46,9 +46,12 @@ def simulate_deviations(
     coulomb: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Simulate deviations from a motion under torques, starting at rest, with dry friction."""
-    # Newmark's method with constant mean acceleration (second order, unconditionally stable): `M
-    # (x[k+1] - 2 x[k] + x[k-1]) / h² + D (x[k+1] - x[k-1]) / 2h + K mean(x) = f[k]` with `mean(x) =
-    # (x[k+1] + 2 x[k] + x[k-1]) / 4`. Friction brakes a moving joint with the Coulomb torque, and
+    # Newmark's method with constant mean acceleration (second order, unconditionally stable):
+    #
+    #     M (x[k+1] - 2 x[k] + x[k-1]) / h² + D (x[k+1] - x[k-1]) / 2h + K mean(x) = f[k]
+    #     mean(x) = (x[k+1] + 2 x[k] + x[k-1]) / 4
+    #
+    # Friction brakes a moving joint with the Coulomb torque, and
     # holds a joint at rest with a torque of at most this size.
     # step: h [s]. torque: f, averaged around the times [N m], (n, dof, cases). hold: additional
     # stiffness of a sticking joint in each step, as a multiple of M / h² + D / 2h + K / 4, (n,

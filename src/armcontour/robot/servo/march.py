@@ -25,7 +25,7 @@ from armcontour.robot.servo.joint_response import (
     transition,
 )
 
-# Factor for the number of steps in a time span: rounding errors do not add a step.
+# Factor for the number of steps in a time span, so that rounding errors do not add a step.
 SLACK = 1 - 1e-9
 # Times and time spans [s] that differ by less than this are equal; rounding errors are smaller.
 NEAR = 4e-12

@@ -30,7 +30,7 @@ def connect(
 
 def path_through(cell: Cell, postures: FloatArray) -> JointPath | None:
     """Make a collision-free joint path through postures; None if no rounding is collision-free."""
-    # postures (n, dof) [rad].
+    # postures: joint positions [rad], (n, dof).
     apart = np.append(True, np.abs(np.diff(postures, axis=0)).max(axis=1) > 1e-9)
     for share in ROUNDED if apart.sum() > 2 else ROUNDED[-1:]:
         path = round_postures(postures[apart], share)

@@ -104,7 +104,7 @@ class Distances:
     def _distance(self, pair: int, placement: Any, result: Any) -> float:
         """Distance of a pair [m]; `placement`: second body in the frame of the first body."""
         first, second = self._shapes[pair]
-        # Repeats the code of `_between`, because a call 100,000 times would take time.
+        # This repeats the code of `_between`, because it runs up to 100,000 times.
         result.clear()
         distance: float = self._least(first, self._still, second, placement, self._request, result)
         exact = self._exact[pair]
@@ -160,7 +160,7 @@ def _coal() -> Any:
 
 
 def _hulls_decide(pair: Pair) -> bool:
-    """True if the distance between the convex shapes of a pair is that between its bodies."""
+    """True if the convex shapes of a pair have the same distance as its bodies."""
     bodies = (pair.first, pair.second)
     # A body and its convex hull have the same distance from a half-space.
     return all(x.exact is None for x in bodies) or any(
