@@ -109,7 +109,7 @@ class ProcessPool(ThreadPoolExecutor):
 
     def submit_reporting(self, heard: Callable[[Any], None], work: partial[R]) -> Future[R]:
         """Call work in a process; `heard` receives its reports before the result."""
-        return super().submit(self._have_done, self._kills, heard, work)
+        return super().submit(self._run_in_process, self._kills, heard, work)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the processes after the submitted work, or after the current work."""
@@ -133,7 +133,7 @@ class ProcessPool(ThreadPoolExecutor):
         if can_start():
             self.shutdown()
 
-    def _have_done(self, kills: int, heard: Callable[[Any], None], work: partial[R]) -> R:
+    def _run_in_process(self, kills: int, heard: Callable[[Any], None], work: partial[R]) -> R:
         """Run work in an idle or new process; `kills` is the count of `kill` at submission."""
         if not can_start():
             return work()
@@ -173,7 +173,7 @@ def open_executor(
     if executor is not None:
         yield executor
     elif cluster is not None:
-        with _dask(cluster) as opened:
+        with _open_dask(cluster) as opened:
             yield opened
     elif workers == 0:
         yield InProcess()
@@ -188,7 +188,7 @@ def open_executor(
 
 
 @contextmanager
-def _dask(address: str) -> Iterator[Executor]:
+def _open_dask(address: str) -> Iterator[Executor]:
     """Context with the executor of a Dask cluster."""
     if find_spec("distributed") is None:
         raise InvalidInput(
@@ -241,7 +241,7 @@ class TaskQueue(Generic[T, R]):
         # Subclasses of InProcess may defer the work, so they are not local.
         self._is_local = type(executor) is InProcess
         self._work, self._executor, self._lost = work, executor, lost
-        self._call = None if self._is_local else partial(_on, pack(work))
+        self._call = None if self._is_local else partial(_apply_packed, pack(work))
         self._done: list[tuple[T, R]] = []
         self._pending: dict[Future[Packed], T] = {}
 
@@ -321,17 +321,17 @@ class TaskQueue(Generic[T, R]):
         return cast(R, result)
 
 
-def _on(work: Packed, item: Packed) -> Packed:
+def _apply_packed(work: Packed, item: Packed) -> Packed:
     """Apply packed work to a packed item; errors of this package are returned with their class."""
     try:
         with child_context():
-            return pack(_unpacked(work)(unpack(item)))
+            return pack(_unpack_work(work)(unpack(item)))
     except ArmContourError as error:
         return pack(error)
 
 
 @lru_cache(maxsize=2)
-def _unpacked(work: Packed) -> Callable[[Any], Any]:
+def _unpack_work(work: Packed) -> Callable[[Any], Any]:
     """Unpacked work, cached in each process."""
     return cast(Callable[[Any], Any], unpack(work))
 
@@ -352,7 +352,7 @@ def map_in_processes(
     if executor is None and in_process:
         executor = InProcess()
     with nullcontext(executor) if executor else open_executor(count) as opened:
-        work_on_chunk = partial(_several, work)
+        work_on_chunk = partial(_apply_to_chunk, work)
         with TaskQueue[tuple[int, Sequence[T]], list[R]](work_on_chunk, opened) as queue:
             slices = split_evenly(len(items), max(PARTS, 4 * queue.workers))
             results_by_chunk: dict[int, list[R]] = {}
@@ -364,7 +364,7 @@ def map_in_processes(
     return [x for k in sorted(results_by_chunk) for x in results_by_chunk[k]]
 
 
-def _several(work: Callable[[T], R], numbered: tuple[int, Sequence[T]]) -> list[R]:
+def _apply_to_chunk(work: Callable[[T], R], numbered: tuple[int, Sequence[T]]) -> list[R]:
     """Apply work to the items of a numbered chunk."""
     return [work(x) for x in numbered[1]]
 
@@ -374,7 +374,7 @@ def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, Non
     # If another process fails, this process repeats the item, so that its error is raised in order.
     begin, count = time.thread_time(), 0
     for k, item in enumerate(items):
-        count = _worth(time.thread_time() - begin, k / len(items)) if k else 0
+        count = _count_processes(time.thread_time() - begin, k / len(items)) if k else 0
         if count > 1:
             break
         yield work(item)
@@ -383,7 +383,7 @@ def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, Non
     remaining = items[k:]
     parts = [remaining[x] for x in split_evenly(len(remaining), 8 * count)]
     with open_executor(count) as pool:
-        futures = [pool.submit(_several, work, (0, x)) for x in parts]
+        futures = [pool.submit(_apply_to_chunk, work, (0, x)) for x in parts]
         for part, future in zip(parts, futures, strict=True):
             try:
                 results = future.result()
@@ -393,7 +393,7 @@ def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, Non
                 yield from results
 
 
-def _worth(spent: float, fraction: float) -> int:
+def _count_processes(spent: float, fraction: float) -> int:
     """Number of processes that save more time than their start costs; 0 for none."""
     if spent < START / 4 or is_child() or not can_start():
         return 0
