@@ -384,7 +384,7 @@ def test_a_transform_is_no_four_quaternions(refuses):
             lambda: Frame(rotation=transform),
             lambda: ac.Path.polyline(np.eye(3)).oriented(transform),
         ):
-            refuses(call, ac.InvalidInput, "is a 4 by 4 transform", "give Frame")
+            refuses(call, ac.InvalidInput, "is a 4 by 4 transform", "Use Frame")
 
 
 def test_degrees_given_for_radians_are_warned_of_with_what_was_meant():

@@ -101,8 +101,8 @@ def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
         raise InvalidInput(f"The arm {arm.name} has no chain of links, so it has no clearance.")
     if arm.shapes is None or not arm.shapes.shapes:
         raise InvalidInput(
-            f"The shapes of the links of the arm {arm.name} are unknown, so its clearance cannot "
-            "be computed. Specify a URDF with collision geometry, or arm.shapes in the job "
+            f"The shapes of the links of the arm {arm.name} are not known, so its clearance "
+            "cannot be computed. Specify a URDF with collision geometry, or arm.shapes in the job "
             "(arm.with_shapes in Python)."
         )
     return arm.chain, arm.shapes
