@@ -278,7 +278,7 @@ class Arm(Immutable, ABC):
         """
         if self.chain is None:
             raise InvalidInput(
-                f"with_dynamics requires a chain of bodies, but {self.name} has none."
+                f"with_dynamics requires a chain of bodies, but the arm {self.name} has none."
             )
         per_joint = {
             "armature": (armature, "kg m²"),

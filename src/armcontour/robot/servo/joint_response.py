@@ -459,9 +459,8 @@ def next_phase(
     step: FreeMotionMap,
 ) -> Phase:
     """Motion of a second-order joint under command u up to the next event."""
-    # `side` is the bound at which the joint is saturated if the previous phase ended there: 1
-    # upper, -1 lower, 0 none. The phase lasts at most `remaining` [s]. `step` is the map of the
-    # free motion over the longest step.
+    # `side` is the bound that the previous phase reached: 1 upper, -1 lower, 0 none. The phase
+    # lasts at most `remaining` [s]. `step` is the map of the free motion over the longest step.
     z = demand(servo, u, q, w)
     active_side = side if side != 0.0 else _saturated_side(servo, z, u)
     if active_side != 0.0:

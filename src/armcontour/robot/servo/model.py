@@ -38,7 +38,8 @@ MAX_TIME_CONSTANTS = 1000.0
 # RMS contour error with compensation over the error without it on validation data, above which
 # compensation may be worse than none on other programs.
 TRUSTED = 0.5
-# Range of logged velocities and accelerations [rad/s, rad/s²]; ratio to them that is a warning.
+# Range of logged velocities and accelerations [rad/s, rad/s²]; ratio to the logged value above
+# which a warning is given.
 LOGGED, EXCEEDED = (0.0, 1e6), 1.02
 PER_JOINT = (
     *("kp", "kv", "acceleration_limit", "ki", "dead_time", "inertia", "velocity_feedforward"),
