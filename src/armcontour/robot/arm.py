@@ -157,7 +157,7 @@ class Arm(Immutable, ABC):
     limits_hint: str = ""
     notes: tuple[str, ...] = ()
     _read_shapes: Callable[[], ArmShapes] | None = None
-    _instead = "with_limits, with_name, with_tool, with_work and with_dynamics give another arm"
+    _instead = "Use with_limits, with_name, with_tool, with_work or with_dynamics instead"
 
     def __str__(self) -> str:
         """Name and number of joints."""

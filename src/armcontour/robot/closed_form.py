@@ -73,7 +73,7 @@ class Reach(NamedTuple):
     fifth: FloatArray  # Angles of joint 5 [rad], (n, 2, m); 0 for a wrist
     bend: FloatArray  # Sum of the angles of joints 2, 3 and 4 [rad], (n, 2, m); 0 for a wrist
     feasible: BoolArray  # True if joint 5 can give axis 6 the required direction, (n, 2, m)
-    flat: BoolArray  # True if axis 6 is nearly parallel to axis 2 then, (n, 2, m)
+    flat: BoolArray  # True if axis 6 is nearly parallel to axis 2 at q5, (n, 2, m)
     vector: (
         FloatArray  # Vector in the plane from joint 2 to the end of the forearm [m], (n, 2, m, 3)
     )
