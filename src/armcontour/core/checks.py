@@ -445,13 +445,13 @@ def check_name(description: str, value: Any, *, longest: int = LONGEST_NAME) -> 
         raise InvalidInput(f"The {description} must be text, not {show(value)}.")
     if len(value) > longest:
         raise InvalidInput(
-            f"The {description} must have at most {longest} characters, but has {len(value)}: "
+            f"The {description} has {len(value)} characters, but must have at most {longest}: "
             f"{show(value)}."
         )
     if not value.isprintable():
         bad = next(x for x in value if not x.isprintable())
         raise InvalidInput(
-            f"The {description} must be printable, but has the character U+{ord(bad):04X}: "
+            f"The {description} has the character U+{ord(bad):04X}, which is not printable: "
             f"'{make_printable(value)}'."
         )
     return value
