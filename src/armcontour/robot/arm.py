@@ -105,7 +105,7 @@ def compare_limits(limits: Limits, arm: Arm) -> str:
         return ""
     called = getattr(arm, "name", "without a name")
     return (
-        f"limits exceed those of the arm {called}, so the real arm may not follow the plan: "
+        f"limits are above those of the arm {called}, so the real arm may not follow the plan: "
         f"{'; '.join(above)}."
     )
 
