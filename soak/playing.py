@@ -156,7 +156,7 @@ class Trial:
         if step.names[-1] == "playing":
             self.begun = time.monotonic()
 
-    def wanted(self) -> bool:
+    def stop_requested(self) -> bool:
         """Called during the motion."""
         # Before the motion the player looks once.
         if not self.happened and time.monotonic() - self.begun > self.at:
@@ -174,7 +174,7 @@ class Trial:
                 new_controller(),
                 execute=True,
                 speed_factor=1.0,
-                wanted=self.wanted,
+                stop_requested=self.stop_requested,
                 progress=self.tell,
             )
         finally:

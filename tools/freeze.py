@@ -299,7 +299,8 @@ def record_of(
     path = os.pathsep.join([str(tree / "src"), str(ROOT)])
     cache = compiled(tree)
     environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(cache)}
-    subprocess.check_call([sys.executable, "-m", "armcontour", "compile"], env=environment)
+    compile_all = [sys.executable, "-m", "armcontour", names.get("compile", "compile")]
+    subprocess.check_call(compile_all, env=environment)
     command = [sys.executable, "-m", "tools.freeze", "--record", str(tree), str(folder)]
     running = [
         subprocess.Popen(

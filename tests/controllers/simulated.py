@@ -53,8 +53,10 @@ class Simulated(Controller):
         """The commanded positions."""
         return self.held
 
-    def stream(self, motion: Motion, wanted: Callable[[], bool] = lambda: False) -> PlayedMotion:
-        """Play a motion; `wanted` is asked in every cycle."""
+    def stream(
+        self, motion: Motion, stop_requested: Callable[[], bool] = lambda: False
+    ) -> PlayedMotion:
+        """Play a motion; `stop_requested` is asked in every cycle."""
         self._check_start(motion)
         self.motions.append(motion)
         command, stopped, measured, dt = motion.q.copy(), None, [], self.cycle
@@ -70,7 +72,7 @@ class Simulated(Controller):
                 and np.abs(measured[-1] - motion.predicted[min(k, len(motion.predicted) - 1)]).max()
                 > motion.band
             )
-            if asked is None and motion.next_stop is not None and (far or wanted()):
+            if asked is None and motion.next_stop is not None and (far or stop_requested()):
                 asked = motion.next_stop(k + 100)
                 stopped = asked.k
                 command = np.concatenate([command[:stopped], asked.q])

@@ -90,7 +90,7 @@ def test_what_the_fci_does_not_take_is_refused(fr3):
             robot.check(fr3, changed, given)
     with pytest.raises(ControllerRefused, match="franka has 7 joints, but the arm UR5e has 6"):
         robot.check(ac.load_arm("ur5e"), limits, q[:, :6])
-    with pytest.raises(ac.InvalidInput, match="model takes fr3 or panda"):
+    with pytest.raises(ac.InvalidInput, match="model must be fr3 or panda"):
         Franka("127.0.0.1", model="fr2")
 
 

@@ -99,7 +99,7 @@ def test_a_motion_is_that_of_our_simulation(job, planned):
 
 @needs_linuxcnc
 def test_a_stop_and_a_following_error_end_at_rest_on_the_path(job):
-    asked = play(job, controller(), execute=True, speed_factor=1.0, wanted=Later(3))
+    asked = play(job, controller(), execute=True, speed_factor=1.0, stop_requested=Later(3))
     weak = controller(servo=SERVO.replace(kp=15.0))
     errs = play(job, weak, execute=True, speed_factor=1.0, band=3e-3)
     for played, distance in ((asked, 5e-6), (errs, 2e-3)):

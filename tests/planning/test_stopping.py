@@ -53,6 +53,30 @@ def test_the_stop_is_the_fastest_one() -> None:
     assert stopped.duration - motion.duration / 2 == pytest.approx(0.5, rel=0.01)
 
 
+def _fastest_duration(v: float, a: float, limit: float, jerk: float) -> float:
+    """Duration of the fastest stop of one joint: jerk -J, acceleration -A, jerk +J [s]."""
+    peak = np.sqrt(jerk * v + a**2 / 2)
+    if peak <= limit:
+        return (a + 2 * peak) / jerk
+    return (a + 2 * limit) / jerk + (v + a**2 / (2 * jerk) - limit**2 / jerk) / limit
+
+
+def test_a_stop_with_jerk_limits_takes_at_most_twice_the_fastest_time() -> None:
+    """While the plan accelerates, at uniform speed, and while it brakes, on a straight line."""
+    arm = ac.load_arm("pmk3s")
+    line = ac.JointPath.spline([[0.0, 0.0], [1.0, 0.5], [2.0, 1.0]], [0.0, 1.0, 2.0])
+    limits = ac.Limits(joint_velocity=0.5, joint_acceleration=0.5, joint_jerk=1.0)
+    motion = ac.plan(line, arm, limits, ac.Optimal(reserve=0.02))
+    for t in np.linspace(0.01, 0.99, 40) * motion.duration:
+        (v, _), (a, _) = motion(float(t), 1), motion(float(t), 2)
+        fastest = _fastest_duration(v, a, 0.5, 1.0)
+        stopped = stop(motion, float(t))
+        duration = stopped.duration - t
+        assert fastest - 1e-6 < duration < max(2 * fastest, 0.03), (t, duration, fastest)
+        result = ac.check(stopped, arm, limits)
+        assert max(x.ratio for x in result.uses) < 1 + ROUNDING
+
+
 def test_rests_and_ends_of_a_program() -> None:
     """Rapids and dwells stop like contours; a stop at rest is no motion."""
     arm = ac.load_arm("pmk3s")

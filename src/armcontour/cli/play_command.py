@@ -33,7 +33,7 @@ OF_CONTROLLER = {x: f"--{x}" for x in ("execute", "drives", "hal", "address")}
 
 def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> int:
     """Play a run of a job, print and write the record, and return the exit code."""
-    from armcontour.controllers.player import check_speed, plan_played, play_planned
+    from armcontour.controllers.player import Player, check_speed, plan_played, play_planned
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import AngularDistance, Factor
     from armcontour.files import ResultFolder
@@ -64,15 +64,12 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
             confirm(job, controller)
         with on_interrupt(stop.set), search_progress("playing") as progress:
             played = play_planned(
+                Player(controller, options.execute, stop.is_set, progress),
                 job,
                 plan,
-                controller,
-                execute=options.execute,
                 speed_factor=speed_factor,
                 band=band,
                 set_points=set_points,
-                wanted=stop.is_set,
-                progress=progress,
             )
         if folder is not None:
             _write(played, folder)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -65,7 +66,7 @@ def identify_robot(
             excitation=options.excitation,
             execute=options.execute,
             options=ServoFit(model=options.model, kinematics=job.arm, **fit_options),
-            wanted=stop.is_set,
+            stop_requested=stop.is_set,
             progress=progress,
         )
 
@@ -73,6 +74,7 @@ def identify_robot(
 def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) -> int:
     """Play, record and learn several runs; write the folder after each, and return the code."""
     from armcontour.controllers import RobotLearner
+    from armcontour.controllers.player import Player
     from armcontour.core.checks import raise_if
     from armcontour.core.quantities import AngularDistance, Reserve
     from armcontour.files.result_folder import data_json
@@ -90,22 +92,19 @@ def learn_robot(file: FilePath, job_options: JobOptions, options: LearnOptions) 
         job = open_job(file, job_options, subprogress(progress, "reading"))
         controller = controller_of(job, options.on, options)
         learner = RobotLearner(
+            Player(controller, options.execute, stop.is_set, progress),
             job,
-            controller,
             run_name=options.run_name,
             runs=options.runs,
             reserve=reserve,
-            execute=options.execute,
             band=band,
-            wanted=stop.is_set,
-            progress=progress,
         )
         if options.out is not None and not options.force:
             learner.resume(_earlier_logs(options.out, job))
     if options.execute and learner.goes_on:
         confirm(job, controller)
     with search_progress("learning") as progress, on_interrupt(stop.set):
-        learner.progress = progress
+        learner.player = dataclasses.replace(learner.player, progress=progress)
         while learner.goes_on:
             _run_next(learner, options)
     result = learner.result
@@ -154,8 +153,6 @@ def _earlier_logs(out: FilePath, job: Job) -> list[Log]:
 
 def _named(log: Log, source: str, job: Job) -> Log:
     """A log with the joints of a job."""
-    import dataclasses
-
     return dataclasses.replace(log, source=source, joint_names=job.arm.joint_names)
 
 

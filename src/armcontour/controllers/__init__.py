@@ -1,4 +1,4 @@
-"""Robot controllers: adapters that play set-points and record what the robot does."""
+"""Adapters of robot controllers: play set-points, and record commanded and measured positions."""
 
 from armcontour.core.lazy import lazy_names
 

@@ -15,19 +15,20 @@ from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import command_weights
 
-# Rest after a motion, in which joints settle and the last samples arrive [s].
+# Duration of the rest that is appended to a motion: the joints settle and the last samples arrive
+# [s].
 REST = 1.0
-# Set-points of a stop equal those of the plan before it within this [rad].
+# Tolerance between the set-points of a stop and those of the plan, before the stop begins [rad].
 SAME = 1e-7
-# Cycles of set-points by which a set-point depends on the later plan, first guess; doubled while
-# this is not enough.
+# Number of set-points by which the compensation looks ahead: the first guess is doubled up to the
+# maximum, until the set-points before the stop no longer change.
 FORESIGHT, LONGEST_FORESIGHT = 16, 256
-# Time in which a learned correction fades out in a stop [s].
+# Duration in which a stop reduces learned corrections to 0 [s].
 FADING = 0.2
 
 
 def commands_at(set_points: SetPoints, cycle: float, interpolation: str) -> FloatArray:
-    """Set-points at the cycles of a controller, with a rest at their end [rad], (n, dof).
+    """Set-points at the cycles of a controller, followed by a rest [rad], (n, dof).
 
     Args:
         set_points: The set-points.
@@ -66,17 +67,17 @@ class Stopper:
         self.set_points, self.servo, self.options = set_points, servo, options
         self.arm, self.cycle = arm, cycle
         self.q = commands_at(set_points, cycle, servo.interpolation)
-        # Learned set-points of a robot with more dead time than its model are earlier than those of
-        # the compensation by whole cycles, but they are the same rows.
+        # If the robot has more dead time than its model, learned set-points start whole cycles
+        # earlier than those of the compensation. Row k still belongs to row k.
         planned = self._compensate(set_points.trajectory)
         self._start_time = planned.start_time
         self._planned = commands_at(planned, cycle, servo.interpolation)
 
     def __call__(self, k: int) -> Stop:
-        """The stop that replaces the set-points from cycle k on.
+        """Compute the stop that replaces the set-points from cycle k on.
 
         Raises:
-            NotRealizable: The set-points before k would have to be others, too.
+            NotRealizable: The stop would also change set-points before k.
         """
         plan, foresight = self.set_points.trajectory, FORESIGHT
         while foresight <= LONGEST_FORESIGHT:
@@ -94,17 +95,18 @@ class Stopper:
                 return Stop(k=k, q=q[k:] + self._correction(k, len(q) - k))
             foresight *= 2
         raise NotRealizable(
-            f"Set-points before cycle {k} depend on a stop after it: their limits or the poles of "
-            "the compensation look too far ahead."
+            f"The set-points before cycle {k} depend on the stop after it: the compensation looks "
+            f"ahead by more than {LONGEST_FORESIGHT} set-points. Choose faster poles or wider "
+            "command limits."
         )
 
     def _compensate(self, trajectory: Trajectory) -> SetPoints:
-        """Set-points of a trajectory, compensated as the plan is."""
+        """Set-points of a trajectory, with the compensation of the plan."""
         cycle = self.set_points.cycle
         return unchecked_set_points(trajectory, self.servo, self.options, cycle=cycle, arm=self.arm)
 
     def _correction(self, k: int, count: int) -> FloatArray:
-        """The learned change of the set-points from cycle k on, which fades out (count, dof)."""
+        """Learned correction from cycle k on, which fades out [rad], (count, dof)."""
         learned = self.q[k : k + count] - self._planned[k : k + count]
         number = np.arange(count)
         x = np.clip(number * self.cycle / FADING, 0.0, 1.0)
@@ -113,7 +115,7 @@ class Stopper:
 
 
 def uncompensated_motion(trajectory: Trajectory, arm: Arm, cycle: float) -> Motion:
-    """The motion along a trajectory without compensation, with its stops."""
+    """Motion along a trajectory, with its stops; the set-points are not compensated."""
     q = trajectory.sample(cycle).q
     set_points = SetPoints(cycle=cycle, q=q, trajectory=trajectory, method="none")
     stopper = Stopper(set_points, ServoModel(order="delay"), NoCompensation(), arm, cycle)

@@ -1,4 +1,4 @@
-"""Controllers of robots: a base class that plays motions through a feeder process."""
+"""Base class of controllers: plays a motion through a feeder process, and records it."""
 
 from __future__ import annotations
 
@@ -33,25 +33,25 @@ from armcontour.core.result import Row
 from armcontour.core.text import count_noun
 from armcontour.robot import Arm, Limits
 
-# Longest times for connecting, and for the end of a stop and of the process [s].
+# Timeouts: connecting; the end of a stop and of the feeder process [s].
 CONNECTING, CLOSING = 20.0, 60.0
-# Time between two looks at the samples [s].
+# Period of reading new samples [s].
 PAUSE = 5e-3
-# First guess of the time that a stop needs to be computed and sent [s].
+# First estimate of the time for computing and sending a stop [s].
 LEAD = 0.15
-# Time between two stops in hand [s].
+# Time between the first cycles of two consecutive stops [s].
 INTERVAL = 0.2
-# Largest distance of a joint from the first set-point [rad].
+# Maximum distance of a joint from the first set-point when a motion starts [rad].
 START = 1e-3
-# Set-points, and the commands that the controller recorded, are equal within this [rad].
+# Tolerance between the set-points and the commands that the controller recorded [rad].
 SAME = 1e-9
-# Largest number of characters of an error message of a feeder.
+# Maximum number of characters of a feeder's error message.
 SHOWN = 600
-# Notes on events of a feeder.
+# Sentences for the record, by the letter of a feeder's event.
 EVENTS = {
-    "W": "The feeder had no sign of life from this process and stopped.",
-    "A": "The next stop was not ready in time, so the last one was taken.",
-    "V": "A process of the feeder was lost, and another one stopped.",
+    "W": "The feeder received nothing from the sending process, and stopped the motion.",
+    "A": "The next stop was not ready in time, so the feeder executed the previous one.",
+    "V": "A process of the feeder ended or halted, and the other one stopped the motion.",
 }
 
 Positions = Annotated[FloatArray, Quantity("rad"), Axes("n", "joints")]
@@ -113,7 +113,7 @@ class PlayedMotion(Checked):
 
 
 class Command(NamedTuple):
-    """Command of a feeder process, variables of its environment, and a command after its end."""
+    """Command of a feeder process, its environment variables, and a clean-up command."""
 
     words: Sequence[str]
     environment: Mapping[str, str] = {}
@@ -121,7 +121,7 @@ class Command(NamedTuple):
 
 
 class _Channel:
-    """A feeder process, and what it has sent."""
+    """A feeder process, and the lines that it has sent."""
 
     def __init__(self, command: Command, folder: FilePath) -> None:
         self.folder, self.clean_up = folder, command.clean_up
@@ -148,7 +148,7 @@ class _Channel:
     def _listen(self) -> None:
         assert self.process.stdout is not None
         for line in self.process.stdout:
-            # A process that was killed may have ended within a line.
+            # The last line of a killed process may be incomplete.
             kind, *words = line.split() or [""]
             if kind == "s" and len(words) == 2 + 2 * len(self.positions):
                 self.samples.append(tuple(map(float, words)))
@@ -161,7 +161,7 @@ class _Channel:
         self.alive = False
 
     def send(self, lines: Iterable[str]) -> None:
-        """Send lines; `alive` shows that no process is left."""
+        """Send lines; if the process has ended, they are lost and `alive` becomes False."""
         assert self.process.stdin is not None
         text = "".join(f"{x}\n" for x in lines)
         with self._lock:
@@ -170,18 +170,18 @@ class _Channel:
                 self.process.stdin.flush()
 
     def event(self, kind: str) -> list[str] | None:
-        """The last event of a kind since the begin of the motion."""
+        """The last event of a kind in this motion; None if there was none."""
         return next((x for x in reversed(self.events) if x[0] == kind), None)
 
     def describe_failure(self) -> str:
-        """The reason why the process has ended, if it is known."""
+        """The reason why the process has ended: its error message if there is one."""
         if self.failure:
             return self.failure
         errors = (self.folder / "stderr.txt").read_text(errors="replace").split()
         return " ".join(errors)[-SHOWN:] or "its process has ended"
 
     def close(self) -> None:
-        """End the process, which ends a motion on the path before."""
+        """End the process; a motion that is played stops on the path first."""
         self.send(["Q"])
         assert self.process.stdin is not None
         with suppress(OSError):
@@ -191,12 +191,12 @@ class _Channel:
         except subprocess.TimeoutExpired:
             os.killpg(self.process.pid, signal.SIGTERM)
             self.process.wait()
-        # Another process of the feeder may still stop the robot.
+        # If the guard has ended, the feeder may still be stopping the robot.
         self._listener.join(CLOSING)
         assert self.process.stdout is not None
         self.process.stdout.close()
         if self.process.returncode and self.clean_up:
-            # A process that was killed has left the controller's programs.
+            # If the process was killed, programs of the controller still run.
             subprocess.run(
                 self.clean_up,
                 env=self.environment,
@@ -209,7 +209,7 @@ class _Channel:
 
 
 class _StopSender(threading.Thread):
-    """Sends the stop that comes next, from before a motion until its end."""
+    """Thread that computes and sends stops ahead of the motion, until the motion ends."""
 
     def __init__(self, channel: _Channel, motion: Motion, ahead: int, cycle: float) -> None:
         super().__init__(daemon=True)
@@ -222,20 +222,32 @@ class _StopSender(threading.Thread):
 
     @property
     def due(self) -> int:
-        """The first cycle that a stop which is computed now can replace."""
+        """First cycle that can still be replaced by a stop whose computation starts now."""
         return self.played + self.ahead + round(self.lead / self.cycle)
+
+    def prepare(self) -> None:
+        """Compile the functions of stops, and measure the time for computing a stop."""
+        assert self.motion.next_stop is not None
+        for _ in range(2):
+            begin = time.monotonic()
+            self.motion.next_stop(len(self.motion.q) // 2)
+        self._measure(begin)
+
+    def _measure(self, begin: float) -> None:
+        """Increase the lead to twice the time since the begin of a stop's computation [s]."""
+        self.lead = max(self.lead, 2 * (time.monotonic() - begin) + PAUSE)
 
     def send_next(self) -> int:
         """Compute and send the next stop, and return its cycle."""
         assert self.motion.next_stop is not None
-        begun, played = time.monotonic(), self.played
+        begin, played = time.monotonic(), self.played
         if self.channel.event("X") is None:
-            # A motion of minutes has thousands of stops.
+            # Discard stops whose first cycle has passed: a long motion has thousands.
             self.sent = {k: q for k, q in self.sent.items() if k >= played}
         stop = self.motion.next_stop(self.due + round(INTERVAL / self.cycle))
-        self.lead = max(self.lead, 2 * (time.monotonic() - begun) + PAUSE)
         self.sent[stop.k] = stop.q
         self.channel.send([f"T {stop.k}", *rows_as_lines(stop.q), "E"])
+        self._measure(begin)
         return stop.k
 
     def run(self) -> None:
@@ -259,7 +271,7 @@ class _StopSender(threading.Thread):
 
 
 class Controller(ABC):
-    """A robot controller that takes joint positions in every cycle.
+    """Base class of robot controllers that receive joint positions in every cycle.
 
     Attributes:
         name: Name of the controller.
@@ -278,7 +290,7 @@ class Controller(ABC):
 
     @abstractmethod
     def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> Command:
-        """The command of the feeder process; `folder` is for its files."""
+        """Command of the feeder process, which writes its files to `folder`."""
 
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
         """Compare arm, limits and set-points with those of the controller.
@@ -329,12 +341,14 @@ class Controller(ABC):
         row = channel.samples[-1]
         return np.array(row[2 : 2 + len(channel.positions)])
 
-    def stream(self, motion: Motion, wanted: Callable[[], bool] = lambda: False) -> PlayedMotion:
+    def stream(
+        self, motion: Motion, stop_requested: Callable[[], bool] = lambda: False
+    ) -> PlayedMotion:
         """Play a motion and record it.
 
         Args:
             motion: The motion, which begins at the commanded position.
-            wanted: Called often; True stops the motion on its path.
+            stop_requested: Called often; True stops the motion on its path.
 
         Raises:
             ControllerRefused: The motion begins elsewhere; nothing moves.
@@ -347,7 +361,8 @@ class Controller(ABC):
         channel.send(["M", *rows_as_lines(motion.q), "E"])
         stops = _StopSender(channel, motion, self.ahead, self.cycle)
         if motion.next_stop is not None:
-            # Nothing moves before there is a stop.
+            # The motion starts after the first stop has been sent.
+            stops.prepare()
             stops.send_next()
             stops.start()
         channel.send(["G"])
@@ -359,7 +374,7 @@ class Controller(ABC):
                     reason = channel.describe_failure()
                     record = self._record(begin, motion, stops.sent, notes)
                     raise _lost(f"{self.name} was lost: {reason}", record)
-                # A line is a sign of life.
+                # An empty line shows the feeder that this process is alive.
                 channel.send([""])
                 rows = channel.samples[looked:]
                 looked += len(rows)
@@ -368,9 +383,9 @@ class Controller(ABC):
                 reason = _following_error(rows, motion)
                 if not reason and stops.error is not None:
                     reason = f"No further stop can be computed: {stops.error}"
-                # The feeder may have stopped by itself; then joints leave their predictions.
+                # After a stop by the feeder itself, joints deviate from their predictions.
                 stopping = stopping or channel.event("X") is not None
-                if not stopping and (reason or wanted()):
+                if not stopping and (reason or stop_requested()):
                     channel.send(["S"])
                     stopping = True
                     notes += [reason] if reason else []
@@ -380,7 +395,7 @@ class Controller(ABC):
         return self._record(begin, motion, stops.sent, notes)
 
     def close(self) -> None:
-        """End the connection; a motion stops on its path before."""
+        """End the connection; a motion that is played stops on its path first."""
         if self._channel is not None:
             self._channel.close()
             self._channel = None
@@ -397,7 +412,7 @@ class Controller(ABC):
         return self._channel
 
     def _check_joints(self, arm: Arm, dof: int) -> None:
-        """Refuse an arm with another number of joints than the controller."""
+        """Refuse an arm whose number of joints differs from that of the controller."""
         if arm.dof != dof:
             raise ControllerRefused(
                 f"{self.name} has {count_noun(dof, 'joint')}, but the arm {arm.name} has "
@@ -405,13 +420,14 @@ class Controller(ABC):
             )
 
     def _check_start(self, motion: Motion) -> None:
-        """Refuse a motion that does not begin where the controller holds the robot."""
+        """Refuse a motion whose first set-point differs from the commanded position."""
         distance = np.abs(motion.q[0] - self.position())
         j = int(distance.argmax())
         if distance[j] > START:
             raise ControllerRefused(
                 f"Joint {j + 1} is commanded to {number(self.position()[j], 'rad')}, "
-                f"{number(distance[j], 'rad')} from the first set-point: move it there before.",
+                f"{number(distance[j], 'rad')} from the first set-point, but at most "
+                f"{number(START, 'rad')} are allowed: move the robot there first.",
                 joint=j,
                 needed=float(distance[j]),
                 allowed=START,
@@ -420,10 +436,10 @@ class Controller(ABC):
     def _record(
         self, begin: int, motion: Motion, stops: Mapping[int, FloatArray], notes: list[str]
     ) -> PlayedMotion:
-        """Record of a motion from the samples since number `begin`."""
+        """Make the record of a motion from the samples from index `begin` on."""
         channel, dof = self._connected(), motion.q.shape[1]
         table = np.array(channel.samples[begin:], dtype=float).reshape(-1, 2 + 2 * dof)
-        # Before the first row the controller may still hold the last one of another motion.
+        # Before the first set-point, the controller may still hold the last one of another motion.
         table = table[
             int(np.argmax(table[:, 1] == 0)) if (table[:, 1] == 0).any() else len(table) :
         ]
@@ -434,7 +450,7 @@ class Controller(ABC):
         if stopped is not None:
             q = np.concatenate([q[:stopped], stops[stopped]])
         missing = int((np.diff(clock) - 1).sum()) if len(clock) else 0
-        # Rests end a motion, and the last row is held.
+        # A motion ends with a rest, so repeated samples of the last row are not late.
         late = int((np.diff(k[k < len(q) - 1]) == 0).sum())
         command = table[:, 2 : 2 + dof]
         deviation = float(np.abs(command - q[np.minimum(k, len(q) - 1)]).max(initial=0.0))
@@ -459,12 +475,14 @@ class Controller(ABC):
 
 
 def rows_as_lines(q: FloatArray) -> list[str]:
-    """Joint positions as lines to a feeder, without loss of digits."""
-    return ["P " + " ".join(map(repr, row)) for row in q.tolist()]
+    """Lines for a feeder with rows of joint positions, with all digits, and the rest at the end."""
+    moving = np.flatnonzero((q != q[-1]).any(axis=1))
+    n = moving[-1] + 2 if len(moving) else 1
+    return [*("P " + " ".join(map(repr, row)) for row in q[:n].tolist()), f"H {len(q) - n}"]
 
 
 def _following_error(rows: Sequence[Sequence[float]], motion: Motion) -> str:
-    """A sentence if a joint is farther from its predicted position than allowed; else empty."""
+    """A sentence if the following error of a joint exceeds the band; else an empty text."""
     if not rows or motion.predicted is None or not np.isfinite(motion.band):
         return ""
     table = np.array(rows)

@@ -1,4 +1,4 @@
-"""Motions that excite all joints, for identification: sums of sines about a position."""
+"""Motions that excite all joints for identification: sums of sines about a position."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from armcontour.motion import JointPath, PathLaw, Trajectory
 from armcontour.robot import Limits
 from armcontour.robot.limit_use import States
 
-# Duration, and time in which the motion begins and in which it ends [s].
+# Duration of the motion, and of the fade-in at its start and the fade-out at its end [s].
 DURATION, FADING = 12.0, 2.0
-# Frequencies of the first joint [Hz]; those of joint j are j times DETUNED higher, so that joints
-# do not move alike.
+# Frequencies of the first joint [Hz]. Those of joint j are higher by the share j * DETUNED, so that
+# motions of joints are not correlated.
 FREQUENCIES, DETUNED = (0.31, 0.83, 1.9, 3.7), 0.17
-# Largest amplitude [rad], and share of the limits that is used.
+# Maximum amplitude [rad], and share of the limits that the motion uses.
 AMPLITUDE, SHARE = 0.1, 0.6
-# Times of the motion that are checked [s].
+# Interval between the states whose limits are checked [s].
 STEP = 2e-3
-# Number of times that the amplitude is halved near an obstacle.
+# Maximum number of halvings of the amplitude near an obstacle.
 HALVINGS = 4
-# Limits of the joints: those that scale with the amplitude, and others.
+# Joint limits that are proportional to the amplitude, and other joint limits.
 OF_JOINTS = (
     *("joint_velocity", "joint_acceleration", "joint_jerk"),
     *("joint_lower", "joint_upper", "joint_torque"),
@@ -35,7 +35,7 @@ OF_JOINTS = (
 
 
 def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
-    """A motion about the begin of a trajectory, within limits and clear of arm and cell.
+    """Motion about the start of a trajectory, within limits and without contact.
 
     Args:
         job: The job.
@@ -57,8 +57,8 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
     columns = [x * (np.maximum(room, 0.0) / np.abs(columns[0]).max(axis=0)) for x in columns]
     if (np.ptp(columns[0], axis=0) == 0).any():
         j = int(np.ptp(columns[0], axis=0).argmin())
-        raise ControllerRefused(f"Joint {j + 1} begins at the end of its range.", joint=j)
-    # Each joint first, so that a slow one does not slow down the others; then the tool.
+        raise ControllerRefused(f"Joint {j + 1} starts at the end of its range.", joint=j)
+    # Scale each joint by its own limits first, then all joints by the limits of the tool.
     tool = limits.replace(**dict.fromkeys(OF_JOINTS))
     for some in (*(Limits.only(**{x: getattr(limits, x)}) for x in OF_JOINTS[:3]), tool):
         states = States(job.arm, [columns[0] + start, *columns[1:]])
@@ -79,7 +79,7 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
 
 
 def _sines(dof: int, t: FloatArray) -> list[FloatArray]:
-    """Position of each joint and three derivatives, of one amplitude, from rest to rest."""
+    """Positions for an amplitude of 1 and three derivatives, from rest to rest, (n, dof) each."""
     x = np.clip(np.minimum(t, t[-1] - t) / FADING, 0.0, 1.0)
     sign = np.where(t < t[-1] / 2, 1.0, -1.0)
     inside = ((x > 0) & (x < 1)) / FADING
@@ -93,7 +93,7 @@ def _sines(dof: int, t: FloatArray) -> list[FloatArray]:
     for j in range(dof):
         for k, frequency in enumerate(FREQUENCIES):
             w = 2 * np.pi * frequency * (1 + DETUNED * j)
-            # The higher ones are smaller, so that all have equal accelerations about.
+            # Amplitudes fall with the square of the frequency, so accelerations are about equal.
             a, phase = 1 / w**1.5, w * t + 2.0 * j + 1.3 * k
             sine = [a * w**n * np.sin(phase + n * np.pi / 2) for n in range(4)]
             columns[0][:, j] += fade[0] * sine[0]
@@ -111,7 +111,7 @@ def _sines(dof: int, t: FloatArray) -> list[FloatArray]:
 def _trajectory(
     base: Trajectory, t: FloatArray, columns: list[FloatArray], start: FloatArray
 ) -> Trajectory:
-    """Samples of a motion as a trajectory with the limits of a plan."""
+    """Trajectory through samples of a motion, with the limits of a plan."""
     states = (columns[0] + start, columns[1], columns[2])
     begin = (states[0][:-1], states[1][:-1], states[2][:-1])
     end = (states[0][1:], states[1][1:], states[2][1:])

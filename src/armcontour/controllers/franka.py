@@ -1,4 +1,4 @@
-"""Franka's control interface (FCI) as a controller: joint positions every 1 ms."""
+"""The Franka Control Interface (FCI) as a controller: joint positions every 1 ms."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from armcontour.robot.limits import or_unlimited
 
 CYCLE = 1e-3
 DOF = 7
-# libfranka subtracts this from each of its limits: kLimitEps.
+# Margin that libfranka subtracts from each of its limits: kLimitEps.
 EPS = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class FrankaLimits:
-    """Limits with which libfranka changes or refuses joint positions.
+    """Limits of libfranka, beyond which it changes or refuses joint positions.
 
     The velocity limit of a joint at q is `min(speed, sqrt(slope (upper_zero - q)) - offset)`, and
     for negative velocities the same of `q - lower_zero`.
@@ -54,7 +54,7 @@ class FrankaLimits:
     upper_zero: FloatArray
 
     def velocities(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper limit of the velocities at joint positions [rad/s], (n, 7) each."""
+        """Lower and upper velocity limits at joint positions [rad/s], (n, 7) each."""
         low, high = (
             np.minimum(self.speed, np.sqrt(self.slope * np.maximum(x, 0.0)) - self.offset)
             for x in (q - self.lower_zero, self.upper_zero - q)
@@ -117,7 +117,7 @@ UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3"}
 
 
 class Franka(Controller):
-    """A Franka Research 3, or a Panda, by the Franka Control Interface (FCI).
+    """A Franka Research 3 or a Panda, controlled by the Franka Control Interface (FCI).
 
     It needs pylibfranka, `armcontour[franka]`, and a real-time kernel for a robot; a simulator on a
     loopback address needs none.
@@ -134,14 +134,14 @@ class Franka(Controller):
     def __init__(self, address: str, *, model: str = "fr3") -> None:
         super().__init__()
         if model not in LIMITS:
-            raise InvalidInput(f"There is no model {model}: model takes {' or '.join(LIMITS)}.")
+            raise InvalidInput(f"model must be {' or '.join(LIMITS)}, but is {model}.")
         self.address, self.model = address, model
 
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
         """Compare arm, limits and set-points with those of the FCI."""
         self._check_joints(arm, DOF)
         allowed = LIMITS[self.model]
-        # Stops on the path are as smooth as the plan.
+        # Stops have the limits of the plan, so these limits are compared, too.
         for name, most in (("acceleration", allowed.acceleration), ("jerk", allowed.jerk)):
             values = or_unlimited(getattr(limits, f"joint_{name}"), DOF)
             values = np.broadcast_to(values, DOF)
@@ -149,20 +149,22 @@ class Franka(Controller):
             if values[j] > most[j]:
                 given = number(values[j], UNITS[name]) if np.isfinite(values[j]) else "unlimited"
                 raise ControllerRefused(
-                    f"The plan's {name} of joint {j + 1} is {given}, above the "
-                    f"{number(most[j], UNITS[name])} of the FCI: set the limit joint_{name}.",
+                    f"The limit joint_{name} of joint {j + 1} is {given}, but the FCI allows "
+                    f"{number(most[j], UNITS[name])}: reduce joint_{name}.",
                     joint=j,
                     allowed=float(most[j]),
                 )
         return self._compare(q)
 
-    def stream(self, motion: Motion, wanted: Callable[[], bool] = lambda: False) -> PlayedMotion:
-        """Play a motion and record it, if the FCI takes its set-points."""
+    def stream(
+        self, motion: Motion, stop_requested: Callable[[], bool] = lambda: False
+    ) -> PlayedMotion:
+        """Play a motion and record it, after a check that the FCI accepts its set-points."""
         self._compare(motion.q)
-        return super().stream(motion, wanted)
+        return super().stream(motion, stop_requested)
 
     def _compare(self, q: FloatArray) -> list[Row]:
-        """The use of the FCI's limits by set-points."""
+        """Use of the FCI's limits by set-points, one row per derivative."""
         limits = LIMITS[self.model]
         beyond = np.maximum(q - limits.upper, limits.lower - q)
         i, j = divmod(int(beyond.argmax()), DOF)
@@ -170,7 +172,8 @@ class Franka(Controller):
             end = limits.upper[j] if q[i, j] > limits.upper[j] else limits.lower[j]
             raise ControllerRefused(
                 f"Joint {j + 1} is at {number(q[i, j], 'rad')} {_at(i)}, outside the robot's "
-                f"range, which ends at {number(end, 'rad')}: move the path.",
+                f"range, which ends at {number(end, 'rad')}: move the path, or choose another "
+                "configuration.",
                 joint=j,
                 needed=float(q[i, j]),
                 allowed=float(end),
@@ -184,9 +187,9 @@ class Franka(Controller):
                 unit = UNITS[name]
                 raise ControllerRefused(
                     f"The {name} of joint {j + 1} is {number(values[i, j], unit)} {_at(i)}, above "
-                    f"the {number(most[i, j], unit)} of the FCI: lower the limit joint_{name}, or "
-                    "give the plan a larger reserve. Compensated set-points need far more jerk "
-                    "than the FCI takes: use the method none.",
+                    f"the {number(most[i, j], unit)} of the FCI: reduce the limit joint_{name}, or "
+                    "increase timing.reserve. Compensated set-points need more jerk than the FCI "
+                    "allows: use compensation method none.",
                     joint=j,
                     needed=float(values[i, j]),
                     allowed=float(most[i, j]),
@@ -205,5 +208,5 @@ class Franka(Controller):
 
 
 def _at(i: int) -> str:
-    """The time of a cycle."""
+    """Time of cycle i, as text."""
     return f"at {number(i * CYCLE, 's')}"

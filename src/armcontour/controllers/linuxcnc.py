@@ -1,4 +1,4 @@
-"""LinuxCNC's HAL as a controller: a streamer feeds a servo thread, a sampler records it."""
+"""LinuxCNC's HAL as a controller: a streamer feeds a servo thread, and a sampler records it."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 from armcontour.robot.servo import ServoModel
 
-# Parent folder of the package, for the Python of the system.
+# Parent folder of the package, for PYTHONPATH of the system's Python.
 SOURCE = FilePath(__file__).parents[2]
 SYSTEM_PYTHON = "/usr/bin/python3"
 RTAPI = "/usr/bin/rtapi_app"
-# The real-time program refuses root; it then runs as this user, nobody.
+# The real-time program refuses root, so for root it runs as this user (nobody).
 NOBODY = 65534
 # Parameters of servo models that simulated drives do not have.
 UNSUPPORTED = ("dead_time", "velocity_feedforward", "acceleration_feedforward", "drive_cycle")
-# Signal of a HAL file that enables the drives, once the measured position is commanded.
+# Signal of a HAL file that enables the drives after the measured position has been commanded.
 ENABLE = "armcontour-enable"
-# Dry friction of simulated joints grows with their speed by this factor until its size [1/s].
+# Slope of the dry friction of simulated joints over their speed, up to the full friction [1/s].
 SLIDING = 500.0
-# Rows of the FIFOs between the feeder and the thread.
+# Capacity of the FIFOs between the feeder and the servo thread [rows].
 STREAMER_DEPTH, SAMPLER_DEPTH = 4000, 8000
 
 
 @checks.explain_calls
 class LinuxCNC(Controller):
-    """LinuxCNC's HAL, with the joints of a HAL file, or with simulated drives.
+    """LinuxCNC's HAL with the joints of a HAL file or with simulated drives.
 
     It needs the Debian package `linuxcnc-uspace`; no real-time kernel.
 
@@ -75,15 +75,15 @@ class LinuxCNC(Controller):
         super().__init__()
         self.hal_file = None if hal_file is None else FilePath(hal_file)
         if (self.hal_file is None) == (servo is None):
-            raise InvalidInput("LinuxCNC needs a HAL file, or a servo to simulate; give one.")
-        # Threads of a HAL file write to drives as soon as they run.
+            raise InvalidInput("LinuxCNC needs either a HAL file or a servo to simulate.")
+        # A dry run does not connect: threads of a HAL file write to drives as soon as they run.
         self.observes = self.hal_file is None
         self.servo, self.accelerations, self.late = servo, accelerations, late
         self.cycle, self.ahead = cycle, round(ahead / cycle)
 
     @classmethod
     def simulated(cls, servo: ServoModel, arm: Arm) -> LinuxCNC:
-        """LinuxCNC with simulated drives, whose accelerations are limited as the servo's or arm's.
+        """LinuxCNC with simulated drives, with the acceleration limits of the servo or the arm.
 
         Args:
             servo: The drives; with a dead time of one cycle loops are `late`.
@@ -111,8 +111,8 @@ class LinuxCNC(Controller):
             j = int(above.argmax())
             raise ControllerRefused(
                 f"The plan allows an acceleration of joint {j + 1} of "
-                f"{number(planned[j], 'rad/s²')}, but its simulated drive has "
-                f"{number(drives[j], 'rad/s²')}.",
+                f"{number(planned[j], 'rad/s²')}, but its simulated drive allows "
+                f"{number(drives[j], 'rad/s²')}: reduce joint_acceleration.",
                 joint=j,
                 needed=float(planned[j]),
                 allowed=float(drives[j]),
@@ -139,7 +139,7 @@ class LinuxCNC(Controller):
             environment["RTAPI_UID"] = str(NOBODY)
             folder.chmod(0o711)
             os.chown(folder, NOBODY, NOBODY)
-        # The HAL of a machine has one fixed address that other programs use, too.
+        # HAL uses one fixed address per machine, which other programs also use.
         apart = _own_ipc() if self.hal_file is None else []
         words = [*apart, SYSTEM_PYTHON, "-m", "armcontour.controllers.devices.linuxcnc"]
         words += [str(folder / "samples.txt"), str(file), str(self.ahead), str(arm.dof)]
@@ -147,7 +147,7 @@ class LinuxCNC(Controller):
 
 
 def _own_ipc() -> list[str]:
-    """The command that gives a program shared memory of its own; empty if there is none."""
+    """Prefix that runs a program with separate shared memory; empty if unavailable."""
     if os.geteuid() == 0:
         return ["unshare", "--ipc"]
     command = ["unshare", "--map-current-user", "--ipc"]
@@ -188,7 +188,7 @@ def _check_file(file: FilePath, arm: Arm) -> None:
 
 
 def signal_name(joint: str) -> str:
-    """Name of the HAL signal with the command of a joint."""
+    """Name of the HAL signal with the commanded position of a joint."""
     return re.sub(r"[^\w.-]", "-", joint)
 
 
@@ -200,12 +200,12 @@ def simulated_drives(
     late: bool,
     cycle: float,
 ) -> Iterator[str]:
-    """Lines of a HAL file with a servo and a double integrator per joint."""
+    """Text of a HAL file with a servo and a double integrator per joint."""
     other = [x for x in UNSUPPORTED if np.any(getattr(servo, x))]
     if servo.kv is None or not np.isfinite(servo.kv).all() or other:
         raise InvalidInput(
-            "LinuxCNC's simulated drives have kp, kv, ki and friction only: give a servo of order "
-            f"second without {', '.join(other or UNSUPPORTED)}, as plant of the job or --drives."
+            "LinuxCNC's simulated drives have only kp, kv, ki and friction: set plant or --drives "
+            f"to a servo of order second without {', '.join(other or UNSUPPORTED)}."
         )
     dof = len(start)
     limits = np.broadcast_to(np.asarray(accelerations, dtype=float), dof)
@@ -229,7 +229,7 @@ def simulated_drives(
         yield f"setp v{j}.Pgain {servo.kv[j]:.15g}"
         yield f"setp v{j}.Igain {servo.kv[j] * servo.ki[j]:.15g}"
         yield f"setp a{j}.gain1 -1"
-        # Dry friction, which is the same as a position error.
+        # Dry friction enters as an equivalent position error.
         friction = servo.kp[j] * servo.kv[j] * servo.friction[j]
         yield f"setp fs{j}.gain {SLIDING:g}"
         yield f"setp fl{j}.min {-friction:.15g}"

@@ -1,4 +1,4 @@
-"""`identify_on`: identify the servos of a robot from motions of its own."""
+"""`identify_on`: play motions on a robot, and identify its servos from their logs."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 
 from armcontour.control.compensation import NoCompensation
 from armcontour.control.identification import Identification, Prediction, ServoFit, identify
-from armcontour.controllers.controller import Controller
+from armcontour.controllers.controller import Controller, PlayedMotion
 from armcontour.controllers.excitation import excite
-from armcontour.controllers.player import Played, limits_of, perform, perform_motion, plan_played
+from armcontour.controllers.player import Played, Player, limits_of, plan_played
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
@@ -23,17 +23,17 @@ from armcontour.jobs.job_result import RunResult
 from armcontour.motion import Log
 from armcontour.robot import Limits
 
-# Reserve of the run that is identified: its commanded accelerations should not saturate.
+# Default reserve of the run, so that commanded accelerations do not saturate.
 GENTLE = 0.2
-# A joint moves enough if it uses this share of its acceleration limit, RMS.
+# A joint is excited enough if its RMS acceleration is at least this share of its limit.
 ENOUGH = 0.15
-# Names of the motions, also of their logs.
+# Names of the motions and of their logs.
 RUN, EXCITATION = "run", "excitation"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RobotIdentification(Result):
-    """Motions of a robot, and its identified servos.
+    """Motions of a robot, and the servos identified from their logs.
 
     Args:
         played: The motions by their names, `run` and `excitation`: the run without compensation,
@@ -50,22 +50,22 @@ class RobotIdentification(Result):
 
     @property
     def logs(self) -> dict[str, Log]:
-        """Logs of the motions that were played to their ends, by name."""
+        """Logs of the motions that were completed, by name."""
         return {
-            name: replace(x.log, source=name)
+            name: replace(x.log_of(x.record), source=name)
             for name, x in self.played.items()
             if x.record is not None and x.record.stopped is None
         }
 
     @property
     def stopped(self) -> bool:
-        """True if a motion was stopped, or not begun."""
+        """True if a motion was stopped or did not start."""
         records = [x.record for x in self.played.values()]
         executed = any(x is not None for x in records)
         return executed and any(x is None or x.stopped is not None for x in records)
 
     def to_data(self) -> Data:
-        """The motions, and the servos if they are identified."""
+        """Rows on the motions."""
         first = self.played[RUN]
         rows = [
             *first.to_data().rows,
@@ -76,9 +76,11 @@ class RobotIdentification(Result):
         notes = []
         if self.resting:
             notes = [
-                f"The run moves {', '.join(self.resting)} too little: all joints are excited "
-                "about its begin, too."
+                f"The run moves {', '.join(self.resting)} too little, so a second motion excites "
+                "all joints about the start of the run."
             ]
+        records = [x.record for x in self.played.values() if x.record is not None]
+        notes += [x for record in records if record.stopped is not None for x in record.notes]
         title = f"Identification on {first.controller}"
         return Data(title, tuple(rows), notes=tuple(notes))
 
@@ -86,14 +88,14 @@ class RobotIdentification(Result):
 @checked
 def identify_on(
     job: Job,
-    on: Controller,
+    controller: Controller,
     *,
     run_name: str | None = None,
     reserve: Reserve = GENTLE,
     excitation: bool = False,
     execute: bool = False,
     options: ServoFit | None = None,
-    wanted: Callable[[], bool] = lambda: False,
+    stop_requested: Callable[[], bool] = lambda: False,
     progress: Progress | None = None,
 ) -> RobotIdentification:
     """Play a run of a job without compensation, and identify the servos of the robot from it.
@@ -104,14 +106,14 @@ def identify_on(
 
     Args:
         job: The job.
-        on: The controller, not connected.
+        controller: The controller, not connected.
         run_name: The run; by default the only one.
         reserve: Smallest reserve of its plan.
         excitation: Whether all joints are excited in any case, so that servos are judged on two
             different programs.
         execute: Whether the robot moves; otherwise the motions are planned and compared only.
         options: Options of the identification; by default with the arm of the job.
-        wanted: Called often during a motion; True stops it on its path.
+        stop_requested: Called often during a motion; True stops it on its path.
         progress: Called with the steps.
 
     Raises:
@@ -119,22 +121,27 @@ def identify_on(
         ControllerRefused: The controller differs from the plan, or joints cannot be excited.
         ControllerLost: The controller failed during a motion.
     """
+    player = Player(controller, execute, stop_requested, progress)
     chosen = choose_run(job, run_name, "identified")
     plain = replace(chosen, compensation=NoCompensation(), accuracy=None)
     played_job, planned = plan_played(
         replace(job, runs=(plain,)), None, reserve=reserve, progress=progress
     )
     limits, tell = limits_of(played_job, planned), subprogress(progress, chosen.name)
-    resting = _resting(planned, limits, on.cycle)
+    resting = _resting(planned, limits, controller.cycle)
     result = RobotIdentification(played={}, resting=resting)
 
+    def is_complete(record: PlayedMotion) -> bool:
+        # The log has the commands that the robot used, so late set-points do not matter.
+        return record.stopped is None
+
     def play_run() -> Played:
-        return perform(played_job, planned, on, execute=execute, wanted=wanted, progress=progress)
+        return player.play_undisturbed(lambda: player.play_plan(played_job, planned), is_complete)
 
     def play_excitation() -> Played:
-        motion = excite(played_job, limits, planned.trajectory, on.cycle)
+        motion = excite(played_job, limits, planned.trajectory, controller.cycle)
         bare = replace(result.played[RUN], record=None)
-        return perform_motion(bare, motion, on, execute, wanted, progress)
+        return player.play_undisturbed(lambda: player.play_motion(bare, motion), is_complete)
 
     def fit_of(logs: dict[str, Log]) -> Identification:
         tell(Step(("identifying",)))
@@ -167,7 +174,7 @@ def identify_on(
 
 
 def _resting(planned: RunResult, limits: Limits, cycle: float) -> tuple[str, ...]:
-    """Names of the joints that a plan moves too little for an identification."""
+    """Names of the joints whose planned RMS acceleration is too small for identification."""
     ddq = np.sqrt(np.mean(planned.trajectory.sample(cycle).ddq ** 2, axis=0))
     low, high = limits.acceleration_bounds(len(ddq))
     fastest = np.minimum(-low, high)
@@ -176,14 +183,14 @@ def _resting(planned: RunResult, limits: Limits, cycle: float) -> tuple[str, ...
 
 
 def _refuse_saturated(fit: Identification, limits: Limits) -> None:
-    """Refuse logs in which drives may have saturated: models of such logs may be wrong."""
+    """Refuse logs with possible saturation, because the identified model may be wrong."""
     for j, joint in enumerate(fit.joints):
         limit = joint.servo.acceleration_limit
         if not joint.saturation and not np.isfinite(limit):
             continue
         said = joint.saturation or f"{joint.name} may saturate at {limit:.3g} rad/s²."
         raise InvalidInput(
-            f"The commanded acceleration exceeds what the drives give: {said} Its servo is not "
-            "identified from such a log: take a larger reserve, or lower limits of the run.",
+            f"The drives saturate, so servos cannot be identified from this log: {said} Increase "
+            "the reserve, or reduce the limits of the run.",
             joint=j,
         )

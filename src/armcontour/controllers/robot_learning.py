@@ -1,4 +1,4 @@
-"""`learn_on`: play a run on a robot again and again, and learn from each log."""
+"""`learn_on`: play a run on a robot repeatedly, and learn from each log."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from armcontour.control.learning import LearningResult
 from armcontour.controllers.commands import commands_at
 from armcontour.controllers.controller import Controller, PlayedMotion
-from armcontour.controllers.player import Played, perform, plan_played
+from armcontour.controllers.player import ATTEMPTS, Played, Player, plan_played
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.fields import checked
@@ -23,23 +23,21 @@ from armcontour.jobs.job_result import RunResult
 from armcontour.jobs.run_learning import LearningStudy, learn_run
 from armcontour.motion import Log, SetPoints
 
-# Smallest reserve of the plan by default: corrections need acceleration, and a servo that saturates
-# does not respond to them as learning expects.
+# Default of the minimum reserve: learned corrections need additional acceleration, and learning
+# assumes that drives do not saturate.
 CORRECTIONS = 0.2
 RUNS = 4
-# A later run is stopped where a joint deviates from the plan by this multiple of the largest
-# deviation in the best run before it, but not by less than LEAST [rad].
+# A run is stopped if a joint deviates from the plan by more than RUNAWAY times the maximum
+# deviation of the best earlier run, and by more than LEAST [rad].
 RUNAWAY, LEAST = 3.0, 1e-3
-# Number of times that a motion is played which the machine disturbed.
-ATTEMPTS = 3
-# Commands of a log, and the set-points of its run, are equal within this [rad].
+# Tolerance between the commands of a log and the set-points of its run [rad].
 SAME = 1e-6
 STOPPED = "stopped on request"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RobotLearning(Result):
-    """Runs of a robot, and what was learned from them.
+    """Runs of a robot, and the set-points learned from them.
 
     Args:
         job: The job with the run as it is played.
@@ -59,7 +57,7 @@ class RobotLearning(Result):
 
     @property
     def best(self) -> LearningResult | None:
-        """The lesson with the set-points to produce with: those of the best run."""
+        """The lesson with the set-points of the best run, for production."""
         lesson = self.lesson
         if lesson is None or lesson.finished:
             return lesson
@@ -67,17 +65,17 @@ class RobotLearning(Result):
 
     @property
     def study(self) -> LearningStudy | None:
-        """The runs for a report; None before the first run."""
+        """Data of the report; None before the first run."""
         best = self.best
         return None if best is None else LearningStudy(job=self.job, plan=self.plan, lesson=best)
 
     @property
     def stopped(self) -> bool:
-        """True if the last motion was stopped on request, or not begun."""
+        """True if the last motion was stopped on request or did not start."""
         return self.ended == STOPPED
 
     def to_data(self) -> Data:
-        """The runs, and why they ended."""
+        """Rows on the runs, and the reason why they ended."""
         count, first = len(self.logs), self.played
         rows = [Row("runs", count, "", "runs", self.ended, VERDICT)]
         if first is not None:
@@ -92,7 +90,7 @@ class RobotLearning(Result):
 
 
 class RobotLearner:
-    """Learning of a run on a robot, one run after the other; arguments as of `learn_on`.
+    """Plays and learns one run at a time; arguments as of `learn_on`.
 
     Attributes:
         result: The runs so far.
@@ -100,20 +98,16 @@ class RobotLearner:
 
     def __init__(
         self,
+        player: Player,
         job: Job,
-        on: Controller,
         *,
         run_name: str | None = None,
         runs: int = RUNS,
         reserve: float = CORRECTIONS,
-        execute: bool = False,
         band: float | None = None,
-        wanted: Callable[[], bool] = lambda: False,
-        progress: Progress | None = None,
     ) -> None:
-        played_job, plan = plan_played(job, run_name, reserve=reserve, progress=progress)
-        self.on, self.runs, self.execute, self.band = on, runs, execute, band
-        self.wanted, self.progress = wanted, progress
+        played_job, plan = plan_played(job, run_name, reserve=reserve, progress=player.progress)
+        self.player, self.runs, self.band = player, runs, band
         self.result = RobotLearning(job=played_job, plan=plan)
 
     @property
@@ -130,7 +124,7 @@ class RobotLearner:
         """Learn from logs of earlier runs.
 
         Raises:
-            InvalidInput: A log is one of other set-points.
+            InvalidInput: The commands of a log differ from the set-points of its run.
         """
         for log in logs:
             self._check_commands(log)
@@ -138,44 +132,40 @@ class RobotLearner:
 
     def run_next(self) -> None:
         """Play the next run, and learn from it."""
-        if self.wanted():
+        player = self.player
+        if player.stop_requested():
             self.result = replace(self.result, ended=STOPPED)
             return
-        watch, ran_away = self._watch(), False
-        for _ in range(ATTEMPTS):
-            played = perform(
-                self.result.job,
-                self.result.plan,
-                self.on,
-                set_points=self.set_points,
-                execute=self.execute,
-                watch=watch,
-                wanted=self.wanted,
-                progress=self.progress,
-            )
-            self.result = replace(self.result, played=played)
-            record = played.record
-            if not self.execute or self.wanted() or record is None:
-                break
-            ran_away = _ran_away(record, watch, self.on.cycle)
-            if ran_away or (record.stopped is None and record.faithful):
-                break
-        if not self.execute:
+        watch = self._watch()
+        played = player.play_undisturbed(
+            lambda: player.play_plan(
+                self.result.job, self.result.plan, set_points=self.set_points, watch=watch
+            ),
+            lambda record: (
+                (record.stopped is None and record.faithful)
+                or _ran_away(record, watch, player.controller.cycle)
+            ),
+        )
+        record = played.record
+        self.result = replace(self.result, played=played)
+        if not player.execute:
             self.result = replace(self.result, ended="dry run")
-        elif record is None or (record.stopped is not None and self.wanted()):
+        elif record is None or (record.stopped is not None and player.stop_requested()):
             self.result = replace(self.result, ended=STOPPED)
-        elif ran_away:
+        elif _ran_away(record, watch, player.controller.cycle):
             self._go_back(record)
         elif record.stopped is not None:
-            raise ControllerRefused(f"The run was stopped {ATTEMPTS} times: {_notes(record)}")
+            raise ControllerRefused(
+                f"The run was stopped in each of {ATTEMPTS} attempts: {_notes(record)}"
+            )
         else:
             name = f"run {len(self.result.logs) + 1}"
             self._learn_from(replace(played.log, source=name))
 
     def _learn_from(self, log: Log) -> None:
-        """Learn from the log of the next run."""
+        """Compute the next set-points from the log of a run."""
         result, before = self.result, self.result.lesson
-        subprogress(self.progress)(Step((f"learning from {log.source}",)))
+        subprogress(self.player.progress)(Step((f"learning from {log.source}",)))
         lesson = learn_run(result.job, result.plan, self.set_points, log)
         ended = lesson.reason if lesson.finished else ""
         if before is not None and lesson.setbacks > before.setbacks and not ended:
@@ -184,7 +174,7 @@ class RobotLearner:
         self.result = replace(result, logs=(*result.logs, log), lesson=lesson, ended=ended)
 
     def _go_back(self, record: PlayedMotion) -> None:
-        """End learning after a motion that was stopped as it deviated too far."""
+        """End learning with the best run, after a motion that deviated too much."""
         reason, lesson = _notes(record), self.result.lesson
         if lesson is None:
             raise ControllerRefused(f"The first run was stopped on its path: {reason}")
@@ -192,7 +182,7 @@ class RobotLearner:
         self.result = replace(self.result, lesson=_end(lesson, ended), ended=ended)
 
     def _watch(self) -> tuple[FloatArray, float] | None:
-        """Expected positions, and the deviation that stops a run."""
+        """Expected positions [rad], (n, dof), and the deviation that stops a run [rad]."""
         points, plan = self.set_points, self.result.plan
         lesson = self.result.lesson
         if lesson is None and self.band is None:
@@ -201,28 +191,34 @@ class RobotLearner:
         if lesson is not None:
             largest = float(np.abs(lesson.runs[lesson.best].error).max())
             band = min(band, max(RUNAWAY * largest, LEAST))
-        cycle = self.on.cycle
+        cycle = self.player.controller.cycle
         end = plan.trajectory.duration - points.start_time
         t = points.start_time + np.arange(round(end / cycle) + 1) * cycle
         return plan.trajectory.with_rests(np.asarray(t, dtype=float)), band
 
     def _check_commands(self, log: Log) -> None:
-        """Refuse a log whose commands are not the set-points of the next run."""
-        q = commands_at(self.set_points, self.on.cycle, self.result.job.servo.interpolation)
+        """Refuse a log whose commands differ from the set-points of the next run."""
+        q = commands_at(
+            self.set_points, self.player.controller.cycle, self.result.job.servo.interpolation
+        )
         n = min(len(q), len(log.command))
-        same = log.dof == q.shape[1] and abs(log.interval - self.on.cycle) < SAME * self.on.cycle
+        same = (
+            log.dof == q.shape[1]
+            and abs(log.interval - self.player.controller.cycle)
+            < SAME * self.player.controller.cycle
+        )
         differs = float(np.abs(log.command[:n] - q[:n]).max()) if same else np.inf
         if differs > SAME:
             by = f", by up to {number(differs, 'rad')}" if same else ""
             raise InvalidInput(
-                f"{log.source} is a log of other set-points than those of run "
-                f"{len(self.result.logs) + 1}{by}: the job has changed since. Begin again in "
+                f"The commands of {log.source} differ from the set-points of run "
+                f"{len(self.result.logs) + 1}{by}: the job has changed since. Start again in "
                 "another folder."
             )
 
 
 def _ran_away(record: PlayedMotion, watch: tuple[FloatArray, float] | None, cycle: float) -> bool:
-    """True if a motion was stopped because a joint was too far from its expected position."""
+    """True if a motion was stopped because a joint deviated from its expected position."""
     if record.stopped is None or watch is None:
         return False
     expected, band = watch
@@ -236,7 +232,7 @@ def _notes(record: PlayedMotion) -> str:
 
 
 def _end(lesson: LearningResult, reason: str) -> LearningResult:
-    """The lesson with the set-points of its best run, finished."""
+    """Finish a lesson with the set-points of its best run."""
     best = lesson.runs[lesson.best]
     return replace(lesson, q=best.q, predicted=best.rms, finished=True, reason=reason)
 
@@ -244,7 +240,7 @@ def _end(lesson: LearningResult, reason: str) -> LearningResult:
 @checked
 def learn_on(
     job: Job,
-    on: Controller,
+    controller: Controller,
     *,
     run_name: str | None = None,
     runs: int = RUNS,
@@ -252,18 +248,18 @@ def learn_on(
     execute: bool = False,
     logs: Sequence[Log] = (),
     band: AngularDistance | None = None,
-    wanted: Callable[[], bool] = lambda: False,
+    stop_requested: Callable[[], bool] = lambda: False,
     progress: Progress | None = None,
 ) -> RobotLearning:
-    """Play a run on a robot, learn from its log, and repeat this with the learned set-points.
+    """Play a run on a robot, learn from its log, and repeat with the learned set-points.
 
-    It ends when nothing repeats any more, and goes back to the set-points of the best run when a
-    run is worse than the best one, or when a joint deviates from the plan by 3 times the largest
-    deviation in that run, which stops the motion on its path.
+    Learning ends when the remaining error does not repeat. It also ends, with the set-points of the
+    best run, when a run is worse than the best one, or when a joint deviates from the plan by 3
+    times the maximum deviation of the best run. Such a motion is stopped on its path.
 
     Args:
         job: The job.
-        on: The controller, not connected.
+        controller: The controller, not connected.
         run_name: The run; by default the only one.
         runs: Number of runs, with those of `logs`.
         reserve: Smallest reserve of the plan: corrections need acceleration.
@@ -271,7 +267,7 @@ def learn_on(
         logs: Logs of earlier runs, with which learning goes on.
         band: Largest deviation of a joint from the plan before a motion is stopped, also in the
             first run [rad]; by default unlimited in the first run.
-        wanted: Called often during a motion; True stops it on its path and ends learning.
+        stop_requested: Called often during a motion; True stops it on its path and ends learning.
         progress: Called with the steps.
 
     Raises:
@@ -279,10 +275,8 @@ def learn_on(
         ControllerRefused: The controller differs from the plan.
         ControllerLost: The controller failed during a motion.
     """
-    learner = RobotLearner(
-        job, on, run_name=run_name, runs=runs, reserve=reserve, execute=execute, band=band,
-        wanted=wanted, progress=progress,
-    )  # fmt: skip
+    player = Player(controller, execute, stop_requested, progress)
+    learner = RobotLearner(player, job, run_name=run_name, runs=runs, reserve=reserve, band=band)
     learner.resume(logs)
     while learner.goes_on:
         learner.run_next()

@@ -1,4 +1,4 @@
-"""Universal Robots as a controller: `servoj` every 2 ms, by RTDE and a program on the robot."""
+"""Universal Robots as a controller: `servoj` every 2 ms, with RTDE and a program on the robot."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DOF = 6
 
 
 class Ur(Controller):
-    """A robot of Universal Robots, in remote control.
+    """A robot from Universal Robots in remote control.
 
     Written from the vendor's documentation and tested against a double of its protocol. It has
     never run on a robot.
@@ -41,7 +41,7 @@ class Ur(Controller):
         self.address, self.cycle, self.lookahead, self.gain = address, cycle, lookahead, gain
 
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
-        """Compare the number of joints, and set-points with ranges and speeds of the arm."""
+        """Compare the number of joints, and the set-points with ranges and speeds of the arm."""
         self._check_joints(arm, DOF)
         lower, upper = arm.limits.joint_lower, arm.limits.joint_upper
         beyond = np.zeros_like(q)

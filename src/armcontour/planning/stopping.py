@@ -8,6 +8,7 @@ laws of any method.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -31,25 +32,35 @@ from armcontour.robot.limit_use import States
 
 # Longest piece of a joint path over time [s]; its quintics are then within 1e-10 rad of the plan.
 PIECE = 2e-3
-# Precision of the plan's time at the end of a stop [s].
-PRECISION = 1e-3
+# Relative precision of the duration of a stop with limits of jerk.
+PRECISION = 0.02
+# Delays of such a stop that are tried, as shares of its duration with the delay: where the jerk of
+# the plan is at its limit, a stop that begins immediately can take many times longer.
+DELAYS = (0.0, 0.25, 0.5)
 # Largest joint speed of a plan at rest [rad/s].
 REST = 1e-6
 # Share of the limits that a stop takes of the plan's reserve: its grid has other margins.
 MARGIN = 0.01
 # Grid intervals of a stop.
 INTERVALS = 200
-# A stop with limits of jerk: times of states that are checked, and shortest duration [s].
-STATES = 500
+# Stop with limits of jerk: numbers of states that are checked, first few and then all, and shortest
+# duration [s].
+STATES = (40, 500)
 SHORTEST = 0.02
+# Gauss-Legendre rule on an interval from 0 to 1, iterations of Newton's method, and rounding error
+# of dtau/dt.
+NODES = np.array([0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5])
+WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18
+NEWTON = 2
+ROUNDING = 1e-6
 
 
 @checked
 def stop(trajectory: Trajectory, t: Time) -> Trajectory:
     """The trajectory until a time, and from there a stop on its path within its limits.
 
-    With limits of jerk, `dtau/dt` falls along one smooth curve; without, the stop is the fastest
-    one.
+    With limits of jerk, the speed in joint space is one cubic polynomial, which begins later than
+    `t` if the stop then ends earlier. Without limits of jerk, the stop is the fastest one.
 
     Args:
         trajectory: A plan with arm and limits. With a reserve below 1 %, a stop that begins where a
@@ -57,8 +68,8 @@ def stop(trajectory: Trajectory, t: Time) -> Trajectory:
         t: Time at which the stop begins [s].
 
     Returns:
-        The laws until `t` and a law that ends at rest, without spans and events. Where the limits
-        allow no earlier stop, the plan until it rests by itself.
+        The laws until the begin of the stop and a law that ends at rest, without spans and events.
+        If the limits allow no earlier stop, the plan until it is at rest.
 
     Raises:
         InvalidInput: The trajectory has no arm.
@@ -68,12 +79,15 @@ def stop(trajectory: Trajectory, t: Time) -> Trajectory:
     if np.abs(trajectory(min(t, rest), 1)).max() < REST:
         return _until(trajectory, min(t, rest))
     joint_path = _path_over_time(trajectory, t, rest)
-    find = _smooth_stop if limits.jerk_limits else _fastest_stop
-    begin = _until(trajectory, t)
+    inner = trajectory.smooth_breaks
+    jumps = inner[(inner > t) & (inner < rest)] - t
+    find = partial(_smooth_stop, jumps) if limits.jerk_limits else _fastest_stop
     # A part of the reserve first, then all of it.
     for reserve in sorted({max(trajectory.reserve - MARGIN, 0.0), 0.0}, reverse=True):
-        law = find(joint_path, arm, with_reserve(limits, reserve))
-        if law is not None and law.breaks[-1] < rest - t:
+        found = find(joint_path, arm, with_reserve(limits, reserve))
+        if found is not None and found[0] + found[1].breaks[-1] < rest - t:
+            delay, law = found
+            begin = _until(trajectory, t + delay)
             return replace(begin, laws=(*begin.laws, law))
     return _until(trajectory, rest)
 
@@ -150,8 +164,8 @@ class _PlanSpeed(Constraint):
         return (Ceiling(np.ones((len(path.grid.s) - 1, 2))),)
 
 
-def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> Law | None:
-    """The stop along the shortest part of a path over time for which there is one."""
+def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> tuple[float, Law] | None:
+    """The stop along the shortest feasible part of a path over time, and its delay, which is 0."""
     constraints: list[Constraint] = [_PlanSpeed()]
     if limits.tool_acceleration is not None:
         constraints.append(ToolAcceleration(limits.tool_acceleration, arm))
@@ -169,50 +183,162 @@ def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> Law | None
             high = middle
         except NotRealizable:
             low = middle
-    return law
+    return None if law is None else (0.0, law)
 
 
-def _smooth_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> Law | None:
-    """The stop in the shortest time in which a smooth curve of dtau/dt keeps all limits."""
-    low, high = 0.0, SHORTEST
-    while True:
-        # A stop in a duration goes on for half of it.
-        if high / 2 > joint_path.length:
-            return None
-        if _is_within(_slow_down(joint_path, high), arm, limits):
-            break
-        low, high = high, 1.5 * high
-    while high - low > PRECISION:
-        middle = (low + high) / 2
-        if _is_within(_slow_down(joint_path, middle), arm, limits):
-            high = middle
-        else:
-            low = middle
-    return PathLaw.over_time(_slow_down(joint_path, high))
+def _smooth_stop(
+    jumps: FloatArray, joint_path: JointPath, arm: Arm, limits: Limits
+) -> tuple[float, Law] | None:
+    """The stop with a cubic speed that ends first, and its delay [s]; None if there is none.
 
-
-def _slow_down(joint_path: JointPath, duration: float) -> JointPath:
-    """The stop in a duration [s], as a joint path whose parameter is the time.
-
-    `dtau/dt = 1 - S(t / duration)` with `S(x) = 10 x³ - 15 x⁴ + 6 x⁵`, so tau has no jerk at both
-    ends.
+    Derivatives of the path may be discontinuous at its parameters `jumps`.
     """
-    # Breaks of the plan are breaks of the stop, too: accelerations may jump there.
-    x = np.linspace(0.0, 1.0, STATES)
-    tau = duration * (x - x**4 * (2.5 - x * (3.0 - x)))
-    inner = joint_path.breaks[joint_path.breaks < tau[-1]]
-    x = np.unique(np.concatenate([x, np.interp(inner, tau, x)]))
-    x = x[np.append(True, np.diff(x) > 1e-9)]
-    tau = duration * (x - x**4 * (2.5 - x * (3.0 - x)))
-    rate = (1 - x**3 * (10 - x * (15 - 6 * x)))[:, None]
-    slope = (-30 * x**2 * (1 - x) ** 2 / duration)[:, None]
+    lengths = _joint_lengths(joint_path)
+    jump_lengths = _length_until(joint_path, lengths, jumps)
+
+    def stop_in(duration: float, share: float) -> JointPath | None:
+        if share * duration >= joint_path.length:
+            return None
+        speed = _cubic_speed(joint_path, lengths, share * duration, (1 - share) * duration)
+        if speed is None:
+            return None
+        stopped = None
+        for n, breaks in zip(STATES, (jump_lengths[:0], jump_lengths), strict=True):
+            stopped = _slow_down(joint_path, lengths, speed, speed.times(n, breaks))
+            if stopped is None or not _is_within(stopped, arm, limits):
+                return None
+        return stopped
+
+    low, high, stopped = 0.0, SHORTEST, None
+    while stopped is None:
+        for share in DELAYS:
+            stopped = stop_in(high, share)
+            if stopped is not None:
+                break
+        else:
+            if high / 2 > joint_path.length:
+                return None
+            low, high = high, 1.5 * high
+    while high - low > PRECISION * high:
+        middle = (low + high) / 2
+        shorter = stop_in(middle, share)
+        if shorter is None:
+            low = middle
+        else:
+            high, stopped = middle, shorter
+    return share * high, PathLaw.over_time(stopped)
+
+
+@dataclass(frozen=True, slots=True)
+class _CubicSpeed:
+    """Speed in joint space v(t) of a stop: a cubic polynomial that ends at rest.
+
+    It begins with the speed v0 [rad/s] and the acceleration a0 [rad/s²] of the plan at `delay` [s],
+    where the length of the path is `begin` [rad], and ends after `duration` [s].
+    """
+
+    delay: float
+    begin: float
+    duration: float
+    v0: float
+    a0: float
+
+    def speed(self, t: FloatArray) -> FloatArray:
+        """Speed in joint space [rad/s]."""
+        x = t / self.duration
+        return (1 - x) ** 2 * (self.v0 + (2 * self.v0 + self.a0 * self.duration) * x)
+
+    def acceleration(self, t: FloatArray) -> FloatArray:
+        """Derivative of the speed [rad/s²]."""
+        x = t / self.duration
+        return (1 - x) * (self.a0 * (1 - 3 * x) - 6 * self.v0 / self.duration * x)
+
+    def length(self, t: FloatArray) -> FloatArray:
+        """Length of the path in joint space [rad]."""
+        x = t / self.duration
+        linear = self.v0 * x * (1 - x**2 * (1 - x / 2))
+        rest = self.a0 * self.duration * x**2 * (1 / 2 - x * (2 / 3 - x / 4))
+        return self.begin + self.duration * (linear + rest)
+
+    def times(self, n: int, lengths: FloatArray) -> FloatArray:
+        """Uniform times with n points, and the times at lengths of the path [s]."""
+        t = np.linspace(0.0, self.duration, n)
+        table = self.length(t)
+        inner = lengths[(lengths > self.begin) & (lengths < table[-1])]
+        x = np.interp(inner, table, t)
+        for _ in range(NEWTON):
+            x = x + (inner - self.length(x)) / np.maximum(self.speed(x), self.v0 * ROUNDING)
+        t = np.unique(np.concatenate([t, np.clip(x, 0.0, self.duration)]))
+        return np.asarray(t[np.append(True, np.diff(t) > ROUNDING * self.duration)])
+
+
+def _cubic_speed(
+    joint_path: JointPath, lengths: FloatArray, delay: float, duration: float
+) -> _CubicSpeed | None:
+    """The speed of a stop; None if it would be negative, or the path is too short."""
+    first, second = (joint_path(np.array([delay]), k, side="right")[0] for k in (1, 2))
+    v0 = float(np.linalg.norm(first))
+    begin = float(_length_until(joint_path, lengths, np.array([delay]))[0])
+    speed = _CubicSpeed(delay, begin, duration, v0, float(first @ second) / v0)
+    is_negative = 3 * v0 + speed.a0 * duration < 0
+    end = float(speed.length(np.array([duration]))[0])
+    return None if is_negative or end >= lengths[-1] else speed
+
+
+def _length_until(joint_path: JointPath, lengths: FloatArray, t: FloatArray) -> FloatArray:
+    """Length of the path in joint space until its parameters t [rad], (n,)."""
+    breaks = joint_path.breaks
+    k = np.clip(np.searchsorted(breaks, t, side="right") - 1, 0, len(breaks) - 2)
+    return np.asarray(lengths[k] + _integrate_speed(joint_path, breaks[k], t))
+
+
+def _joint_lengths(joint_path: JointPath) -> FloatArray:
+    """Length of the path in joint space until each of its breaks [rad], (breaks,)."""
+    breaks = joint_path.breaks
+    pieces = _integrate_speed(joint_path, breaks[:-1], breaks[1:])
+    return np.append(0.0, np.cumsum(pieces))
+
+
+def _integrate_speed(joint_path: JointPath, begin: FloatArray, end: FloatArray) -> FloatArray:
+    """Lengths in joint space between times of the same pieces [rad], (n,)."""
+    duration = end - begin
+    t = begin[:, None] + duration[:, None] * NODES
+    speed = np.linalg.norm(joint_path(t.ravel(), 1), axis=1).reshape(t.shape)
+    return np.asarray(duration * (speed @ WEIGHTS))
+
+
+def _time_at(joint_path: JointPath, lengths: FloatArray, length: FloatArray) -> FloatArray:
+    """Parameter of a path over time at lengths in joint space [s], (n,), by Newton's method."""
+    k = np.clip(np.searchsorted(lengths, length, side="right") - 1, 0, len(lengths) - 2)
+    begin, end = joint_path.breaks[k], joint_path.breaks[k + 1]
+    tau = begin + (end - begin) * (length - lengths[k]) / (lengths[k + 1] - lengths[k])
+    for _ in range(NEWTON):
+        excess = lengths[k] + _integrate_speed(joint_path, begin, tau) - length
+        speed = np.linalg.norm(joint_path(tau, 1), axis=1)
+        tau = np.clip(tau - excess / speed, begin, end)
+    return np.asarray(tau)
+
+
+def _slow_down(
+    joint_path: JointPath, lengths: FloatArray, speed: _CubicSpeed, t: FloatArray
+) -> JointPath | None:
+    """The stop as a joint path over the time; None if it would be faster than the plan."""
+    tau = _time_at(joint_path, lengths, speed.length(t))
+    tau[0] = speed.delay
+    v, a = speed.speed(t), speed.acceleration(t)
     ends = []
     for part, side in ((slice(None, -1), "right"), (slice(1, None), "left")):
         q, first, second = (joint_path(tau[part], k, side=side) for k in range(3))
-        v, a = rate[part], slope[part]
-        ends.append((q, first * v, second * v**2 + first * a))
-    begin, end = (tuple(x) for x in ends)
-    return JointPath.hermite(duration * x, begin, end)
+        planned = np.linalg.norm(first, axis=1)
+        # dtau/dt, and its derivative.
+        rate = v[part] / planned
+        if rate.max() > 1 + ROUNDING:
+            return None
+        slope = (a[part] - rate**2 * np.einsum("nj,nj->n", first, second) / planned) / planned
+        rate, slope = rate[:, None], slope[:, None]
+        ends.append((q, first * rate, second * rate**2 + first * slope))
+    before, after = (tuple(x) for x in ends)
+    return JointPath.hermite(t, before, after)
 
 
 def _is_within(path: JointPath, arm: Arm, limits: Limits) -> bool:

@@ -103,13 +103,15 @@ def stopper_of(trajectory, arm):
     return Stopper(set_points, servo, NoCompensation(), arm, 1e-3)
 
 
-def played(robot, motion, job, limits, wanted=lambda: False):
+def played(robot, motion, job, limits, stop_requested=lambda: False):
     """The record of a motion that is played from its start, until one is faithful."""
     for _ in range(TRIES):
         if np.abs(robot.position() - motion.q[0]).max() > START:
-            robot.stream(approach_of(job, limits, robot.position(), motion.q[0], 1e-3))
-        record = robot.stream(motion, wanted)
-        if record.faithful:
+            record = robot.stream(approach_of(job, limits, robot.position(), motion.q[0], 1e-3))
+            if record.stopped is not None:
+                continue
+        record = robot.stream(motion, stop_requested)
+        if record.faithful and (record.stopped is None or stop_requested()):
             return record
     pytest.skip(f"This machine is too busy: {' '.join(record.notes)}")
 

@@ -1,1 +1,1 @@
-"""Programs that feed a controller: processes of their own, which need only its client library."""
+"""Feeders: separate processes that need only the client library of a controller."""

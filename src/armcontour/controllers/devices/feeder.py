@@ -1,4 +1,4 @@
-"""The loop of a feeder: sends the rows of a motion to a controller, and samples back.
+"""The loop of a feeder: sends rows of joint positions to a controller, and samples to the sender.
 
 A feeder is a process between `Controller` and a robot. It holds the whole motion and the next stops
 on the path, so it ends a motion on the path even if the process that started it is gone. It needs
@@ -12,6 +12,7 @@ Lines to a feeder, with the cycle k of a motion counted from 0:
 | `M` | a new motion; its rows follow |
 | `T k` | a stop that replaces the motion from cycle k on; its rows follow |
 | `P q1 q2 ...` | a row: joint positions [rad] |
+| `H n` | the last row n times more |
 | `E` | end of the rows |
 | `G` | play the motion |
 | `S` | take the next stop |
@@ -39,43 +40,43 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import Protocol
 
-# Longest time without a line from the sender before the next stop is taken [s].
+# Timeout of the sender: after this time without a line, the feeder executes the next stop [s].
 SILENCE = 0.5
-# Longest pause of a guarded feeder before its guard takes its place [s].
+# Timeout of a guarded feeder: after this time without a sample, its guard replaces it [s].
 HALT = 0.2
-# Stops that a guard keeps.
+# Number of stops that a guard stores.
 KEPT = 8
-# Pause of the loop between two looks at the controller [s].
+# Pause of the loop between two readings of the controller [s].
 PAUSE = 1e-3
 BLOCK = 1 << 20
-# Largest number of lines that are obeyed in a loop of a motion: about 0.2 ms.
+# Maximum number of lines that the loop processes per pass during a motion: about 0.2 ms.
 LINES = 60
 Row = tuple[float, ...]
-# Number by the controller's clock, cycle of the motion, command and measured positions.
+# Sample: count of the controller's clock, cycle of the motion, commanded and measured positions.
 Sample = tuple[int, int, Row, Row]
 
 
 class DeviceError(Exception):
-    """The controller failed."""
+    """Failure of the controller."""
 
 
 class Device(Protocol):
-    """Interface of a controller for its feeder."""
+    """Interface of a controller that the feeder uses."""
 
     def connect(self) -> Row:
-        """Connect, hold the position, and return the commanded joint positions."""
+        """Connect and hold the position; returns the commanded joint positions [rad]."""
 
     def start(self) -> None:
         """Prepare a motion."""
 
     def room(self) -> int:
-        """Number of rows that the controller takes now."""
+        """Number of rows that the controller can receive now."""
 
     def write(self, k: int, row: Row) -> None:
         """Send the row of cycle k."""
 
     def is_done(self) -> bool:
-        """True if all rows that were sent are executed."""
+        """True if the controller has executed all rows that were sent."""
 
     def samples(self) -> Iterable[Sample]:
         """Samples since the last call."""
@@ -84,45 +85,45 @@ class Device(Protocol):
         """End a motion."""
 
     def wait(self) -> None:
-        """Wait until there may be room or samples, one cycle of the controller at most."""
+        """Wait for room or samples, at most one cycle of the controller."""
 
     def close(self) -> None:
         """Disconnect."""
 
 
 class GuardedDevice(Device, Protocol):
-    """A controller that holds rows, so that another process can go on where one has ended."""
+    """A controller that buffers rows, so that another process can continue a motion."""
 
     def take_over(self) -> int:
-        """Connect to the moving controller; number of rows of the motion that it has got."""
+        """Connect during a motion; returns the number of rows that the controller has received."""
 
 
 class Output(Protocol):
-    """Output for lines, with an unlimited buffer."""
+    """Interface of an output with an unlimited buffer."""
 
     def write(self, text: str, /) -> object:
-        """Keep a text."""
+        """Append a text to the buffer."""
 
     def flush(self) -> object:
-        """Send as much as is taken now."""
+        """Send as much of the buffer as possible without waiting."""
 
     def close(self) -> object:
-        """Send all."""
+        """Send the whole buffer, and close."""
 
 
 class Pipe:
-    """A pipe to the sender. A sender that does not read does not halt a motion."""
+    """Pipe to the sender; a sender that does not read does not block the motion."""
 
     def __init__(self, descriptor: int) -> None:
         self.descriptor, self.unsent = descriptor, bytearray()
         os.set_blocking(descriptor, False)
 
     def write(self, text: str, /) -> None:
-        """Keep a text."""
+        """Append a text to the buffer."""
         self.unsent += text.encode()
 
     def flush(self) -> None:
-        """Send as much as the pipe takes."""
+        """Send as much of the buffer as the pipe accepts without waiting."""
         try:
             while self.unsent:
                 del self.unsent[: os.write(self.descriptor, self.unsent)]
@@ -130,13 +131,13 @@ class Pipe:
             pass
 
     def close(self) -> None:
-        """Send all."""
+        """Send the whole buffer, and close."""
         os.set_blocking(self.descriptor, True)
         self.flush()
 
 
 class Feeder:
-    """Reads lines from stdin, plays motions on a device, and prints lines.
+    """Reads commands from stdin, plays motions on a device, and prints samples and events.
 
     Args:
         device: The controller.
@@ -158,11 +159,11 @@ class Feeder:
         self.rest = b""
         self.lines: deque[bytes] = deque()
         self.sent = 0
-        self.playing = self.stop_wanted = self.orphaned = self.quitting = self.stopped = False
+        self.playing = self.stop_requested = self.orphaned = self.quitting = self.stopped = False
         self.heard = time.monotonic()
 
     def say(self, *words: object) -> None:
-        """Print a line; nothing if no process reads."""
+        """Print a line, unless no process reads."""
         try:
             self.out.write(" ".join(map(str, words)) + "\n")
         except BrokenPipeError:
@@ -176,19 +177,19 @@ class Feeder:
             self.lose_reader()
 
     def lose_reader(self) -> None:
-        """Print to nowhere, and go on alone."""
+        """Discard further output, and stop the motion without a sender."""
         self.out = open(os.devnull, "w")
         self.lose_sender()
 
     def lose_sender(self) -> None:
-        """Go on alone: take the next stop, then quit."""
+        """Continue without a sender: execute the next stop, then quit."""
         if not self.quitting:
             self.say("V")
-        self.orphaned = self.stop_wanted = self.quitting = True
+        self.orphaned = self.stop_requested = self.quitting = True
 
     def run(self) -> None:
-        """Connect and obey until the end."""
-        # Ctrl-C of a terminal reaches all processes; the sender decides.
+        """Connect, then process commands until the end."""
+        # Ctrl-C on a terminal reaches all processes; only the sender reacts to it.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         os.set_blocking(0, False)
         try:
@@ -202,7 +203,7 @@ class Feeder:
             self.end()
 
     def end(self) -> None:
-        """Disconnect, and send what is left."""
+        """Disconnect, and send the rest of the output."""
         self.flush()
         self.record.close()
         self.device.close()
@@ -210,9 +211,9 @@ class Feeder:
             self.out.close()
 
     def loop(self) -> None:
-        """Obey and feed until the end."""
+        """Process commands and send rows until the end."""
         while not self.quitting or self.playing:
-            # Controllers wait for rows, so lines come after them.
+            # Rows are urgent, so they are sent before lines are read.
             self.feed()
             self.report()
             self.flush()
@@ -221,7 +222,7 @@ class Feeder:
             self.device.wait()
 
     def read(self) -> None:
-        """Obey the lines that have arrived."""
+        """Read from stdin, and process the lines that have arrived."""
         if not self.orphaned and select.select([0], [], [], 0)[0]:
             data = os.read(0, BLOCK)
             if data:
@@ -233,31 +234,33 @@ class Feeder:
         if (
             not self.orphaned
             and self.playing
-            and not self.stop_wanted
+            and not self.stop_requested
             and time.monotonic() - self.heard > SILENCE
         ):
             self.say("W")
-            self.stop_wanted = True
+            self.stop_requested = True
 
     def take(self, data: bytes) -> None:
-        """Receive data, and obey its lines."""
+        """Append received data to the buffer, and process its lines."""
         self.heard = time.monotonic()
         *lines, self.rest = (self.rest + data).split(b"\n")
         self.lines.extend(filter(None, lines))
         self.obey_lines()
 
     def obey_lines(self) -> None:
-        """Obey the lines that have arrived; during a motion a few of them."""
+        """Process the buffered lines; during a motion, only a few."""
         obeyed = 0
         while self.lines and not (self.playing and obeyed >= LINES):
             self.obey(self.lines.popleft().decode().split())
             obeyed += 1
 
     def obey(self, words: list[str]) -> None:
-        """Obey one line."""
+        """Process one line."""
         kind = words[0]
         if kind == "P":
             self.block.append(tuple(map(float, words[1:])))
+        elif kind == "H":
+            self.block += self.block[-1:] * int(words[1])
         elif kind in "MT":
             self.block, self.block_start = [], int(words[1]) if kind == "T" else None
         elif kind == "E" and self.block_start is None:
@@ -266,24 +269,25 @@ class Feeder:
             self.stops[self.block_start or 0] = self.block
         elif kind == "G":
             self.device.start()
-            self.sent, self.playing, self.stop_wanted = 0, True, False
+            self.sent, self.playing, self.stop_requested = 0, True, False
             self.state[3] = 0
         elif kind == "S":
-            self.stop_wanted = self.playing
+            self.stop_requested = self.playing
         elif kind == "Q":
-            self.quitting, self.stop_wanted = True, self.playing
+            self.quitting, self.stop_requested = True, self.playing
 
     def feed(self) -> None:
-        """Send rows, or the rows of the next stop."""
+        """Send the next rows of the motion or of a stop."""
         if not self.playing:
             return
         self.stops = {k: rows for k, rows in self.stops.items() if k >= self.sent}
-        # Rows after the last stop in hand are not sent: then nothing could stop on the path.
+        # Rows after the first cycle of the last received stop are not sent, because then the
+        # motion could no longer stop on the path.
         last = max(self.stops, default=len(self.rows))
-        if self.stops and not self.stop_wanted and last == self.sent < len(self.rows):
+        if self.stops and not self.stop_requested and last == self.sent < len(self.rows):
             self.say("A")
-            self.stop_wanted = True
-        if self.stop_wanted and self.stops:
+            self.stop_requested = True
+        if self.stop_requested and self.stops:
             k = min(self.stops)
             self.take_stop(k)
             self.state[3] = k + 1
@@ -300,9 +304,9 @@ class Feeder:
             self.say("D")
 
     def take_stop(self, k: int) -> None:
-        """Replace the rows from cycle k on. Other stops leave the motion that was replaced."""
+        """Replace the rows from cycle k on, and discard the stops of the old rows."""
         self.rows = self.rows[:k] + self.stops[k]
-        self.stops, self.stop_wanted, self.stopped = {}, False, True
+        self.stops, self.stop_requested, self.stopped = {}, False, True
 
     def report(self) -> None:
         """Print the samples."""
@@ -313,7 +317,7 @@ class Feeder:
 
 
 class Guard(Feeder):
-    """Passes lines on to a feeder, its child process, and stops in its place if it ends or halts.
+    """Forwards lines to a feeder (its child process); stops the motion if the feeder fails.
 
     If the guard ends, the feeder stops, since it then has no sender.
     """
@@ -334,14 +338,14 @@ class Guard(Feeder):
         self.waiting = b""
 
     def obey(self, words: list[str]) -> None:
-        """Keep rows and the latest stops, which the feeder has, too."""
-        if words[0] in "PMTE":
+        """Store rows and the latest stops, as the feeder does."""
+        if words[0] in "PHMTE":
             super().obey(words)
         while len(self.stops) > KEPT:
             del self.stops[min(self.stops)]
 
     def run(self) -> None:
-        """Pass lines on until the feeder ends."""
+        """Forward lines until the feeder ends."""
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGPIPE, signal.SIG_IGN)
         os.set_blocking(self.pipe, False)
@@ -368,7 +372,7 @@ class Guard(Feeder):
         sys.exit(os.waitstatus_to_exitcode(status))
 
     def pass_on(self) -> None:
-        """Send as much to the feeder as it takes."""
+        """Send as much to the feeder as it accepts without waiting."""
         try:
             while self.waiting:
                 self.waiting = self.waiting[os.write(self.pipe, self.waiting) :]
@@ -381,13 +385,13 @@ class Guard(Feeder):
             self.pipe = -1
 
     def stop(self) -> None:
-        """Stop the motion in place of the feeder, and disconnect."""
-        # The feeder may have ended within a line.
+        """Stop the motion instead of the feeder, and disconnect."""
+        # The last line of the feeder may be incomplete.
         self.say("")
         try:
             self.lose_sender()
             if self.state[1]:
-                # Both counts may miss the last row.
+                # Either count may miss the last row.
                 self.sent = max(self.device.take_over(), self.state[2])
                 self.playing = True
                 self.loop()
@@ -398,21 +402,21 @@ class Guard(Feeder):
 
 
 def take_stdout() -> Output:
-    """The channel to the sender; what libraries print goes to stderr."""
+    """Output to the sender on stdout; prints of libraries are redirected to stderr."""
     out = Pipe(os.dup(1))
     os.dup2(2, 1)
     return out
 
 
 def main(device: Device) -> None:
-    """Run a feeder whose first argument is the file that gets the samples."""
-    # A collection takes longer than a cycle, and there is nothing to collect.
+    """Run a feeder; its first argument is the file for the samples."""
+    # A garbage collection can take longer than a cycle. The loop creates no cyclic garbage.
     gc.disable()
     Feeder(device, sys.argv[1], take_stdout()).run()
 
 
 def main_guarded(device: GuardedDevice) -> None:
-    """Run a feeder behind a guard; the first argument is the file that gets the samples."""
+    """Run a feeder behind a guard; the first argument is the file for the samples."""
     out = take_stdout()
     lines, pipe = os.pipe()
     state = memoryview(mmap.mmap(-1, 32)).cast("q")

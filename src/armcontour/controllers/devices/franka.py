@@ -14,11 +14,12 @@ from armcontour.controllers.devices.feeder import DeviceError, Row, Sample, main
 
 # Cycle [s].
 CYCLE = 1e-3
-# At rest, one state in so many is a sample.
+# At rest, one of this number of states is recorded.
 RARE = 50
-# The robot's desired positions are the row of the cycle before, within this [rad].
+# Tolerance between the desired positions of a state and the row sent in the previous cycle [rad].
 SAME = 1e-6
-# Cycles in which the robot moves from where it is to the first row, and largest distance [rad].
+# Number of cycles of the motion from the held position to the first row, and its maximum length
+# [rad].
 ALIGNING, FARTHEST = 500, 2e-3
 
 
@@ -37,17 +38,17 @@ class Franka:
         self.control: pylibfranka.ActiveControlBase | None = None
         self.clock = self.due = 0
         self.answered = True
-        # The cycle of a motion and its row, which the next answer sends; rows before it.
+        # Cycle of the motion and row that the next answer sends; rows that were sent before.
         self.k, self.confirmed = -1, -1
         self.row: Row = ()
         self.sent: Row = ()
         self.before: deque[tuple[int, Row]] = deque()
-        # The sample of the last answer, which the next state confirms, and those that are complete.
+        # Sample of the last answer, which the next state confirms; confirmed samples.
         self.open: Sample | None = None
         self.complete: list[Sample] = []
 
     def connect(self) -> Row:
-        """Connect, and return the joint positions."""
+        """Connect; returns the joint positions [rad]."""
         realtime = RealtimeConfig.kIgnore if self._is_here() else RealtimeConfig.kEnforce
         try:
             self.robot = pylibfranka.Robot(self.address, realtime)
@@ -59,7 +60,7 @@ class Franka:
         return tuple(state.q)
 
     def start(self) -> None:
-        """Begin to control joint positions."""
+        """Start the control of joint positions."""
         self.confirmed = -1
         if self.control is not None:
             return
@@ -69,12 +70,12 @@ class Franka:
             )
         except FrankaException as error:
             raise DeviceError(str(error)) from None
-        # Where libfranka's examples begin, since version 0.15.
+        # libfranka's examples since version 0.15 start like this.
         self._read()
         self.row = self.sent = tuple(self.state.q)
 
     def room(self) -> int:
-        """Rows that are due by the robot's clock, of which the last one is sent."""
+        """Number of rows that are due according to the robot's clock; only the last one is sent."""
         if self.before or self.answered:
             return 0
         return 1 if self.k < 0 else self.due
@@ -91,7 +92,7 @@ class Franka:
         return not self.before and self.confirmed == self.k
 
     def samples(self) -> Iterable[Sample]:
-        """Answer the state, and return the samples that the robot has confirmed."""
+        """Answer the state; returns the samples that the robot has confirmed."""
         if self.control is not None and not self.answered:
             k, self.sent = self.before.popleft() if self.before else (self.k, self.row)
             self._answer(finished=False)
@@ -120,11 +121,11 @@ class Franka:
                 self._read()
             self._answer(finished=True)
         except DeviceError:
-            # The robot has ended the control.
+            # The robot has already ended the control.
             pass
 
     def _align(self, row: Row) -> None:
-        """Plan the way from the held position to row 0, which is the last one of it."""
+        """Plan the motion from the held position to row 0, its last row."""
         distance = max(abs(a - b) for a, b in zip(self.row, row, strict=True))
         if distance > FARTHEST:
             raise DeviceError(f"the robot is {distance:.4f} rad from the first set-point")
@@ -136,14 +137,14 @@ class Franka:
         self.before.append((0, row))
 
     def _is_here(self) -> bool:
-        """True if the robot is simulated on this machine."""
+        """True if the address is on this machine, so the robot is simulated."""
         try:
             return ipaddress.ip_address(self.address).is_loopback
         except ValueError:
             return self.address == "localhost"
 
     def _read(self) -> None:
-        """Read a state, and confirm the row of the one before."""
+        """Read a state, which confirms the row of the previous cycle."""
         try:
             if self.control is None:
                 self.state: RobotState = self.robot.read_once()
@@ -162,7 +163,7 @@ class Franka:
             self.open, self.confirmed = None, k
 
     def _answer(self, *, finished: bool) -> None:
-        """Answer a state with the row that was sent last or is to be sent."""
+        """Answer a state with the row of this cycle, or with the last row again."""
         assert self.control is not None
         command = JointPositions(list(self.sent))
         command.motion_finished = finished

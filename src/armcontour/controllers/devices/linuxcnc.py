@@ -1,4 +1,4 @@
-"""Feeder for LinuxCNC's HAL: rows to a streamer, samples from a sampler.
+"""Feeder for LinuxCNC's HAL: sends rows to a streamer, and reads samples from a sampler.
 
 It is run by the Python of the system, for which LinuxCNC's module `hal` is compiled.
 """
@@ -18,9 +18,9 @@ from armcontour.controllers.devices.feeder import PAUSE, DeviceError, Row, Sampl
 COMPONENT = "armcontour-play"
 # Signal of the HAL file that enables the drives.
 ENABLE = "armcontour-enable"
-# Longest time without a sample before the servo thread counts as dead [s].
+# Timeout of the servo thread: it counts as dead after this time without a sample [s].
 SILENCE = 1.0
-# Looks at the FIFO that have to agree, and the time between them [s].
+# Number of equal readings of the FIFO that are required, and the time between them [s].
 AGREEING, LOOK = 5, 1.7e-3
 PROGRAM = "/usr/bin/rtapi_app"
 
@@ -41,7 +41,7 @@ class LinuxCNC:
         self.file, self.ahead, self.dof, self.waiting = file, ahead, dof, False
 
     def connect(self) -> Row:
-        """Load the HAL file, start its threads, command the measured position, enable drives."""
+        """Load the HAL file, start threads, command the measured position, and enable drives."""
         self.halcmd("-f", self.file)
         self.attach(COMPONENT)
         self.halcmd("start")
@@ -61,11 +61,11 @@ class LinuxCNC:
         self.heard = time.monotonic()
 
     def take_over(self) -> int:
-        """Go on where another process ended; number of rows, which misses one if the FIFO wraps."""
+        """Continue a motion; returns the number of rows, or one less if the FIFO wraps."""
         self.attach(f"{COMPONENT}-guard")
         self.waiting = True
         seen: list[int] = []
-        # The thread may be between its FIFO and its pins: several cycles have to agree.
+        # The thread may have read a row but not yet set its pins, so several readings must agree.
         while len(seen) < AGREEING or len(set(seen[-AGREEING:])) > 1:
             depth = int(self.out.depth)
             k = int(hal.get_value("streamer.0.pin.0"))
@@ -82,12 +82,12 @@ class LinuxCNC:
         return next(iter(self.samples()))
 
     def check_alive(self) -> None:
-        """Fail if the thread gives no samples."""
+        """Raise DeviceError if the thread writes no samples."""
         if time.monotonic() - self.heard > SILENCE:
-            raise DeviceError(f"HAL's servo thread has given no sample for {SILENCE:g} s")
+            raise DeviceError(f"HAL's servo thread has written no sample for {SILENCE:g} s")
 
     def halcmd(self, *words: str) -> None:
-        """Run halcmd; rtapi_app keeps what it inherits, so it must not get a pipe."""
+        """Run halcmd, without a pipe: rtapi_app would inherit it and keep it open."""
         name = os.path.join(os.path.dirname(self.file), "halcmd.txt")
         with open(name, "w") as output:
             done = subprocess.run(
@@ -98,12 +98,12 @@ class LinuxCNC:
                 raise DeviceError(f"halcmd {' '.join(words)}: {output.read().strip()}")
 
     def start(self) -> None:
-        """Let the streamer wait until the FIFO is filled."""
+        """Disable the streamer until the FIFO is filled."""
         hal.set_p("streamer.0.enable", "0")
         self.waiting = True
 
     def room(self) -> int:
-        """Rows until the FIFO holds `ahead`."""
+        """Number of rows that fill the FIFO up to `ahead`."""
         return max(self.ahead - int(self.out.depth), 0)
 
     def write(self, k: int, row: Row) -> None:
@@ -115,7 +115,7 @@ class LinuxCNC:
         return int(self.out.depth) == 0
 
     def samples(self) -> Iterable[Sample]:
-        """Samples of the thread, which reads the FIFO from the first look at them on."""
+        """Samples of the thread; the first call in a motion enables the streamer."""
         if self.waiting:
             hal.set_p("streamer.0.enable", "1")
             self.waiting = False
@@ -132,12 +132,12 @@ class LinuxCNC:
             )
 
     def finish(self) -> None:
-        """Hold the last row, as no cycle of a motion."""
+        """Hold the last row, with -1 as its cycle."""
         names = (f"streamer.0.pin.{j + 1}" for j in range(self.dof))
         self.write(-1, tuple(float(hal.get_value(x)) for x in names))
 
     def wait(self) -> None:
-        """Pause; the FIFO holds rows for many cycles."""
+        """Pause: the FIFO contains rows for many cycles."""
         time.sleep(PAUSE)
 
     def close(self) -> None:

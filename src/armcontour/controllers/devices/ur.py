@@ -1,4 +1,4 @@
-"""Feeder for Universal Robots: a program on the controller takes rows from RTDE registers.
+"""Feeder for Universal Robots: a program on the controller reads rows from RTDE registers.
 
 Registers 24 to 47 are those that UR reserves for external RTDE clients. They hold four rows, so the
 program has the next rows if this process comes late. It needs the standard library only.
@@ -18,9 +18,9 @@ from armcontour.controllers.devices.feeder import DeviceError, Row, Sample, main
 
 RTDE_PORT, SCRIPT_PORT = 30004, 30002
 DOF, SLOTS, FIRST = 6, 4, 24
-# Longest time without an answer [s], and number of packages until the program runs.
+# Timeout of an answer [s], and maximum number of packages until the program runs.
 TIMEOUT, PACKAGES = 2.0, 2500
-# At rest, one package in so many is a sample.
+# At rest, one of this number of packages is recorded.
 RARE = 50
 # RTDE guide: robot mode RUNNING, safety mode NORMAL, runtime state PLAYING.
 RUNNING, NORMAL, PLAYING = 7, 1, 2
@@ -91,18 +91,18 @@ class Ur:
         self.complete: list[Sample] = []
 
     def connect(self) -> Row:
-        """Connect, and return the joint positions that the controller is commanded to."""
+        """Connect; returns the commanded joint positions [rad]."""
         self.rtde = self._open(RTDE_PORT)
-        # Protocol version 2; the recipes of outputs and inputs; start.
+        # Request protocol version 2, set up the recipes of outputs and inputs, and start.
         if self._ask("V", struct.pack(">H", 2)) != b"\x01":
-            raise DeviceError("the controller has no RTDE protocol of version 2")
+            raise DeviceError("the controller does not support version 2 of the RTDE protocol")
         outputs = self._ask("O", struct.pack(">d", 1 / self.cycle) + ",".join(OUTPUTS).encode())
         self.layout = struct.Struct(">B" + self._types(OUTPUTS, outputs))
         inputs = self._ask("I", ",".join(INPUTS).encode())
         self.inputs = struct.Struct(">B" + self._types(INPUTS, inputs))
         self.recipe = inputs[0]
         if self._ask("S", b"") != b"\x01":
-            raise DeviceError("the controller does not start to send its state")
+            raise DeviceError("the controller has refused to send its state")
         self.wait()
         mode, safety, _, speed = self.state[13:17]
         if mode != RUNNING:
@@ -122,7 +122,7 @@ class Ur:
         text = text.replace("CYCLE", str(self.cycle)).replace("LOOKAHEAD", str(self.lookahead))
         with self._open(SCRIPT_PORT) as script:
             script.sendall(text.encode())
-            # An end while states have not been read could discard the program.
+            # Closing the socket with unread data could make the controller discard the program.
             script.shutdown(socket.SHUT_WR)
             for _ in range(PACKAGES):
                 while select.select([script], [], [], 0)[0] and script.recv(1 << 16):
@@ -136,13 +136,13 @@ class Ur:
         self.running = True
 
     def room(self) -> int:
-        """Rows that fit into the registers."""
+        """Number of rows that fit into the registers."""
         if self.newest < 0 <= self.k:
             return 0
         return self.k + SLOTS - self.newest
 
     def write(self, k: int, row: Row) -> None:
-        """Put a row into its slot."""
+        """Write a row to its registers."""
         self.slots[k % SLOTS] = row
         self.newest = k
 
@@ -151,7 +151,7 @@ class Ur:
         return self.k == self.newest
 
     def samples(self) -> Iterable[Sample]:
-        """Send the registers, once in a cycle, and return the samples."""
+        """Send the registers once per cycle; returns the new samples."""
         if self.running and self.fresh:
             self._send_inputs(1)
             self.fresh = False
@@ -163,7 +163,7 @@ class Ur:
         self.newest = -1
 
     def wait(self) -> None:
-        """Wait for a package of the controller's state."""
+        """Wait for a package with the controller's state."""
         count = self.count
         while self.count == count:
             kind, data = self._receive()
@@ -175,7 +175,7 @@ class Ur:
                 self._take(data)
 
     def close(self) -> None:
-        """End the program and disconnect."""
+        """End the program, and disconnect."""
         if not hasattr(self, "rtde"):
             return
         with suppress(DeviceError):
@@ -204,7 +204,7 @@ class Ur:
             raise DeviceError(f"the connection to {self.address} ended: {error}") from None
 
     def _ask(self, kind: str, data: bytes) -> bytes:
-        """Send a request and return the answer."""
+        """Send a request; returns the data of the answer."""
         self._send(kind, data)
         while True:
             answered, answer = self._receive()
@@ -217,7 +217,7 @@ class Ur:
         return len(data) >= 3 and len(data) >= int.from_bytes(data[:2], "big")
 
     def _receive(self) -> tuple[str, bytes]:
-        """The next package: its kind and data."""
+        """Receive the next package; returns its type and data."""
         while not self._has_package():
             try:
                 data = self.rtde.recv(1 << 16)
@@ -231,7 +231,7 @@ class Ur:
         return chr(kind), data
 
     def _types(self, names: Sequence[str], answer: bytes) -> str:
-        """The format of a recipe that the controller has accepted."""
+        """Format of a recipe that the controller has accepted, for `struct`."""
         types = answer[1:].decode().split(",")
         for name, kind in zip(names, types, strict=True):
             if kind not in SIZES:
@@ -245,8 +245,8 @@ class Ur:
         self._send("U", self.inputs.pack(self.recipe, self.newest, run, *values))
 
     def _take(self, data: bytes) -> None:
-        """Take a package of the controller's state."""
-        # The number of the recipe comes before timestamp, target_q, actual_q, and the others.
+        """Process a package with the controller's state."""
+        # After the number of the recipe: timestamp, target_q, actual_q and the rest.
         self.state = self.layout.unpack(data)[1:]
         self.count += 1
         self.fresh = True
