@@ -372,7 +372,7 @@ def test_what_cannot_be_asked(arm, objective, refuses):
         (partial(check, deviation=1e-3), "requires a path"),
         (partial(check, coverage_error=1e-3), "coverage_error"),
         (partial(check, path=objective, deviation=0), "above zero"),
-        (partial(check, resolution={"x": 1}), "not of 'x'"),
+        (partial(check, resolution={"x": 1}), "key 'x'"),
         (partial(check, resolution={"q": -1}), "must not be negative"),
         (partial(check, path=ac.Path.polyline([(0, 0, 0), (1, 1, 1)])), "3 coordinates"),
         (partial(check, three), "3 values"),

@@ -34,8 +34,9 @@ def quintic(
     Returns:
         Coefficients of powers of x = u / width, from 1 to x⁵, (n, 6, dof).
     """
-    ends: Any = (tuple(map(kernel_array, x)) for x in (begin, end))
-    return _fill_coefficients(kernel_array(width), *ends, width_error)
+    first, last = (tuple(map(kernel_array, x)) for x in (begin, end))
+    kernel: Any = _fill_coefficients
+    return np.asarray(kernel(kernel_array(width), first, last, width_error))
 
 
 @compiled()

@@ -75,9 +75,9 @@ def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], describe: Pla
             i, j = map(int, large[0])
             unit = JOINT_UNITS[kind]
             raise InvalidInput(
-                f"{describe(name, i, j)} is {values[i, j]:.3g} {unit}, but joint values must be at "
-                f"most {LARGEST[kind]:g} {unit}. Correct the number, or specify its unit, such as "
-                "q1 [deg].",
+                f"{describe(name, i, j)} is {values[i, j]:.3g} {unit}, but joint values must not "
+                f"be more than {LARGEST[kind]:g} {unit}. Correct the number, or specify its unit, "
+                "such as q1 [deg].",
                 index=i,
                 t=float(t[i]),
                 joint=j,

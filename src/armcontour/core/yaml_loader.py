@@ -205,8 +205,8 @@ def _reading(content: str | bytes, source: str) -> Iterator[None]:
     """Context that converts errors of parsing to InvalidInput."""
     if len(content) > MAX_CHARACTERS:
         raise InvalidInput(
-            f"{source} has {len(content) / 1e6:.0f} million characters, but at most "
-            f"{MAX_CHARACTERS / 1e6:.0f} million are allowed for YAML. Write a long path to a "
+            f"{source} has {len(content) / 1e6:.0f} million characters, more than the "
+            f"limit of {MAX_CHARACTERS / 1e6:.0f} million for YAML. Write a long path to a "
             "separate CSV file."
         )
     try:

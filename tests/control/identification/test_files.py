@@ -209,7 +209,7 @@ def test_the_command(log, tmp_path, capsys):
     _write(file, log.t, log.command[:, 0], log.measured[:, 0], "t,u1,q1")
     assert identify_files([file], IdentifyOptions(out=out, validate=[file])) == 9
     printed = capsys.readouterr().out
-    assert "Prediction of log.csv" in printed and "evaluated on one program only" in printed
+    assert "Prediction of log.csv" in printed and "judged on one program only" in printed
     written = {"servo.yaml", "report.html", "summary.json"}
     assert {x.name for x in out.iterdir()} == {*written, ".armcontour.json"}
     part = IdentifyOptions(
