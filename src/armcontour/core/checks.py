@@ -445,7 +445,7 @@ def check_name(description: str, value: Any, *, longest: int = LONGEST_NAME) -> 
         raise InvalidInput(f"The {description} must be text, not {show(value)}.")
     if len(value) > longest:
         raise InvalidInput(
-            f"The {description} has {len(value)} characters, but must have at most {longest}: "
+            f"The {description} has {len(value)} characters, more than {longest}, the maximum: "
             f"{show(value)}."
         )
     if not value.isprintable():

@@ -88,8 +88,8 @@ def read_bytes(file: str | FilePath, noun: str, *, maximum: int = SMALL) -> byte
         raise _unreadable(noun, path, error) from None
     if size > maximum:
         raise InvalidInput(
-            f"The {noun} {path} has {size / MEGABYTE:.0f} MB, but at most "
-            f"{maximum / MEGABYTE:.0f} MB can be read. Split the file."
+            f"The {noun} {path} has {size / MEGABYTE:.0f} MB, more than the "
+            f"{maximum / MEGABYTE:.0f} MB that can be read. Split the file."
         )
     for start, kind in FOREIGN.items():
         if content.startswith(start):

@@ -198,12 +198,12 @@ class ServoModel(Checked):
             raise InvalidInput(
                 "A servo of order second requires the velocity loop gain kv [1/s] and kp."
                 if self.kv is None
-                else f"A servo of order {orders[0]} has no velocity loop, so kv must be removed."
+                else f"A servo of order {orders[0]} has no velocity loop, so remove its gain kv."
             )
         if self.inertia is not None and not second.all():
             lagging = orders[int(np.argmin(second))]
             raise InvalidInput(
-                f"A servo of order {lagging} has no velocity loop, so inertia must be removed."
+                f"A servo of order {lagging} has no velocity loop, so remove its inertia."
             )
         feed = self.acceleration_feedforward
         _check_integrator(self.ki, second, self.interpolation, feed)
