@@ -1,4 +1,4 @@
-"""Figures of the README and of the pages on compensation are computed again."""
+"""Figures of the README and of some guides are computed again."""
 
 import re
 from pathlib import Path
@@ -115,6 +115,41 @@ def test_the_table_of_poles(plans):
         is_printed([*demand, error.rms * 1e3, error.max * 1e3], printed)
 
 
+BRACKET = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20), (0.40, 0.30)])
+SLOW = ARM.limits.replace(speed=0.10, centripetal_acceleration=0.09)
+
+
+def test_the_explanation_of_the_bracket():
+    block = page("docs/guides/optimal.md").split("```text\n")[1].split("```")[0]
+    plan = ac.plan(ac.round_corners(BRACKET, tolerance=2e-3), ARM, SLOW)
+    text = str(ac.explain(plan, ARM, SLOW))
+    assert re.findall("[a-z]+", block) == re.findall("[a-z]+", text)
+    is_printed([float(x) for x in numbers(text)], numbers(block))
+
+
+@pytest.mark.filterwarnings("ignore:Limits of jerk add")
+def test_the_durations_of_the_guides():
+    jerk = page("docs/guides/jerk.md")
+    printed = re.search(r"# ([\d.]+) s", jerk), re.search(r"stops twice and takes ([\d.]+) s", jerk)
+    limits = SLOW.replace(joint_jerk=7.2)
+    for match, continuity in zip(printed, ("curvature", "tangent"), strict=True):
+        rounded = ac.round_corners(BRACKET, tolerance=2e-3, continuity=continuity)
+        is_printed([ac.plan(rounded, ARM, limits, ac.Optimal(reserve=0.005)).duration], [match[1]])
+    lines = [
+        x for x in page("docs/guides/rounding.md").splitlines() if re.match(r"\| `\w+` \|.*\d", x)
+    ]
+    path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20), (0.40, 0.30), (0.30, 0.30)])
+    corners = {
+        "arcs": ac.round_corners(path, tolerance=2e-3),
+        "smooth": ac.round_corners(path, tolerance=2e-3, continuity="curvature"),
+        "exact": ac.round_corners(path, tolerance=[0.0, 2e-3]),
+        "sharp": path,
+    }
+    durations = {x.split("`")[1]: x.split("|")[3].strip() for x in lines}
+    for name, rounded in corners.items():
+        is_printed([ac.plan(rounded, ARM, SLOW).duration], [durations[name]])
+
+
 @pytest.mark.filterwarnings("ignore:Limits are above")
 def test_the_interpolation_of_ros():
     text = page("docs/guides/controllers/ros2.md")
@@ -122,7 +157,7 @@ def test_the_interpolation_of_ros():
     corners = [(0.45, 0.08), (0.55, 0.08), (0.55, 0.18), (0.45, 0.18), (0.45, 0.08)]
     square = ac.Path.polyline([(*x, 0.2) for x in corners]).pointing((0, 0, -1))
     steps = re.search(
-        r"are (\d+) times the\s+limit with lines and (\d+) .* (\d+) and (\d+) times", text
+        r"are (\d+) times the\s+limit for linear \w+ and (\d+) .* (\d+) and (\d+) times", text
     )
     for k, (continuity, jerk) in enumerate((("tangent", {}), ("curvature", {"joint_jerk": 400.0}))):
         path = ac.round_corners(square, tolerance=2.5e-4, continuity=continuity)

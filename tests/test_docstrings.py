@@ -148,8 +148,8 @@ def field(cls, name):
 
 # A file, a pattern with the value and maybe its unit, and the value in use.
 STATED = [
-    ("docs/guides/identify.md", r"dead times up to this, (\S+) (ms)", LONGEST_DELAY),
-    ("docs/guides/identify.md", r"keep a torque, (\S+) (ms) by default", DRIVE_CYCLE),
+    ("docs/guides/identify.md", r"dead time of the search, (\S+) (ms) by default", LONGEST_DELAY),
+    ("docs/guides/identify.md", r"hold a torque, (\S+) (ms) by default", DRIVE_CYCLE),
     (
         "docs/guides/gcode.md",
         r"tolerance \((\S+) (um) by default\)",
@@ -162,10 +162,10 @@ STATED = [
     ),
     (
         "docs/guides/checking.md",
-        r"`velocity_step`, (\S+) (rad/s) by",
+        r"`velocity_step`; its default, (\S+) (rad/s),",
         default_of(ac.check, "velocity_step"),
     ),
-    ("docs/guides/checking.md", r"and at (\d+)\s+random places", default_of(ac.check, "points")),
+    ("docs/guides/checking.md", r"and at (\d+)\s+random times", default_of(ac.check, "points")),
     ("docs/concepts/clearance.md", r"`environment` \| (\S+) (mm)", MARGINS.environment),
     ("docs/concepts/clearance.md", r"`own` \| (\S+) (mm)", MARGINS.own),
     ("docs/concepts/clearance.md", r"`tool` \| (\S+) (mm)", MARGINS.tool),

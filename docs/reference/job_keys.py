@@ -15,11 +15,11 @@ HERE = Path(__file__).parent
 SCHEMA, PAGE = HERE / "job.schema.json", HERE / "job_keys.md"
 HEAD = """# Keys of job files
 
-All keys of a [job file](../guides/job.md), from the outside in; editors take them from the
-[JSON Schema](job.schema.json). A quantity is a plain number in the unit given here, or text with
-a unit, such as the example; the unit 1 is that of a share, which may be in percent. "keys" means a
-mapping, whose keys have a table of their own. What is neither needed nor has a default may be left
-out. `NAME` stands for a name of your own.
+This page lists all keys of a [job file](../guides/job.md), from the outermost mapping to the
+innermost. Editors read them from the [JSON Schema](job.schema.json). A quantity is a plain number
+in the unit of the table, or text with a unit, such as the example. The unit 1 is that of a ratio,
+which may be in percent. "keys" means a mapping, whose keys have their own table. A key that is not
+required and has no default is optional. `NAME` stands for a name that you choose.
 """
 # The unit of SI for each example of a quantity. Quantities with one example have one unit.
 KINDS = (
@@ -53,7 +53,7 @@ def _tables(schema: dict[str, Any]) -> Iterator[str]:
     places = _places(schema)
     for kind, place in {"": "", **places}.items():
         mapping = schema["$defs"][kind] if kind else schema
-        rows = ["| key | value | unit | default | what it holds |", "|---|---|---|---|---|"]
+        rows = ["| key | value | unit | default | meaning |", "|---|---|---|---|---|"]
         for key, value in mapping["properties"].items():
             # What says no more than the description of its keys is left out of the schema.
             texts = [schema["$defs"][x]["description"] for _, x in _inside(value, "")]
@@ -61,7 +61,7 @@ def _tables(schema: dict[str, Any]) -> Iterator[str]:
                 f"`{key}`",
                 " or ".join(dict.fromkeys(_values(value, places))).replace(" or list", ", or list"),
                 " or ".join(dict.fromkeys(UNITS[x] for x in _examples(value))),
-                "needed" if key in mapping.get("required", ()) else _default(value),
+                "required" if key in mapping.get("required", ()) else _default(value),
                 value.get("description") or texts[0],
             )
             rows.append(f"| {' | '.join(cells)} |")

@@ -16,9 +16,9 @@ from armcontour.cli.commands import app
 
 HEAD = """# Command line
 
-`armcontour --help` lists the commands, `armcontour COMMAND --help` the options of one. A *quantity*
-is text with a unit, such as `5 mm`; text without a unit is refused. In brackets stands the unit of
-SI that it is turned into. An option without a default leaves what the job says.
+`armcontour --help` lists the commands, and `armcontour COMMAND --help` the options of a command. A
+*quantity* is text with a unit, such as `5 mm`. Text without a unit is refused. The brackets contain
+the SI unit of the option. If an option has no default, the value of the job applies without it.
 
 """
 HELP = "| `-h`<br>`--help` | | | Show a help text and exit. |"
@@ -34,9 +34,9 @@ def write_commands() -> Iterator[tuple[str, str]]:
     yield (
         "commands/index.md",
         HEAD
-        + table("command", "what it does", rows=rows)
+        + table("command", "effect", rows=rows)
         + f"\n## Options of armcontour itself\n\n{_options(group, _kinds(group))}"
-        + "\n[Errors](../../errors.md) lists the exit codes, what each means, and what mends it.\n"
+        + "\n[Errors](../../errors.md) lists the exit codes, their meaning and remedies.\n"
         + contents(group.commands),
     )
 
@@ -50,7 +50,7 @@ def _page(name: str, command: Any) -> str:
     parts = [f"# armcontour {name}", command.help.strip(), f"```text\n{usage}\n```"]
     if arguments:
         rows = [_row(f"`{_named(x)}`", x, kinds) for x in arguments]
-        parts.append(table("argument", "value", "default", "what it is", rows=rows).rstrip())
+        parts.append(table("argument", "value", "default", "meaning", rows=rows).rstrip())
     example = command.epilog.splitlines()[-1].strip()
     return "\n\n".join([*parts, _options(command, kinds), f"Example:\n\n```text\n{example}\n```"])
 
@@ -72,7 +72,7 @@ def _options(command: Any, kinds: dict[str, Any]) -> str:
         for x in command.params
         if x.param_type_name == "option" and not x.hidden
     ]
-    return table("option", "value", "default", "what it does", rows=[*rows, HELP])
+    return table("option", "value", "default", "effect", rows=[*rows, HELP])
 
 
 def _named(argument: Any) -> str:
@@ -111,7 +111,7 @@ def _value(parameter: Any, kind: Any) -> str:
 def _default(parameter: Any) -> str:
     """What holds without an argument or option."""
     if parameter.required:
-        return "needed"
+        return "required"
     value = parameter.default
     if getattr(parameter, "is_flag", False):
         names = (parameter.secondary_opts, parameter.opts)[bool(value)]

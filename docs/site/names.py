@@ -22,12 +22,12 @@ PARTS = (
 )
 HEAD = """# Python
 
-Names of `armcontour` itself stay: `import armcontour as ac`, then `ac.plan(...)`. They are
-functions and what their callers construct. Results, formats of exports and parts of a process are
-in the package that owns them, such as `armcontour.verification.Evaluation`. Such names may move
+Names of `armcontour` itself are stable: `import armcontour as ac`, then `ac.plan(...)`. They are
+functions, and the classes that their callers construct. Results, formats of exports and parts of a
+process are in their package, such as `armcontour.verification.Evaluation`. These names may move
 between versions.
 Quantities are in [SI units and radians](../../../conventions.md); arrays are time first.
-`FloatArray` is an array of NumPy with float64, `ArrayLike` what NumPy makes one of.
+`FloatArray` is a NumPy array of float64. `ArrayLike` is any object that NumPy converts to an array.
 `armcontour.__version__` is the version.
 
 Examples use these objects:
@@ -40,7 +40,7 @@ EXAMPLE
 
 
 def write_names() -> Iterator[tuple[str, str]]:
-    """A page for each room with its public names, and one that lists them all."""
+    """A page of public names for each package, and a page that lists all packages."""
     rows = []
     for room, members in by_room().items():
         summary = _first_line(importlib.import_module(f"armcontour.{room}"))
@@ -49,14 +49,14 @@ def write_names() -> Iterator[tuple[str, str]]:
             f"[`{x.rpartition('.')[2]}`](#{x})" for x, _ in members if x.count(".") == 1
         )
         rows.append(f"| [{room}]({room}.rst) | {summary} | {at_top} |")
-    lists = table("room", "what it holds", "in `armcontour` itself", rows=rows)
+    lists = table("package", "content", "names in `armcontour` itself", rows=rows)
     example = [x[4:] for x in (ac.__doc__ or "").splitlines() if x.startswith(">>> ")]
     head = HEAD.replace("EXAMPLE", "\n".join(example[:-1]))
     yield "api/index.md", head + lists + contents(by_room())
 
 
 def _page(title: str, summary: str, members: list[tuple[str, Any]]) -> str:
-    """The page of a room: its names in `armcontour`, and its names in the room alone."""
+    """The page of a package: its names in `armcontour`, and its other names."""
     top = [x for x in members if x[0].count(".") == 1]
     lines = [title, "=" * len(title), "", summary, ""]
     for head, part in (
@@ -71,7 +71,7 @@ def _page(title: str, summary: str, members: list[tuple[str, Any]]) -> str:
 
 @functools.cache
 def by_room() -> dict[str, list[tuple[str, Any]]]:
-    """Public classes and functions of each room; what two rooms have is of the first one."""
+    """Public classes and functions by package; a name of two packages is in the first one only."""
     members: dict[str, list[tuple[str, Any]]] = {}
     listed = set[int]()
     for room in rooms():

@@ -83,7 +83,11 @@ class Played(Result):
         return self.log_of(record)
 
     def log_of(self, record: PlayedMotion) -> Log:
-        """Log of the commands that the robot used, which may differ from the set-points."""
+        """Log of the commands that the robot used, which may differ from the set-points.
+
+        Args:
+            record: The recorded motion.
+        """
         return Log(
             t=record.t,
             command=record.command,

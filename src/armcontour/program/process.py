@@ -81,10 +81,10 @@ class Switch(Checked):
     Args:
         name: Name of the output.
         value: Value of the output while it is on, such as a power.
-        on_lead: Time by which it is switched on before the tool is at the start [s]; after it if
-            negative.
-        off_lead: Time by which it is switched off before the tool is at the end [s]; after it if
-            negative.
+        on_lead: Time by which the output is switched on before the piercing, or else before the
+            tool passes the start or departs from it after a rest [s]; after it if negative.
+        off_lead: Time by which the output is switched off before the tool reaches the end [s];
+            after it if negative.
     """
 
     name: NeededName = field(default="tool", kw_only=False)
