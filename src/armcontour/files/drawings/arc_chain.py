@@ -253,7 +253,9 @@ class ArcChain:
             lengths=np.where(arc, radii * self.angles, sizes),
         )
         inexact = arc & (np.linalg.norm(drawn.ends - self.ends, axis=1) > END_TOLERANCE)
-        return drawn.put(inexact, self[inexact]._through_ends()) if inexact.any() else drawn
+        return (
+            drawn.replace_rows(inexact, self[inexact]._through_ends()) if inexact.any() else drawn
+        )
 
     def _through_ends(self) -> Segments:
         """Segments of circular arcs through their end points with their swept angles."""

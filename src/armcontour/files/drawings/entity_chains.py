@@ -214,7 +214,7 @@ class EntitySegments:
         count = self.first[piece + 1] - self.first[piece]
         entry, within = number_parts(count)
         base = np.where(backwards, self.first[piece + 1] - 1, self.first[piece])
-        rows = self.segments.run(
+        rows = self.segments.reverse_rows(
             base[entry] + np.where(backwards, -1, 1)[entry] * within, backwards[entry]
         )
         start = np.cumsum(count) - count
@@ -240,9 +240,11 @@ def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance:
     stays = arc.copy()
     stays[arc] = _shift(rows[arc], ends[arc], to_start[arc], to_end[arc]) > tolerance
     moves = arc & ~stays
-    moved = rows.put(line, _connect(rows[line], to_start[line], to_end[line]))
+    moved = rows.replace_rows(line, _connect(rows[line], to_start[line], to_end[line]))
     if moves.any():
-        moved = moved.put(moves, _stretch(rows[moves], ends[moves], to_start[moves], to_end[moves]))
+        moved = moved.replace_rows(
+            moves, _stretch(rows[moves], ends[moves], to_start[moves], to_end[moves])
+        )
     # Lines connect an arc that is not moved to the middles of the gaps before and after the arc.
     # Lines without length are omitted.
     before, after = _connect(rows, to_start, rows.starts), _connect(rows, ends, to_end)

@@ -32,7 +32,7 @@ from armcontour.program.crossings import (
     corner_cuts,
     offset_pieces,
     points_at,
-    turned_left,
+    rotate_left,
     turns_between,
 )
 from armcontour.program.moves import Value
@@ -224,7 +224,7 @@ class Compensation:
             offset_pieces(table, self.offset),
             points_at(table, table[:, LENGTH], 1),
         )
-        tips = np.array([x.end for x in moves]) + self.offset * turned_left(tangents)
+        tips = np.array([x.end for x in moves]) + self.offset * rotate_left(tangents)
         if table[0, CURVATURE]:
             parallel[0] = self._entry_arc(moves[0], complex(*tips[0]), complex(*tangents[0]))
         turns = turns_between(tangents[:-1], table[1:, [TX, TY]])
