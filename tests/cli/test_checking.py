@@ -125,9 +125,9 @@ def test_the_path_and_the_limits_of_one_run(folder, check, refused):
     runs = {**JOB["runs"], "fast": fast}
     (folder / "fast.yaml").write_text(yaml.safe_dump({**JOB, "runs": runs}))
     rows = [
-        ((*options, "--run", "other"), ["its runs are rounded, sharp, wide"]),
-        (options, ["choose one with --run (rounded, wide)"]),
-        (("planned.csv", "--path", "fast.yaml"), ["have different limits: choose one with --run"]),
+        ((*options, "--run", "other"), ["Its runs are rounded, sharp, wide"]),
+        (options, ["Choose a run with --run (rounded, wide)"]),
+        (("planned.csv", "--path", "fast.yaml"), ["different limits. Choose a run with --run"]),
     ]
     assert refused(folder, rows, codes=(2,), begin=("check",)) == []
     named = json.loads(
@@ -155,7 +155,7 @@ def test_wrong_files_and_options_are_refused(folder, refused):
             ("planned.csv", *arm.split(), "--noise", "1 mrad, 1 rad/s"),
             ["--noise has 2 values", "no velocities"],
         ),
-        ("planned.csv --path job.yaml --tip tcp", ["--xacro-arg go with --arm"]),
+        ("planned.csv --path job.yaml --tip tcp", ["--xacro-arg require --arm"]),
     ]
     assert refused(folder, rows, codes=(2,), begin=("check",)) == []
 
@@ -213,7 +213,7 @@ def test_a_measured_motion(folder, mac, check):
     outcome = check(folder, *options)
     assert outcome.code == 1
     output = " ".join(outcome.out.split())
-    for words in ("Left out of log.csv", "'i1 [A]'", "scatter by 0.012 mrad", "'0.047 mrad'"):
+    for words in ("columns of log.csv", "'i1 [A]'", "scatter by 0.012 mrad", "'0.047 mrad'"):
         assert words in output
     declared = check(folder, *options, "--noise", "0.02 mrad")
     assert declared.code in (0, 7), declared.out

@@ -147,7 +147,7 @@ path: {frame: {position: [0.3, 0.1, 1 mm]}} => path.frame ... z = 0
 path: {frame: {position: [0.3, 0.1, 0], rpy: [0.1, 0, 0]}} => path.frame
 path: {orientation: {axis: [0, 0, -1]}} => path.orientation ... in space
 process: {approach: 5 mm} => in the plane
-runs: {one: {end_time: 9 s}} => end_time is for a job with a single path
+runs: {one: {end_time: 9 s}} => end_time requires a job with a single path
 name: "x\e]52;c;cHduZWQ=\e\\" => name of a job has the character U+001B
 process: {switch: {name: "a\a"}} => process.switch: The name of a switch
 """

@@ -105,8 +105,8 @@ def test_a_shape_goes_to_every_run_that_can_have_it():
 
 BAD = """
 {corners.shape: round} => corners.shape: must be arc or free, not 'round'
-{corners.shape: free} => runs.slow.corners.speed sets the radius of arcs
-{corners.zone: 0.01} => runs.lifted.corners.zone is for the shape free
+{corners.shape: free} => runs.slow.corners.speed determines the radius of arcs
+{corners.zone: 0.01} => runs.lifted.corners.zone requires shape: free
 {limits.speed: 1 mm} => limits.speed: must be a quantity in m/s
 {limits.sped: 1} => unknown key limits.sped: did you mean speed?
 {tolerance: 1 mm} => unknown key tolerance: did you mean certificate.tolerance or corners.tolerance?

@@ -1,4 +1,4 @@
-"""Jobs, and `run`, which does all steps of a job and returns a study."""
+"""Jobs, and the function `run`, which executes all steps of a job and returns a study."""
 
 from armcontour.core.lazy import lazy_names
 

@@ -281,7 +281,7 @@ def test_refused(mac, arm, refuses):
     data = {"limit": "joint_acceleration", "allowed": 0.72}
     refuses(call, ac.CompensationError, "saturates with any poles", **data)
     call = partial(fastest_poles, SERVO, mac, ac.Limits.only())
-    refuses(call, ac.InvalidInput, "give joint_acceleration")
+    refuses(call, ac.InvalidInput, "Specify joint_acceleration")
     first = ac.ServoModel(kp=25.0, order="first")
     for call in (
         partial(fastest_poles, first, mac, arm.limits),

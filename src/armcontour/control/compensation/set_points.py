@@ -12,20 +12,21 @@ from armcontour.motion import Trajectory
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import without_integral
 
-# Set-points closer than this to a break of the trajectory [cycles] are moved to it.
+# A set-point that is closer to a break of the trajectory than this [cycles] is moved to the break.
 SNAP = 1e-9
 # Time constants after the end of the motion for which set-points continue, so that the transient of
 # the compensation decays.
 SETTLING = 36.0
-# Longest transient of set-points after a motion [s], and as a share of it; the rest is truncated.
+# The transient of set-points after a motion is truncated after LONGEST_TAIL [s] or after this share
+# of the duration of the motion.
 LONGEST_TAIL = 1.0
 TAIL_SHARE = 0.2
-# A mean over a cycle T differs from the value by T² / 24 times the second derivative. Linear
-# interpolation adds T² / 12, held set-points (means, too) add T² / 24.
+# Factor k of the bias k T² x'' of interpolated set-points with the cycle T: a mean over a cycle
+# contributes 1 / 24, linear interpolation 1 / 12, and held set-points 1 / 24.
 BIAS = {"linear": 1 / 8, "step": 1 / 12, "cubic": 1 / 24}
-# Half width in cycles of the second differences that correct this bias: a smaller width would
-# increase the commanded acceleration at jumps of acceleration.
-REACH = 12
+# Largest half-width of the second differences that correct this bias [cycles]. A smaller half-width
+# would increase the commanded acceleration at jumps of acceleration.
+HALF_WIDTH = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,13 +34,13 @@ class SetPointTimes:
     """Times of the plan for which set-points are computed."""
 
     before: int  # Number of set-points before the motion
-    # Times of the set-points during the motion; times close to a break are at the break [s].
+    # inside: times of the set-points during the motion [s]; times near a break are at the break.
     inside: FloatArray
     after_end: float  # Time from the end of the motion to the first set-point after it [s]
 
 
 def set_point_times(trajectory: Trajectory, cycle: float, offset: float = 0.0) -> SetPointTimes:
-    """Times of set-points from `offset` to the end of the motion."""
+    """Times of set-points from `offset` (0 or before the motion) to the end of the motion."""
     duration = trajectory.duration
     count = int(np.ceil((duration - offset) / cycle * (1 - 1e-15) - SNAP))
     grid = offset + np.arange(max(count, 1), dtype=np.float64) * cycle
@@ -57,8 +58,7 @@ def set_point_times(trajectory: Trajectory, cycle: float, offset: float = 0.0) -
 
 def time_advances(servo: ServoModel, cycle: float) -> FloatArray:
     """Time advance of each joint's set-points [s], (dof,)."""
-    # The time advance is the dead time, plus half a cycle for interpolation "step", which delays
-    # the command by that on average.
+    # Interpolation "step" delays the command by half a cycle on average.
     return servo.dead_time + (cycle / 2 if servo.interpolation == "step" else 0.0)
 
 
@@ -71,13 +71,14 @@ def advance_set_points(
     hold: FloatArray | None = None,
     from_rest: bool = False,
 ) -> tuple[float, FloatArray]:
-    """Time of the first set-point, and set-points with a time advance per joint [rad], (n, dof)."""
-    # The set-point at time t belongs to the plan's time t + lead. The set-points start before time
-    # 0 by as many cycles as the largest time advance requires; a joint with a smaller time advance
-    # first rests at the start of the plan. lead (dof,) [s].
-    # command: computes the set-points of joints with given indices, (k,), at given times [rad],
-    # (n, k). hold: set-point that holds the arm at the start [rad], (dof,), by default the start.
-    # from_rest: every joint has a set-point that holds it before time 0.
+    """Time of the first set-point [s], and set-points with time advances [rad], (n, dof)."""
+    # lead: time advance of each joint [s], (dof,). The set-point at time t corresponds to the
+    # plan's time t + lead. The set-points begin before time 0 by as many cycles as the largest time
+    # advance requires. A joint with a smaller time advance first rests at the start of the plan.
+    # command: function that computes the set-points of the joints with these indices, (k,), at
+    # these times [rad], (n, k). hold: set-point with which the arm rests at the start of the plan
+    # [rad], (dof,), by default the start. from_rest: if True, the first set-point of every joint is
+    # at rest.
     whole = lead.max() / cycle
     early = int(np.floor(whole + SNAP)) + 1 if from_rest else int(np.ceil(whole - SNAP))
     start = trajectory(0.0) if hold is None else hold
@@ -89,7 +90,7 @@ def advance_set_points(
         column = np.concatenate([still, command(times, joints)])
         columns |= dict(zip(joints.tolist(), column.T, strict=True))
     length = max(len(x) for x in columns.values())
-    # A joint whose command ends earlier keeps its last set-point.
+    # A joint whose command ends earlier repeats its last set-point.
     padded = [
         np.pad(columns[j], (0, length - len(columns[j])), mode="edge") for j in range(len(lead))
     ]
@@ -97,19 +98,20 @@ def advance_set_points(
 
 
 def inverse(trajectory: Trajectory, servo: ServoModel, cycle: float) -> tuple[float, FloatArray]:
-    """Time of the first set-point, and set-points by the inverse of the servo [rad], (n, dof)."""
-    # A set-point is the mean of the exact command over the cycle about its time, which is the
-    # command of the plan's mean. The means of velocity and acceleration are differences of position
-    # and velocity, so a jump of acceleration between two set-points affects both in proportion.
+    """Time of the first set-point [s], and set-points by the inverse servo [rad], (n, dof)."""
+    # A set-point is the mean of the exact command over the cycle about its time. Because the servo
+    # is linear, this mean is the command for the means of the plan. The means of velocity and
+    # acceleration are differences of position and velocity. Therefore a jump of acceleration
+    # between two set-points affects both set-points in proportion to their distances.
     final = trajectory([trajectory.duration], side="left")
     tail = np.zeros((integrator_tail(servo, trajectory.duration, cycle), trajectory.dof))
 
     def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
         t = times.inside
         if len(t) and times.after_end < cycle / 2:
-            # The cycle about the next set-point still contains a part of the motion.
+            # The cycle about the next set-point contains a part of the motion.
             t = np.append(t, trajectory.duration + times.after_end)
-        # A held acceleration corresponds to the middle of the drive cycle.
+        # A drive holds its acceleration over a drive cycle, so it is taken at the middle of it.
         q, dq, ddq = _means(trajectory, t, cycle, servo.drive_cycle / 2)
         q, ends = np.concatenate([q, tail + final]), np.concatenate([dq, tail])
         ddq = without_integral(ends, np.concatenate([ddq, tail]), servo, cycle)
@@ -124,7 +126,7 @@ def inverse(trajectory: Trajectory, servo: ServoModel, cycle: float) -> tuple[fl
 
 
 def integrator_tail(servo: ServoModel, duration: float, cycle: float) -> int:
-    """Number of set-points after a motion that empty the integrators of the servo."""
+    """Number of set-points after a motion until the integrators decay; 0 without integrators."""
     return int(longest_tail(duration) / cycle) + 2 if servo.ki.any() else 0
 
 
@@ -136,13 +138,13 @@ def longest_tail(duration: float) -> float:
 def _means(
     trajectory: Trajectory, t: FloatArray, cycle: float, ahead: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Means of q, dq and ddq over the cycles about times, including the rest around the motion."""
-    # Means of q are by Simpson's rule, which is exact up to third order. Means of ddq are for
-    # cycles that are shifted by `ahead` [s].
+    """Means of q, dq and ddq over the cycles about times t, (n, dof) each."""
+    # Before and after the motion, the joints rest. Means of q are computed by Simpson's rule, which
+    # is exact up to third order. Means of ddq are for cycles that are shifted by `ahead` [s].
     shifts = cycle / 2 * np.arange(-1, 2)
     if ahead:
         shifts = np.append(shifts, ahead + shifts[::2])
-    # One evaluation for all times, because a program has thousands of laws.
+    # All times are evaluated at once, because a program has thousands of motion laws.
     q, dq = trajectory.motion_with_rests((t[:, None] + shifts).ravel(), 1)
     count = len(shifts)
     first, middle, last = (q[k::count] for k in range(3))
@@ -153,12 +155,13 @@ def _means(
 def _second_differences(
     u: FloatArray, trajectory: Trajectory, t: FloatArray, cycle: float
 ) -> FloatArray:
-    """Second differences of set-points, over up to REACH intervals of the same move, (n, dof)."""
-    # They fade towards both ends of a move, because set-points at rest have no bias.
+    """Second differences of set-points with a half-width up to HALF_WIDTH intervals, (n, dof)."""
+    # The differences are within one move. They decrease to 0 towards both ends of the move, because
+    # set-points at rest have no bias.
     ends = trajectory.starts
     k = np.clip(np.searchsorted(ends, t, side="right"), 1, len(ends) - 1)
     inside = np.minimum(t - ends[k - 1], ends[k] - t) / cycle
-    reach = np.clip(np.floor(inside + SNAP), 0, REACH).astype(np.intp)
+    reach = np.clip(np.floor(inside + SNAP), 0, HALF_WIDTH).astype(np.intp)
     i = np.arange(len(t))
-    weight = np.clip(inside / REACH, 0, 1) / np.maximum(reach, 1) ** 2
+    weight = np.clip(inside / HALF_WIDTH, 0, 1) / np.maximum(reach, 1) ** 2
     return np.asarray(weight[:, None] * (u[i + reach] - 2 * u + u[i - reach]))

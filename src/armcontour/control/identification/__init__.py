@@ -1,4 +1,4 @@
-"""Identification from logs: of independent servos, or of an arm with masses (`bodies`)."""
+"""Identification of independent joint servos, or of an arm with masses (`bodies`), from logs."""
 
 from armcontour.control.identification.bodies.body_identification import (
     BodyIdentification,

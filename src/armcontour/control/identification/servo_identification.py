@@ -1,4 +1,4 @@
-"""Results of an identification: estimates, the servo that is written, and its predictions."""
+"""Results of an identification: estimates, the servo that is written to a file, and predictions."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import TRUSTED
 from armcontour.robot.servo.simulation import JointServo
 
-# Condition of the contour error ratio, and its largest trusted value.
-UNFITTED = f"where the servo was not fitted, trusted up to {number(TRUSTED, '1')}"
-# Digits of the numbers in a servo file, and a factor that rounds up bounds.
+# Explanation of the contour error ratio in the summary.
+RATIO_NOTE = f"where the servo was not fitted, trusted up to {number(TRUSTED, '1')}"
+# Significant digits of the numbers in a servo file, and a factor that makes rounded bounds safe.
 DIGITS = 6
-UP = 1 + 10.0 ** (1 - DIGITS)
+ROUND_UP = 1 + 10.0 ** (1 - DIGITS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,26 +38,26 @@ class JointIdentification(JointEstimates):
     """The identified servo of one joint.
 
     Args:
-        order: Order of the servo that is written: "second", "first", "delay"; or "unknown". The
-            parameters are also those of a model that is not written.
-        servo: Values that are written.
+        order: Order of the servo that is written to the file: "second", "first" or "delay";
+            "unknown" if none is written. `parameters` then are those of the rejected model.
+        servo: Values that are written to the file.
         tracking_rms: RMS of command less measured position, about its mean [rad].
-        largest: Largest error of the values that are written, on the logs that were fitted [rad].
-        unseen_rms: RMS error on parts that were not fitted [rad]: with several logs that of the
-            worst log, with one log weighted by motion.
-        share: `unseen_rms`, divided by the tracking error of the same kind.
-        model_error: Largest error, also on parts that were not fitted [rad].
-        scaling: The RMS error where it was not fitted is the root of the sum of squares of three
-            parts: at rest [rad], per velocity [s] and per acceleration [s²], (3,).
-        noise: Noise of the encoder [rad].
+        largest: Largest error of `servo` on the logs that were fitted [rad].
+        unseen_rms: RMS error on parts that were not fitted [rad]: for several logs the error of the
+            worst log, for one log weighted by motion.
+        share: `unseen_rms`, divided by the tracking error of the same log and weights.
+        model_error: Largest error on all parts, fitted or not [rad].
+        scaling: Growth of the RMS error on parts that were not fitted, (3,): error at rest [rad],
+            per velocity [s] and per acceleration [s²]. Their squares add.
+        noise: Noise of the encoder, standard deviation [rad].
         note: Reason for a missing or weak model, or empty.
-        effective: True if the residuals are not white: an effect is not modelled, and the
-            parameters compensate for it, so they differ from the settings of the drive.
+        effective: True if the residuals are not white. Then an effect is not modelled, and the
+            parameters differ from the settings of the drive because they compensate for it.
         saturation: A sentence about samples at a limit of the drive, or empty.
-        contour_ratio: RMS deviation from the contour with compensation over that without it, in
-            the worst log.
+        contour_ratio: RMS deviation from the contour with compensation divided by the deviation
+            without compensation, in the worst log.
 
-    Positions in `rests` are predicted from the other parts of the logs.
+    The residuals in `rests` are those of predictions from the other parts of the logs.
     """
 
     order: str = "unknown"
@@ -75,7 +75,7 @@ class JointIdentification(JointEstimates):
     contour_ratio: float = math.nan
 
     def to_data(self) -> Data:
-        """The errors on parts that were not fitted, and the estimates."""
+        """Data of the errors on parts that were not fitted, and of the estimates."""
         weak = "weak" if self.written and self.note else ""
         delay = "delay only" if not self.written and self.servo.dead_time else ""
         words = (weak, "effective" * self.effective, delay)
@@ -99,7 +99,7 @@ class JointIdentification(JointEstimates):
 
     @property
     def growth(self) -> str:
-        """Sentence on the growth of the error with the motion; empty without a model."""
+        """Sentence about the growth of the error with speed and acceleration; empty if no model."""
         if not np.isfinite(self.scaling).all():
             return ""
         still, rate, acceleration = (number(x, "rad") for x in self.scaling)
@@ -124,15 +124,15 @@ class Judgement:
     """Contour errors with and without compensation on motion that was not fitted.
 
     With compensation, the residuals of the model remain. A delay that all joints share causes no
-    error. With an arm, errors are those of its tool across its path. Without an arm, they are
+    error. With an arm, errors are distances of its tool from the path. Without an arm, errors are
     distances in joint space, where each joint is weighted by the inverse of its tracking error.
 
     Args:
-        programs: Number of different programs. If it is 1, parts of the program were predicted.
-        ratio: RMS contour error with compensation over that without it, in the worst log; 0 if only
-            the noise of the encoders remains.
+        programs: Number of different programs. If it is 1, parts of this program were predicted.
+        ratio: RMS contour error with compensation divided by the error without compensation, in the
+            worst log; 0 if only the noise of the encoders remains.
         errors: RMS contour errors of each log without and with compensation, (logs, 2): in m with
-            an arm, else in tracking errors.
+            an arm, otherwise in multiples of the tracking errors.
     """
 
     programs: int
@@ -151,7 +151,7 @@ class Identification(IdentifiedJoints):
 
     Args:
         drive_cycle: Cycle of the drives [s], 0 for continuous loops.
-        judgement: Contour errors with and without compensation where the servo was not fitted.
+        judgement: Contour errors with and without compensation on motion that was not fitted.
     """
 
     joints: tuple[JointIdentification, ...] = field(repr=False)
@@ -159,16 +159,18 @@ class Identification(IdentifiedJoints):
     judgement: Judgement
 
     def to_data(self) -> Data:
-        """Verdict on the servo, then every joint and its parameters."""
+        """Data of the verdict, then of every joint and its parameters."""
         result = self.judgement
         count = f"{sum(x.written for x in self.joints)} of {count_noun(len(self.joints), 'joint')}"
         doubt = "" if result.trusted else "compensation may be worse than none"
-        sole = "judged on one program only, provisional: record a different one"
+        sole = "provisional: judged on only one program; record a different program"
         return Data(
             f"Servo models of {count} from {self.source}",
             (
                 Row("judgement.trusted", result.trusted, "", "trusted", doubt, VERDICT),
-                Row("judgement.ratio", result.ratio, "1", "contour error left", UNFITTED, VERDICT),
+                Row(
+                    "judgement.ratio", result.ratio, "1", "contour error left", RATIO_NOTE, VERDICT
+                ),
                 Row(
                     "judgement.programs", result.programs, "", "programs",
                     sole * (result.programs == 1), VERDICT,
@@ -187,22 +189,22 @@ class Identification(IdentifiedJoints):
 
     @property
     def determined(self) -> bool:
-        """True if all parameters of all joints are determined."""
+        """True if the logs determine all parameters of all joints."""
         return all(x.determined for x in self.joints)
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences about saturation in the logs, and about effective parameters."""
+        """Sentences about saturation in the logs and about parameters that are only effective."""
         names = ", ".join(x.name for x in self.joints if x.effective and x.written)
         effective = (
-            f"Effective parameters: {names}. The residuals are not white: the model lacks an "
-            "effect, and its parameters differ from the settings of the drive."
+            f"Effective parameters: {names}. The residuals are not white, so an effect is not "
+            "modelled, and the parameters differ from the settings of the drive."
         )
         sentences = [x.saturation for x in self.joints if x.saturation]
         return (*sentences, effective) if names else tuple(sentences)
 
     def servo_model(self) -> ServoModel:
-        """The servo as it is written to a file; joints without a model have order "unknown".
+        """Servo model for a servo file; joints without a model have the order "unknown".
 
         Raises:
             InvalidInput: No joint has a model.
@@ -220,9 +222,9 @@ class Identification(IdentifiedJoints):
             interpolation=self.interpolation,
             order=tuple(x.order for x in self.joints),
             drive_cycle=self.drive_cycle,
-            model_error=[rounded(min(x.model_error * UP, math.pi)) for x in self.joints],
-            logged_velocity=[rounded(x) for x in fastest[0]],
-            logged_acceleration=[rounded(x) for x in fastest[1]],
+            model_error=[round_digits(min(x.model_error * ROUND_UP, math.pi)) for x in self.joints],
+            logged_velocity=[round_digits(x) for x in fastest[0]],
+            logged_acceleration=[round_digits(x) for x in fastest[1]],
             contour_ratio=float(f"{self.judgement.ratio:.3g}"),
             programs=self.judgement.programs,
             **parameters,
@@ -233,18 +235,18 @@ class Identification(IdentifiedJoints):
         """Simulate the servo that is written with the commands of a log.
 
         Args:
-            log: The log, of the same joints; it need not be one that was identified.
+            log: A log of the same joints, also one that was not used for the identification.
 
         The constant offset between command and measurement, and the position and velocity at the
-        begin of the log, are fitted. Joints without a model follow their commands.
+        start of the log, are fitted. Joints without a model follow their commands.
 
         Raises:
             InvalidInput: The log has other joints.
         """
         if log.dof != len(self.joints):
             raise InvalidInput(
-                f"{log.source} has {log.dof} joints, but {self.source} has {len(self.joints)}: "
-                "give a log of the same joints."
+                f"{log.source} has {log.dof} joints, but {self.source} has {len(self.joints)}. "
+                "Specify a log of the same joints."
             )
         positions, used = log.command.copy(), np.full(log.command.shape, False)
         for j, joint in enumerate(self.joints):
@@ -264,7 +266,7 @@ def write_servo(
     drive_cycle: float = 0.0,
     unseen: float = 0.0,
 ) -> JointIdentification:
-    """The joint with a servo that is written, and the errors of this servo on the logs."""
+    """The joint with the servo for the file, and with the errors of this servo on the logs."""
     # unseen: largest error on parts that were not fitted [rad].
     rms, largest = math.nan, math.pi
     if segments:
@@ -278,7 +280,7 @@ def write_servo(
     )
 
 
-def rounded(value: float) -> float:
+def round_digits(value: float) -> float:
     """A value rounded to the number of digits in a servo file."""
     return float(f"{value:.{DIGITS}g}")
 
@@ -290,8 +292,8 @@ class Prediction(Result):
     Args:
         log: The log.
         positions: Predicted positions [rad], (n, dof).
-        used: Samples that count: not the first 40 ms or the dead time, which depend on commands
-            before the log, (n, dof).
+        used: Mask of the samples that count, (n, dof). The first 40 ms, or the dead time if it is
+            longer, do not count, because they depend on commands before the log.
     """
 
     log: Log = field(repr=False)
@@ -300,7 +302,7 @@ class Prediction(Result):
 
     @property
     def errors(self) -> FloatArray:
-        """Measured less predicted positions [rad], 0 where they do not count, (n, dof)."""
+        """Measured less predicted positions [rad], (n, dof); 0 at samples that do not count."""
         return np.where(self.used, self.log.measured - self.positions, 0.0)
 
     @property
@@ -323,7 +325,7 @@ class Prediction(Result):
     def tool_errors(self, arm: Arm) -> FloatArray:
         """Distances between the tool at measured and at predicted positions [m], (n,).
 
-        They are 0 at samples that do not count for all joints.
+        The distance is 0 at a sample that does not count for some joint.
 
         Raises:
             InvalidInput: The arm has another number of joints.
@@ -332,13 +334,13 @@ class Prediction(Result):
         if arm.dof != self.log.dof:
             raise InvalidInput(
                 f"{self.log.source} has {self.log.dof} joints, but the arm {arm.name} has "
-                f"{arm.dof}: give the arm of the log."
+                f"{arm.dof}. Specify the arm with which the log was recorded."
             )
         offsets = arm.tool_position(self.log.measured) - arm.tool_position(self.positions)
         return np.where(self.used.all(axis=1), np.linalg.norm(offsets, axis=1), 0.0)
 
     def to_data(self, arm: Arm | None = None) -> Data:
-        """The errors of all joints; the largest are shown."""
+        """Data of the errors of all joints; the summary shows the joint with the largest error."""
 
         def of_joints(name: str, label: str) -> Row:
             values = getattr(self, name)

@@ -1,4 +1,4 @@
-"""Identification of independent servos: select the model of each joint, and judge it."""
+"""Identification of independent servos: selection and validation of the model of each joint."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from armcontour.control.identification.fit_options import (
     MODELS,
     ServoFit,
     choose_interpolation,
-    dead_times,
+    dead_time_range,
     list_logs,
 )
 from armcontour.control.identification.joint_fit import (
@@ -24,20 +24,23 @@ from armcontour.control.identification.joint_fit import (
     predict,
     split_logs,
 )
-from armcontour.control.identification.judgement import WEAK, judge
+from armcontour.control.identification.judgement import MAX_WEAK, choose_written
 from armcontour.control.identification.residuals import (
     describe_residuals,
-    find_residuals,
+    encoder_resolution,
     is_white,
-    resolution,
     scale_residuals,
+    tracking_residuals,
 )
-from armcontour.control.identification.saturation_detection import find_saturation, select_between
-from armcontour.control.identification.selection import Selected, find_lag, select
+from armcontour.control.identification.saturation_detection import (
+    find_saturation,
+    select_unsaturated,
+)
+from armcontour.control.identification.selection import Selected, find_lag, select_model
 from armcontour.control.identification.servo_identification import (
     Identification,
     JointIdentification,
-    rounded,
+    round_digits,
     write_servo,
 )
 from armcontour.core.checks import FloatArray
@@ -51,19 +54,21 @@ from armcontour.motion.log_checks import check_distance, check_speeds, check_uni
 from armcontour.robot.servo.simulation import JointServo
 
 SERVO_FIT = ServoFit()
-# A model is good if its RMS error is at most SHARE of the tracking error, or at most NOISES times
-# the encoder noise. The error of a weak model is at most SHARE of the motion.
-SHARE, NOISES = 0.3, 3.0
-# Errors above this share of the motion may be due to columns in another order, unit or direction.
-MISREAD = 0.1
-# Motion below this many standard deviations of the noise, or below this [rad], counts as rest: a
-# 32-bit encoder has steps of 1.5e-9 rad.
-STILL, LEAST_MOTION = 1.5, 1e-9
-# Lower bound of tracking errors in ratios [rad].
+# A model is good if its RMS error is at most GOOD_SHARE times the tracking error or NOISE_MULTIPLE
+# times the encoder noise. A weak model is written only if its error is at most GOOD_SHARE times the
+# motion.
+GOOD_SHARE, NOISE_MULTIPLE = 0.3, 3.0
+# If the error exceeds this share of the motion, order, unit and sign of the columns are checked.
+MISREAD_SHARE = 0.1
+# A joint is at rest if its motion has at most REST_SIGMAS standard deviations of the noise, or a
+# range of at most LEAST_MOTION [rad] (a 32-bit encoder has a resolution of 1.5e-9 rad).
+REST_SIGMAS, LEAST_MOTION = 1.5, 1e-9
+# Lower bound of a tracking error that is used as a divisor [rad].
 LEAST_LAG = 1e-12
-# Smaller deviations from uniform velocity are rounding [rad]: logs have nine digits at most.
+# Smaller deviations from uniform velocity are rounding errors, because logs have at most nine
+# digits [rad].
 LEAST_BEND = 1e-8
-# Assumed longest drive cycle if none is given [s]; the sample interval if that is longer.
+# Longest drive cycle that is assumed if none is given [s]; a longer sample interval replaces it.
 USUAL_CYCLE = 2e-3
 
 
@@ -76,12 +81,13 @@ def identify(
 ) -> Identification:
     """Identify the servo of every joint from logs.
 
-    The model of each joint is the simplest one of a dead time, a servo of first and one of second
-    order, as in `ServoModel`, that predicts parts of the logs to which it was not fitted. The model
-    is simulated exactly from the set-points. With several logs, each one is predicted from the
-    others. A model is good if the error is at most 30 % of the tracking error, or 3 times the noise
-    of the encoder. A weak model, with at most 80 %, is written if that reduces the contour error
-    where it was not fitted; otherwise the delay of the joint is, or nothing.
+    The candidate models of a joint are a dead time, a servo of first order and a servo of second
+    order, as in `ServoModel`. The simplest model that predicts parts of the logs to which it was
+    not fitted is selected. The model is simulated exactly from the set-points. With several logs,
+    each log is predicted from the others. A model is good if its error is at most 30 % of the
+    tracking error, or at most 3 times the noise of the encoder. A model with an error of at most
+    80 % is weak. For joints without a good model, the weak model, the delay of the joint or nothing
+    is written, whichever has the smallest contour error on motion that was not fitted.
 
     >>> identification = ac.identify(ac.read_log("log.csv"))
     >>> identification.determined, identification.joints[0].order
@@ -90,25 +96,25 @@ def identify(
     Args:
         logs: A log, with set-points and measured positions, or several logs of the same robot.
         options: Options, such as `ServoFit(model="second")`.
-        progress: Called with a step, the name of a joint, before each.
+        progress: Called with a step that names the joint, before each joint is identified.
 
     Raises:
-        InvalidInput: Samples too far apart, logs of other joints or another arm, or a log in which
-            command and measurement cannot belong together.
+        InvalidInput: The sample interval of a log is outside 0.05 to 100 ms, the logs or the arm
+            differ in their joints, or command and measurement of a log do not belong together.
     """
     every = list_logs(logs)
     first, arm = every[0], options.kinematics
     for log in every[1:]:
         if log.joint_names != first.joint_names:
             raise InvalidInput(
-                f"{first.source} and {log.source} do not go together: joint_names is "
-                f"{show(str(first.joint_names))} in one and {show(str(log.joint_names))} in the "
-                "other."
+                f"All logs must have the same joints, but joint_names is "
+                f"{show(str(first.joint_names))} in {first.source} and "
+                f"{show(str(log.joint_names))} in {log.source}."
             )
     if arm is not None and arm.dof != first.dof:
         raise InvalidInput(
-            f"{first.source} has {first.dof} joints, but the arm {arm.name} has {arm.dof}: give "
-            "the arm of the log."
+            f"{first.source} has {first.dof} joints, but the arm {arm.name} has {arm.dof}. Specify "
+            "the arm with which the log was recorded."
         )
     interpolation = choose_interpolation(every, options.interpolation)
     for log in every:
@@ -116,12 +122,12 @@ def identify(
             check_distance(log, arm)
         check_speeds(log)
     report, joints = subprogress(progress), []
-    longest, orders = dead_times(every, options.longest_dead_time)[1], MODELS[options.model]
+    longest, orders = dead_time_range(every, options.longest_dead_time)[1], MODELS[options.model]
     search = Search(longest, options.drive_cycle or 0.0, orders)
     for j, name in enumerate(first.joint_names):
         report(Step((name,)))
         joints.append(identify_joint(every, j, interpolation, search))
-    judged, judgement = judge(every, joints, interpolation, search.longest, arm)
+    judged, judgement = choose_written(every, joints, interpolation, search.longest, arm)
     return Identification(
         logs=every,
         interpolation=interpolation,
@@ -134,43 +140,47 @@ def identify(
 def identify_joint(
     logs: Sequence[Log], j: int, interpolation: str, search: Search
 ) -> JointIdentification:
-    """Identify the joint j (from 0) of some logs."""
+    """Identify the servo of joint j (index from 0); order "unknown" if no model is accepted."""
     name = logs[0].joint_names[j]
     segments = split_logs(logs, j, interpolation)
     lag = find_lag(segments, search.longest)
     segments = [x.after(lag) for x in segments]
     joint = JointIdentification(name=name)
     if reason := _explain_no_model(segments):
-        return _without_model(joint, segments, f"{name} has no model: {reason}")
+        return _mark_unknown(joint, segments, f"{name} has no model, because {reason}")
     saturation, selected = find_saturation(segments), None
     if saturation is not None:
-        selected = select_between(segments, saturation, search)
-    poor = selected is not None and selected.rms > NOISES * selected.fit.noise
-    # Unsaturated samples may not determine the servo; models have no velocity limit.
+        selected = select_unsaturated(segments, saturation, search)
+    poor = selected is not None and selected.rms > NOISE_MULTIPLE * selected.fit.noise
+    # All samples are fitted if no model is selected, or if it is poor and the acceleration
+    # saturates (models have no velocity limit): unsaturated samples may not determine the servo.
     if selected is None or (poor and saturation is not None and saturation.kind == "acceleration"):
-        whole = select(segments, search)
-        selected = min(filter(None, (selected, whole)), key=partial(_error, segments), default=None)
+        whole = select_model(segments, search)
+        selected = min(
+            filter(None, (selected, whole)), key=partial(_rms_error, segments), default=None
+        )
     motion = _rms([s.y for s in segments], segments)[0]
-    if selected is None or selected.rms > MISREAD * motion:
+    if selected is None or selected.rms > MISREAD_SHARE * motion:
         for log in logs:
             check_units(log, search.longest, j)
     if selected is None:
-        residuals = [find_residuals(x, j) for x in logs]
+        residuals = [tracking_residuals(x, j) for x in logs]
         note = (
-            f"{name} has no model: gains (up to {search.fastest:g} 1/s) or feed-forward end at the "
-            f"bounds of their ranges. {describe_residuals(logs, j, residuals)}"
+            f"{name} has no model, because fitted gains (at most {search.fastest:g} 1/s) or "
+            f"feed-forward are at the bounds of their ranges. "
+            f"{describe_residuals(logs, j, residuals)}"
         )
-        return _without_model(joint, segments, note)
-    servo = JointServo(*(rounded(x) for x in selected.servo))
+        return _mark_unknown(joint, segments, note)
+    servo = JointServo(*(round_digits(x) for x in selected.servo))
     order, noise = selected.fit.problem.model.order, selected.fit.noise
     file = [s.y - predict(s, servo, order, search.drive_cycle) for s in segments]
     unseen = [s.y - q for s, q in zip(selected.segments, selected.unseen, strict=True)]
-    error, tracking = _judge(unseen, selected.segments)
-    worst = max((error, tracking), _judge(file, segments), key=lambda x: x[0] / x[1])
+    error, tracking = _worst_log(unseen, selected.segments)
+    worst = max((error, tracking), _worst_log(file, segments), key=lambda x: x[0] / x[1])
     interval = max(float(np.median(np.diff(s.command.t))) for s in segments)
     unknown_cycle = 0.0 if search.drive_cycle else max(interval, USUAL_CYCLE)
     limit = {} if selected.limit is None else {selected.limit.name: selected.limit}
-    step = max(resolution(s.y) for s in segments)
+    step = max(encoder_resolution(s.y) for s in segments)
     effective = not is_white(selected.fit.problem.residuals(selected.fit.x) / MRAD, step)
     rivals = selected.rivals if effective else ()
     rests = [np.full(len(x.t), np.nan) for x in logs]
@@ -192,46 +202,50 @@ def identify_joint(
     )
     if saturation is not None and saturation.hides and not joint.kp.determined:
         note = (
-            f"{name} has no model: {saturation.describe('it')}, and the other samples do not "
-            "determine its servo: record more motion at lower accelerations."
+            f"{name} has no model, because {saturation.describe('it')}, and the other samples do "
+            "not determine its servo. Record more motion at lower accelerations."
         )
-        return _without_model(replace(joint, saturation=""), segments, note)
+        return _mark_unknown(replace(joint, saturation=""), segments, note)
     note, advice, share = "", "", worst[0] / worst[1]
-    if worst[0] > max(SHARE * worst[1], NOISES * noise):
+    if worst[0] > max(GOOD_SHARE * worst[1], NOISE_MULTIPLE * noise):
         note = (
-            f"where it was not fitted, {share:.0%} of the tracking error remain "
+            f"on motion that was not fitted, {share:.0%} of the tracking error remains "
             f"({worst[0] * 1e3:.3g} of {worst[1] * 1e3:.3g} mrad RMS)"
         )
         advice = f" {describe_residuals(logs, j, rests)}"
-    if note and (share > WEAK or selected.rms > SHARE * motion):
-        allowed = f"{WEAK:.0%}" if share > WEAK else f"{SHARE:.0%} of the motion"
-        note = f"{name} has no model: {note}, more than {allowed}.{advice}"
-        return _without_model(joint, segments, note)
-    note = f"The model of {name} is weak: {note}, more than {SHARE:.0%}.{advice}" if note else ""
+    if note and (share > MAX_WEAK or selected.rms > GOOD_SHARE * motion):
+        allowed = f"{MAX_WEAK:.0%}" if share > MAX_WEAK else f"{GOOD_SHARE:.0%} of the motion"
+        note = f"{name} has no model, because {note}, which exceeds {allowed}.{advice}"
+        return _mark_unknown(joint, segments, note)
+    note = (
+        f"The model of {name} is weak: {note}, which exceeds {GOOD_SHARE:.0%}.{advice}"
+        if note
+        else ""
+    )
     joint = replace(joint, note=note, tracking_rms=_rms(_lags(segments), segments)[0])
     used = np.concatenate([x[s.use] for x, s in zip(unseen, selected.segments, strict=True)])
     return write_servo(joint, segments, servo, order, search.drive_cycle, float(np.abs(used).max()))
 
 
-def _without_model(
+def _mark_unknown(
     joint: JointIdentification, segments: Sequence[LogSegment], note: str
 ) -> JointIdentification:
-    """The joint of order "unknown", whose error is its tracking error about the mean."""
+    """The joint with order "unknown"; its error is the RMS tracking error about the mean."""
     written = write_servo(joint, segments, JointServo(math.inf))
     return replace(written, note=note, tracking_rms=written.rms)
 
 
-def _error(segments: Sequence[LogSegment], selected: Selected) -> float:
-    """RMS error of a model over all samples [rad]."""
+def _rms_error(segments: Sequence[LogSegment], selected: Selected) -> float:
+    """RMS error of a model over all used samples [rad]."""
     order, drive_cycle = selected.fit.problem.model.order, selected.fit.problem.search.drive_cycle
     return _rms([s.y - predict(s, selected.servo, order, drive_cycle) for s in segments], segments)[
         0
     ]
 
 
-def _judge(errors: Sequence[FloatArray], segments: Sequence[LogSegment]) -> tuple[float, float]:
-    """Error and tracking error of the log with the largest share, RMS [rad]."""
-    # Errors of a single log are weighted by motion, because the joint may rest in parts of it.
+def _worst_log(errors: Sequence[FloatArray], segments: Sequence[LogSegment]) -> tuple[float, float]:
+    """RMS error and RMS tracking error [rad] of the log in which their ratio is largest."""
+    # Errors of a single log are weighted by motion, because the joint may rest in parts of the log.
     logs = sorted({s.log for s in segments if s.weight.any()})
     single, pairs, lags = int(len(logs) == 1), [], _lags(segments)
     for k in logs:
@@ -250,7 +264,8 @@ def _lags(segments: Sequence[LogSegment]) -> list[FloatArray]:
 def _rms(
     values: Sequence[FloatArray], segments: Sequence[LogSegment], *, centred: bool = True
 ) -> tuple[float, float]:
-    """RMS of values over the used samples about their means: unweighted, weighted by motion."""
+    """Unweighted and motion-weighted RMS of values over the used samples, about their means."""
+    # If not `centred`, means are not subtracted.
     sums = np.zeros(4)
     for row, s in zip(values, segments, strict=True):
         square = (row - (np.mean(row[s.use]) if centred else 0.0)) ** 2
@@ -260,23 +275,26 @@ def _rms(
 
 
 def _explain_no_model(segments: Sequence[LogSegment]) -> str:
-    """The reason why nothing can be identified (no motion, uniform velocity), else empty."""
+    """Reason why no model can be identified (no motion, uniform velocity); empty if none."""
     if not segments:
-        return f"there are no {FEWEST} samples without a gap: record more."
+        return f"the log has fewer than {FEWEST} samples without a gap. Record a longer motion."
     if not any((s.weight * s.use).any() for s in segments):
-        return "no motion is commanded: record a program in which it moves."
+        return "no motion is commanded. Record a program that moves this joint."
     if all(
-        np.ptp(s.y) <= LEAST_MOTION or np.std(s.y) <= STILL * white_noise(s.y) for s in segments
+        np.ptp(s.y) <= LEAST_MOTION or np.std(s.y) <= REST_SIGMAS * white_noise(s.y)
+        for s in segments
     ):
         change = max(float(np.ptp(s.command.u)) for s in segments)
-        still = f"it shows no motion beyond noise, though commands change by {change:.3g} rad"
-        return f"{still}: record more motion."
+        still = f"its measured motion is only noise, although its commands span {change:.3g} rad"
+        return f"{still}. Record more motion."
     if not any(changes_velocity(s.command.t, x) for s in segments for x in (s.command.u, s.y)):
-        return "the velocity is uniform, which shows a lag, but no gains: record a multisine."
+        return "the velocity is uniform, which determines a lag, but no gains. Record a multisine."
     return ""
 
 
 def changes_velocity(t: FloatArray, positions: FloatArray) -> bool:
-    """True if positions [rad] over times [s], (n,), differ from a line by more than noise."""
+    """True if positions [rad] at times t [s], (n,), deviate from a line by more than the noise."""
     errors = positions - np.polyval(np.polyfit(t, positions, 1), t)
-    return bool(np.std(errors) > STILL * white_noise(positions) and np.ptp(errors) > LEAST_BEND)
+    return bool(
+        np.std(errors) > REST_SIGMAS * white_noise(positions) and np.ptp(errors) > LEAST_BEND
+    )

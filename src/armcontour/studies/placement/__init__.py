@@ -1,4 +1,4 @@
-"""Placement: where on the table a part, or the base of an arm, lies best."""
+"""Placement: search for the best position of a part, or of the base of an arm."""
 
 from armcontour.jobs.place_search import AXES, MIDDLE, OBJECTIVES, ORIGIN, UNITS, WHAT, Axis
 from armcontour.studies.placement.best_place import place
