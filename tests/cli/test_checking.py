@@ -75,7 +75,7 @@ def test_kept_limits_end_with_0(folder, check):
     options = (*PLANNED, "--path", "job.yaml")
     outcome = check(folder, *options)
     assert outcome.code == 0, outcome.out + outcome.errors
-    for words in ("joint_acceleration", "speed", "path_deviation", "kept", "Samples of q:"):
+    for words in ("joint_acceleration", "speed", "path_deviation", "kept", "samples (q)"):
         assert words in outcome.out
     assert "violated" not in outcome.out
     data = json.loads(check(folder, *options, "--json").out)

@@ -219,7 +219,7 @@ def test_files_that_cannot_be_moved_back_stay_in_the_hidden_folder(tmp_path, mon
     assert texts["report.html"] == "text of report.html" and "summary.json" in texts
     # The next run names them and leaves them there, too.
     for force in (False, True):
-        with pytest.raises(InvalidInput, match="killed.*move the files in .*remove"):
+        with pytest.raises(InvalidInput, match="killed.*files in .*remove"):
             ResultFolder(tmp_path, force=force)
     assert contents(old)
 

@@ -62,7 +62,7 @@ def read_job(
         InvalidInput: The file does not exist or is not YAML, a key is unknown, a value has no unit,
             or the values are invalid; the message names the key.
     """
-    location = checks.read_place("read_job", file)
+    location = checks.read_file_path("read_job", file)
     return parse_job(
         job_text(location),
         source=location.name,

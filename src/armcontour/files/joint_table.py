@@ -16,7 +16,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.file_access import LARGE, read_text
-from armcontour.core.sampling import LARGEST, check_distance, check_samples, describe_bursts
+from armcontour.core.sampling import LARGEST, check_samples, check_time_range, describe_bursts
 from armcontour.core.text import count_noun, show
 from armcontour.files.csv_table import CsvTable, Digits, Title, last_digit
 from armcontour.motion import LapLaw, Trajectory
@@ -324,7 +324,7 @@ def read_samples(
         row, key = int(rows[i]), keys[named[name][j]] if name in named else times[0]
         return f"{table.place(row, key)}: {show(table.cell(row, key))}"
 
-    check_distance(t, locate, lambda new: table.rename(new, table.columns[clock].title))
+    check_time_range(t, locate, lambda new: table.rename(new, table.columns[clock].title))
     _check_angle_unit(table, keys, values)
     _check_time_unit(table, clock, t, values[:, [x.kind == "q" for x in keys]])
     last = last_digit([digit]) * table.columns[clock].factor

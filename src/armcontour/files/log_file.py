@@ -82,7 +82,7 @@ def read_log(
         InvalidInput: The file has another form, or `Log` rejects its samples; the message names
             file and line.
     """
-    location = checks.read_place("read_log", file)
+    location = checks.read_file_path("read_log", file)
     return _read_log(location, (), (start, end), unwrap, columns, topic, commanded=True)[0]
 
 

@@ -129,7 +129,7 @@ def write_report(
     Raises:
         InvalidInput: An unsupported result, a result without its arm, or an unwritable file.
     """
-    place = checks.read_place("write_report", file)
+    place = checks.read_file_path("write_report", file)
     page = render_report(study_of(study))
     try:
         staging.write_atomically(place, lambda x: x.write_text(page, encoding="utf-8"))

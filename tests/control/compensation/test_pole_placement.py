@@ -288,7 +288,7 @@ def test_refused(mac, arm, refuses):
         partial(pole_behaviour, first, [-1, -1, -1]),
         partial(ac.compensate, mac, first, ac.PolePlacement()),
     ):
-        refuses(call, ac.InvalidInput, "order second", "take the compensation inverse")
+        refuses(call, ac.InvalidInput, "order second", "the compensation inverse")
 
 
 DURATION = 0.6

@@ -147,7 +147,7 @@ def test_what_refuses_a_job_is_found_before_the_search(monkeypatch, refuses):
         (partial(replace, job.certificate, saturation="report"), "saturation"),
         (partial(replace, job.certificate, plant="servo"), "plant: rigid_body"),
         (partial(ac.certify, parse_job(FIRST_ORDER)), "order second"),
-        (partial(ac.certify, parse_job(CASCADE)), "A box of rigid bodies needs"),
+        (partial(ac.certify, parse_job(CASCADE)), "A box of rigid bodies requires"),
         (partial(ac.certify, replace(job, path=two)), "one contour"),
         (partial(ac.certify, replace(job, path=named)), "1 contour, 1 dwell, 1 event"),
         (partial(ac.certify, parse_job(OVERSHOOT + EARLY)), "gas is to come 0.1 s before"),

@@ -351,7 +351,7 @@ def export(
             is missing, the template has an error, the format does not support the data, or the file
             cannot be written.
     """
-    destination = checks.read_place("export", file)
+    destination = checks.read_file_path("export", file)
     chosen = format_of(destination)() if format is None else format
     table = make_table(
         data,

@@ -112,7 +112,7 @@ class SetPointTable(Checked):
 
     def _check_together(self) -> None:
         analog = {
-            key: checks.lock_numbers(f"analog output {key} of {self.name!r}", x)
+            key: checks.freeze_numbers(f"analog output {key} of {self.name!r}", x)
             for key, x in self.analog.items()
         }
         object.__setattr__(self, "analog", MappingProxyType(analog))

@@ -118,7 +118,7 @@ def load_arm(
             file is not trusted, or the file does not describe an arm.
     """
     if not is_model(name):
-        name = checks.read_place("load_arm", name)
+        name = checks.read_file_path("load_arm", name)
     arm = _load(name, options, payload, trust_xacro)
     arm = _attach(arm, tool, work, payload)
     return arm if options.srdf is None else with_more_shapes(arm, srdf=FilePath(options.srdf))

@@ -30,9 +30,9 @@ from armcontour.robot.servo.model import GAINS
 from armcontour.robot.servo.simulation import (
     CUBIC,
     STRAIGHT,
+    add_integrator_pieces,
     command_and_rates,
     polynomials,
-    with_integrated,
 )
 from armcontour.simulation.robustness.kernels import (
     Clock,
@@ -304,7 +304,7 @@ class _RobotSet:
         inertia = _payload_inertia(arm, set_points, box)
         self.setting = Setting(robot, reach, line, clock, kind, inertia, lower, upper)
         plain = self.servo.without_feedforward().for_joints(dof)
-        self.commands = with_integrated(
+        self.commands = add_integrator_pieces(
             plain, lambda x: polynomials(set_points.q, set_points.cycle, x)
         )
         _, *self.rates = command_and_rates(set_points.q, set_points.cycle, servo.interpolation)

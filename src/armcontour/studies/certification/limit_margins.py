@@ -282,7 +282,7 @@ def _state_ratios(
     pace = (states.use("joint_velocity", limits).ratio ** 2).max(axis=1)
     assigned = _assigned_speeds(case, path, s, side)
     if np.isfinite(assigned).any():
-        pace = np.maximum(pace, (states.bound("speed")[0] / assigned) ** 2)
+        pace = np.maximum(pace, (states.measure("speed")[0] / assigned) ** 2)
     if limits.centripetal_acceleration is not None:
         pace = np.maximum(pace, states.use("centripetal_acceleration", limits).ratio)
     return s, states.use("joint_acceleration", limits).ratio, pace

@@ -123,7 +123,7 @@ class _PathPoses:
         """Mask of bases, (n, 3, 4), from which a pose of the path is out of reach, (n,)."""
         closed = arm.closed_form
         if self.task == WHOLE and closed is not None:
-            return closed.beyond(bases, self.fine, REACH_TOLERANCE) > REACH_TOLERANCE
+            return closed.measure_excess(bases, self.fine, REACH_TOLERANCE) > REACH_TOLERANCE
         return reach_excess(arm.chain, self.task, self.first.row, bases) > 0
 
     def bounds_of(self, arm: SerialArm, limits: Limits, every: bool) -> PlaceBounds:

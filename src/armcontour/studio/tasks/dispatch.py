@@ -63,7 +63,7 @@ class TaskInput(NamedTuple):
 WARM = TaskInput("", "warm", {})
 
 
-def work(task_input: TaskInput, listener: Listener = child_process.tell) -> bytes:
+def work(task_input: TaskInput, listener: Listener = child_process.report_to_parent) -> bytes:
     """Run a task in the task process; returns the encoded final frame. WARM only loads modules."""
     id, task, request = task_input
     if task_input == WARM:
