@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from tests.files.tables import refusals
 
 from armcontour.core.yaml_loader import load
-from armcontour.files.job_edits import (
+from armcontour.files.job_text_edits import (
     REMOVE,
     Change,
     change_data,

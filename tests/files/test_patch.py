@@ -8,7 +8,7 @@ from tests.files.tables import refusals, values
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job, parse_set
 from armcontour.files.cell import read_cell
-from armcontour.files.job_edits import REMOVE
+from armcontour.files.job_text_edits import REMOVE
 from armcontour.files.patch import apply_patch, key_of, locate_key, write_patch
 from armcontour.jobs import Rounding
 from armcontour.program import prepare

@@ -11,7 +11,7 @@ from tests.jobs.making import ARM, a_job, a_run
 
 import armcontour as ac
 from armcontour.jobs import Experiment, PlaceSearch, Rounding, run
-from armcontour.jobs.place_search import corners_of, read_axes, read_uncertainty
+from armcontour.jobs.placement_options import corners_of, read_axes, read_uncertainty
 from armcontour.program import Contour, Program, Rapid
 from armcontour.studies.placement import Moves
 

@@ -11,7 +11,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
-from armcontour.files.job_edits import Change, change_data
+from armcontour.files.job_text_edits import Change, change_data
 from armcontour.studio.document import Document
 from armcontour.studio.edits import changes_of
 from armcontour.studio.handles import EditState, handles_of

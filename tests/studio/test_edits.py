@@ -13,7 +13,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.cell import cell_names, cell_text
-from armcontour.files.job_edits import change_data, change_text, value_at
+from armcontour.files.job_text_edits import change_data, change_text, value_at
 from armcontour.files.patch import key_of, locate_key
 from armcontour.files.units import parse_quantity
 from armcontour.studio.description import slider_rows

@@ -11,7 +11,7 @@ import armcontour as ac
 from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
-from armcontour.files.job_edits import change_text
+from armcontour.files.job_text_edits import change_text
 from armcontour.studio.edits import changes_of
 from armcontour.studio.edits.conversion import is_convertible
 from armcontour.studio.handles import EditState, handles_of, obstacles_of

@@ -12,7 +12,7 @@ from tests.studio.session_pages import JOB, ImmediateWorker, RecordingTaskWorker
 
 import armcontour as ac
 from armcontour.files.cell import cell_names
-from armcontour.files.job_edits import Change
+from armcontour.files.job_text_edits import Change
 from armcontour.studio.connection import open_session
 from armcontour.studio.document import Document
 from armcontour.studio.start_page import DRAWINGS as CARDS

@@ -18,9 +18,9 @@ from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.text import show
 from armcontour.files.cell import cell_data
 from armcontour.files.job_arm import ARM_FILES
-from armcontour.files.job_edits import Keys
 from armcontour.files.job_file import assemble_job, job_text, model_of, parts_of, read_data
 from armcontour.files.job_model import JobModel
+from armcontour.files.job_text_edits import Keys
 from armcontour.files.patch import apply_patch
 from armcontour.files.si_data import in_si
 from armcontour.geometry import Path

@@ -10,7 +10,7 @@ from typing import Any
 from armcontour.core.errors import InvalidInput
 from armcontour.core.result import Row
 from armcontour.core.text import suggest
-from armcontour.jobs.place_search import UNITS
+from armcontour.jobs.placement_options import UNITS
 
 # Kinds of work on each job. Each of RISING includes the previous kinds; `PLACE` is separate.
 COMPENSATE, RUN, CERTIFY = INCREASING_WORKS = ("compensate", "run", "certify")

@@ -14,8 +14,8 @@ from armcontour.core.checks import FloatArray, raise_if
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.quantities import Quantity
 from armcontour.core.text import show, suggest
-from armcontour.files.job_edits import Change, Keys, change_data, value_at
 from armcontour.files.job_model import JobModel
+from armcontour.files.job_text_edits import Change, Keys, change_data, value_at
 from armcontour.files.patch import full_key, key_of
 from armcontour.files.si_data import in_si, quantity_of
 from armcontour.files.units import parse_quantity, read_quantity

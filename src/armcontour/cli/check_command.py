@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from armcontour.program import Program
     from armcontour.robot import Arm, Limits
     from armcontour.robot.scene import Scene
-    from armcontour.verification import Check, CommandCheck
+    from armcontour.verification import Check, InterpolationCheck
     from armcontour.verification.clearance import Clearance
 
 # Standard deviation below which scatter counts as rounding, not as noise [rad]. The steps of a
@@ -90,13 +90,13 @@ def _check_commands(
     limits: Limits,
     path: Program | None,
     allowed: Mapping[str, Any],
-) -> CommandCheck | None:
+) -> InterpolationCheck | None:
     """Check the commands of a controller for the samples; None without `--controller`."""
     from armcontour.cli.inputs import read_option
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import Frequency
     from armcontour.motion.controller_laws import interpolate_points
-    from armcontour.verification import check_commands
+    from armcontour.verification import check_interpolation
 
     name, rate = options.controller, read_option("--rate", options.rate, Frequency)
     if name is None or rate is None:
@@ -109,7 +109,9 @@ def _check_commands(
     if options.plan is not None:
         plan = _samples(options.plan, arm, replace(options, noise=None))
         reference = interpolate_points(plan, "jtc_spline").curve
-    return check_commands(samples, arm, name, rate, limits, path, reference=reference, **allowed)
+    return check_interpolation(
+        samples, arm, name, rate, limits, path, reference=reference, **allowed
+    )
 
 
 def _limits_and_path(

@@ -15,10 +15,10 @@ from armcontour.core.text import make_printable, shorten
 from armcontour.core.yaml_loader import load
 from armcontour.files.file_keys import SpecifiedKeys, read_keys
 from armcontour.files.job_arm import arm_of
-from armcontour.files.job_edits import REMOVE, move_files
 from armcontour.files.job_file import job_of, job_text, model_of, read_data
 from armcontour.files.job_model import CellModel, PathModel
 from armcontour.files.job_path import part_of, read_drawing
+from armcontour.files.job_text_edits import REMOVE, move_files
 from armcontour.files.patch import Patch, apply_patch, write_patch
 from armcontour.files.scene_file import scene_of
 from armcontour.jobs import Job

@@ -46,8 +46,8 @@ from armcontour.core.quantities import (
     Quantity,
 )
 from armcontour.core.text import describe_fields
+from armcontour.files.key_errors import first_problem
 from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides
-from armcontour.files.problems import first_problem
 from armcontour.files.units import read_quantity
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]

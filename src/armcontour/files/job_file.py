@@ -23,7 +23,7 @@ from armcontour.files.file_keys import MappingKeys, read_keys, schema_of
 from armcontour.files.job_arm import arm_of, arm_with_tool
 from armcontour.files.job_model import ExperimentModel, JobModel, PathModel, RunModel
 from armcontour.files.job_path import part_of, path_of
-from armcontour.files.problems import Patch
+from armcontour.files.key_errors import Patch
 from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Experiment, Job, Rounding, Run

@@ -17,9 +17,9 @@ from armcontour.files.cell import GEOMETRY_KEYS, YAML, cell_names
 from armcontour.files.drawings.endings import READERS
 from armcontour.files.exports.formats import FORMATS, TemplateFormat
 from armcontour.files.exports.template import ending_of, templates
-from armcontour.files.job_edits import Keys
 from armcontour.files.job_file import json_schema
 from armcontour.files.job_model import JobModel, RunModel, SharedModel
+from armcontour.files.job_text_edits import Keys
 from armcontour.files.key_overrides import KEY_OVERRIDES, KeyOverrides
 from armcontour.files.patch import MERGED
 from armcontour.files.robots.loading import arm_names

@@ -15,7 +15,7 @@ from armcontour.core.progress import Progress
 from armcontour.files.drawings.read_options import MAX_COORDINATE, ReadOptions
 from armcontour.files.job_arm import frame_of
 from armcontour.files.job_model import OrientationModel, PathModel, RepeatModel, SegmentModel
-from armcontour.files.problems import key_text
+from armcontour.files.key_errors import key_text
 from armcontour.files.scene_file import rotation_of
 from armcontour.geometry import Arc, Line, Path, SegmentLimits
 from armcontour.program import Contour, Program, contour_called

@@ -22,7 +22,7 @@ from armcontour.core.quantities import (
     Ratio,
 )
 from armcontour.geometry import SegmentLimits
-from armcontour.jobs.place_search import AXES, POINTS, PlaceSearch
+from armcontour.jobs.placement_options import AXES, POINTS, PlaceSearch
 from armcontour.program import Event, Lead, Process
 from armcontour.robot.chain import Payload
 from armcontour.simulation.robustness.uncertainty import Uncertainty

@@ -15,9 +15,9 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.text import show, suggest
 from armcontour.core.yaml_loader import load
 from armcontour.files.job_arm import ARM_FILES
-from armcontour.files.job_edits import REMOVE, Change, Keys, change_data, change_text, value_at
 from armcontour.files.job_model import JobModel, RunModel
-from armcontour.files.problems import Patch as Patch
+from armcontour.files.job_text_edits import REMOVE, Change, Keys, change_data, change_text, value_at
+from armcontour.files.key_errors import Patch as Patch
 from armcontour.jobs.job import ARC, FREE, OF_FREE
 from armcontour.motion import Method
 

@@ -13,9 +13,9 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, quaternions
 from armcontour.core.render import jsonable, plain, units
 from armcontour.files.job_arm import frame_of
-from armcontour.files.job_edits import REMOVE, move_files
 from armcontour.files.job_file import model_of, read_data
 from armcontour.files.job_model import CellModel
+from armcontour.files.job_text_edits import REMOVE, move_files
 from armcontour.files.patch import Patch, write_patch
 from armcontour.files.result_folder import data_json, to_json
 from armcontour.robot import SerialArm

@@ -34,7 +34,7 @@ from armcontour.geometry.rounded_path import CONTINUITIES, Continuity
 from armcontour.jobs.analog import check_speeds
 from armcontour.jobs.experiment import Experiment
 from armcontour.jobs.goal import CertificateGoal
-from armcontour.jobs.place_search import PlaceSearch
+from armcontour.jobs.placement_options import PlaceSearch
 from armcontour.jobs.single_corners import check_corners
 from armcontour.motion import DEFAULT_CYCLE, Method, check_cycle
 from armcontour.planning import Optimal, PlanOptions, Shaped, check_duration

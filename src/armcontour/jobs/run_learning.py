@@ -26,7 +26,7 @@ from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.set_point_check import describe_excess
 from armcontour.program import contour_called
 from armcontour.verification import ErrorProfile
-from armcontour.verification.contour_execution import ContourExecution, pieces_of
+from armcontour.verification.contour_errors import ContourExecution, pieces_of
 from armcontour.verification.error_profile import Coverage, error_rows
 
 # Minimum further dead time [s] and minimum relative clock error that are reported.

@@ -13,7 +13,7 @@ from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.text import show
-from armcontour.files.job_edits import Change
+from armcontour.files.job_text_edits import Change
 from armcontour.studio.description import label_of
 from armcontour.studio.document import Document
 from armcontour.studio.editor import Revision

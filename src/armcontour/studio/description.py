@@ -12,9 +12,9 @@ import numpy as np
 
 from armcontour.core.errors import InvalidInput
 from armcontour.files.cell import GEOMETRY_KEYS
-from armcontour.files.job_edits import Keys, line_of, value_at
 from armcontour.files.job_form import usual_ranges
 from armcontour.files.job_model import JobModel
+from armcontour.files.job_text_edits import Keys, line_of, value_at
 from armcontour.files.patch import full_key, locate_key
 from armcontour.files.si_data import quantity_of
 from armcontour.files.units import unit_of

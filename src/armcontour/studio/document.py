@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import read_bytes
 from armcontour.files.cell import drawing_text
-from armcontour.files.job_edits import Change, change_data, change_text, file_names
 from armcontour.files.job_file import read_data
+from armcontour.files.job_text_edits import Change, change_data, change_text, file_names
 from armcontour.studio.drafts import BOM, Draft, decode_text, drop_draft, find_draft, write_file
 
 # States of the file on disk, see `Document.on_disk`.

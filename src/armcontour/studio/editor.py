@@ -11,7 +11,7 @@ from typing import Any
 from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import load
 from armcontour.files.cell import YAML
-from armcontour.files.job_edits import Change, change_data, change_text
+from armcontour.files.job_text_edits import Change, change_data, change_text
 from armcontour.jobs import Job
 from armcontour.studio.description import JobState, runs_of
 from armcontour.studio.document import Document

@@ -17,7 +17,7 @@ from armcontour.robot.limit_use import use_of
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.preview import PreviewExecution
 from armcontour.studio.view import Detail, View, in_space, sample_times, select_points, to_float32
-from armcontour.verification.contour_execution import ContourExecution
+from armcontour.verification.contour_errors import ContourExecution
 from armcontour.verification.error_profile import error_rows
 from armcontour.verification.evaluation import (
     demand_ratio,

@@ -17,8 +17,8 @@ from armcontour.core.quantities import Quantity
 from armcontour.core.text import show
 from armcontour.files.cell import GEOMETRY_KEYS
 from armcontour.files.job_arm import frame_of
-from armcontour.files.job_edits import Change, Keys, change_data
 from armcontour.files.job_model import FrameModel, PathModel
+from armcontour.files.job_text_edits import Change, Keys, change_data
 from armcontour.files.scene_file import BodiesModel, SceneModel
 from armcontour.files.si_data import in_si
 from armcontour.files.units import unit_of, write_like

@@ -12,7 +12,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 
 from armcontour.core.errors import ArmContourError, InvalidInput
-from armcontour.files.job_edits import key_in
+from armcontour.files.job_text_edits import key_in
 from armcontour.studio.description import document_frame
 from armcontour.studio.editor import Editor, Revision
 from armcontour.studio.handles import is_blank

@@ -13,7 +13,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ArmContourError
 from armcontour.core.render import cells, frame, number
 from armcontour.core.result import Data
-from armcontour.files.job_edits import key_in
+from armcontour.files.job_text_edits import key_in
 from armcontour.geometry import Path, RoundedPath
 from armcontour.jobs import Rounding, Run
 from armcontour.jobs.single_corners import corner_waypoints

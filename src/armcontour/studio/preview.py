@@ -34,7 +34,7 @@ from armcontour.program import Program
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import Scene
 from armcontour.verification import ErrorProfile
-from armcontour.verification.contour_execution import ContourExecution, pieces_of, settling_time
+from armcontour.verification.contour_errors import ContourExecution, pieces_of, settling_time
 
 # Maximum number of set-points of an exact preview.
 MAX_SET_POINTS = 200_000

@@ -18,7 +18,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.core.staging import write_atomically
 from armcontour.files.cell import cell_names, cell_text, read_cell_arm
-from armcontour.files.job_edits import Change, change_text
+from armcontour.files.job_text_edits import Change, change_text
 from armcontour.robot import SerialArm
 from armcontour.robot.chain import link_poses
 from armcontour.studio.arm_picture import triangles_of

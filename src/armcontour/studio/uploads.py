@@ -13,7 +13,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.text import make_printable
 from armcontour.files.cell import GEOMETRY_KEYS, YAML, cell_names, drawing_text
 from armcontour.files.drawings.endings import READERS
-from armcontour.files.job_edits import Change, change_text
+from armcontour.files.job_text_edits import Change, change_text
 from armcontour.studio.document import Document
 from armcontour.studio.drafts import all_drafts, make_private, state_folder
 

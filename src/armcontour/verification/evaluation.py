@@ -23,7 +23,7 @@ from armcontour.motion import Execution, SetPoints
 from armcontour.program import Program
 from armcontour.robot import Limits, resolve_limits
 from armcontour.robot.limit_use import use_of
-from armcontour.verification.contour_execution import (
+from armcontour.verification.contour_errors import (
     CornerDeviation,
     common_delay,
     evaluated_times,

@@ -250,9 +250,9 @@ def _set_points(
         fed = options.gravity_feedforward is not False
         start, q = inverse_dynamics(trajectory, servo, cycle, arm, fed, options.controller)
     else:
-        from armcontour.control.compensation.set_points import inverse
+        from armcontour.control.compensation.inverse_servo import invert_servo
 
-        start, q = inverse(trajectory, servo, cycle)
+        start, q = invert_servo(trajectory, servo, cycle)
     if not servo.has_feedforward and not servo.ki.any():
         return start, q, None
     from armcontour.control.compensation.feedforward import invert_feedforward

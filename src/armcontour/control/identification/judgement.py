@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armcontour.control.identification.joint_fit import split_logs
-from armcontour.control.identification.servo_identification import (
+from armcontour.control.identification.identification_result import (
     JointIdentification,
     Judgement,
     round_digits,
     write_servo,
 )
+from armcontour.control.identification.joint_fit import split_logs
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.sampling import interpolate
 from armcontour.motion.log import Log

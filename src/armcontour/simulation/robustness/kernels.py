@@ -16,7 +16,7 @@ from armcontour.robot.servo.march import march
 
 # Number of cycles per block, so that the results of a block fit in the processor's cache.
 CHUNK = 64
-# The RMS error ends when the tool is slower than this [m/s], as in `contour_execution`.
+# The RMS error ends when the tool is slower than this [m/s], as in `contour_errors`.
 REST_SPEED = 1e-3
 # The execution ends when the tool is slower than this [m/s].
 STILL_SPEED = 1e-9

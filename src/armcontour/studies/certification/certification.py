@@ -51,7 +51,7 @@ from armcontour.studies.certification.rigid_body_robots import (
     rest_at_start,
     worst_corners,
 )
-from armcontour.verification.contour_execution import pieces_of
+from armcontour.verification.contour_errors import pieces_of
 from armcontour.verification.error_profile import ErrorProfile
 
 # A nearly continuous command has a cycle that is CONTINUOUS times shorter, but at least SHORTEST

@@ -25,7 +25,7 @@ from armcontour.robot.servo import ServoModel
 from armcontour.simulation import Plant, RigidBodyPlant, ServoPlant
 from armcontour.simulation.rigid_body_plant import DEFAULT_STEP
 from armcontour.simulation.robustness.uncertainty import Uncertainty
-from armcontour.verification.contour_execution import unexplained_errors
+from armcontour.verification.contour_errors import unexplained_errors
 
 # Time between two results of the execution that proves a plan [s].
 RESOLUTION = 1e-4

@@ -31,7 +31,7 @@ from armcontour.simulation.plant import count_intervals
 from armcontour.simulation.robustness.uncertainty import Uncertainty
 from armcontour.studies.certification.certification_case import Case
 from armcontour.verification import Check, check
-from armcontour.verification.contour_execution import ContourExecution, pieces_of
+from armcontour.verification.contour_errors import ContourExecution, pieces_of
 
 # Results per cycle of an execution in a trial: on the nominal robot, and in corners of the box.
 RESULTS_PER_CYCLE = 16

@@ -51,7 +51,7 @@ from armcontour.studies.certification.rigid_body_robots import (
     worst_corners,
 )
 from armcontour.verification import check
-from armcontour.verification.contour_execution import pieces_of
+from armcontour.verification.contour_errors import pieces_of
 
 # Largest number of trials of a contour with the same step sizes.
 MAX_TRIALS = 25

@@ -17,7 +17,7 @@ from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, subprogress
 from armcontour.core.quantities import Workers
 from armcontour.jobs.job import Job, Run, choose_run
-from armcontour.jobs.place_search import (
+from armcontour.jobs.placement_options import (
     CLEARANCE,
     DURATION,
     LENGTHS,

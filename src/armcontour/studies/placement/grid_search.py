@@ -20,7 +20,7 @@ from armcontour.core.child_process import is_child
 from armcontour.core.pool import TaskQueue, open_executor
 from armcontour.core.progress import Progress, Step
 from armcontour.core.render import number
-from armcontour.jobs.place_search import DURATION, Axis
+from armcontour.jobs.placement_options import DURATION, Axis
 from armcontour.studies.placement.place_evaluation import (
     COMPARED,
     CutoffVerdicts,

@@ -15,7 +15,13 @@ from armcontour.core.errors import ArmContourError, NotRealizable
 from armcontour.core.render import Result
 from armcontour.core.result import TABLE, Data, Row
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.place_search import CLEARANCE, DURATION, MANIPULABILITY, TORQUE, corners_of
+from armcontour.jobs.placement_options import (
+    CLEARANCE,
+    DURATION,
+    MANIPULABILITY,
+    TORQUE,
+    corners_of,
+)
 from armcontour.jobs.plan_quantities import torques_at
 from armcontour.jobs.reuse import Reuse
 from armcontour.jobs.run_plan import plan_one, trace_one

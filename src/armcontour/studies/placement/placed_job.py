@@ -11,7 +11,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, exp
 from armcontour.jobs.job import Job
-from armcontour.jobs.place_search import LENGTHS
+from armcontour.jobs.placement_options import LENGTHS
 from armcontour.program import Program
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import BASE, PART, Obstacle

@@ -20,7 +20,7 @@ from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import short_repr
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.place_search import DURATION, UNITS, Axis
+from armcontour.jobs.placement_options import DURATION, UNITS, Axis
 from armcontour.robot.scene import PART
 from armcontour.studies.placement.place_evaluation import COMPARED, Verdict
 from armcontour.studies.placement.placed_job import Moves, place_job

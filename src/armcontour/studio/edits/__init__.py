@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import show
-from armcontour.files.job_edits import Change
+from armcontour.files.job_text_edits import Change
 from armcontour.studio.edits.conversion import waypoint_changes
 from armcontour.studio.edits.keys import set_value, unset_value
 from armcontour.studio.edits.layout import obstacle, place, tilt

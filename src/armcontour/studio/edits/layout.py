@@ -16,8 +16,8 @@ from armcontour.core.quantities import Quantity
 from armcontour.core.text import plain_number
 from armcontour.files.file_keys import MappingKeys as Model
 from armcontour.files.file_keys import read_keys
-from armcontour.files.job_edits import Change, Keys, value_at
 from armcontour.files.job_model import FrameModel, OrientationModel
+from armcontour.files.job_text_edits import Change, Keys, value_at
 from armcontour.files.scene_file import rotation_of
 from armcontour.files.si_data import in_si
 from armcontour.files.units import read_quantity, write_like

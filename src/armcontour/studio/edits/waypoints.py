@@ -10,7 +10,7 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import show
-from armcontour.files.job_edits import Change, Keys, value_at
+from armcontour.files.job_text_edits import Change, Keys, value_at
 from armcontour.files.patch import locate_key
 from armcontour.studio.edits.keys import format_value
 from armcontour.studio.handles import (

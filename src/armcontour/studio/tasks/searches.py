@@ -11,7 +11,7 @@ import numpy as np
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.progress import Step
 from armcontour.jobs import PlaceSearch
-from armcontour.jobs.place_search import LENGTHS
+from armcontour.jobs.placement_options import LENGTHS
 from armcontour.robot.scene import BASE
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks.request import Request
@@ -29,7 +29,7 @@ def sweep(request: Request) -> PageFrame:
 
     Options: `key`, and either `values` or `min`, `max`, `count` and `log`.
     """
-    from armcontour.files.job_edits import change_data
+    from armcontour.files.job_text_edits import change_data
     from armcontour.studio.edits.keys import set_value
     from armcontour.studio.handles import EditState, handles_of
 

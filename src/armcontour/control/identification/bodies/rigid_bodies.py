@@ -35,7 +35,7 @@ from armcontour.control.identification.fit_options import (
     dead_time_range,
     list_logs,
 )
-from armcontour.control.identification.servos import changes_velocity
+from armcontour.control.identification.servo_identification import changes_velocity
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.fields import checked

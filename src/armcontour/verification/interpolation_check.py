@@ -39,8 +39,8 @@ COMMAND_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CommandCheck(Result):
-    """Result of `check_commands`.
+class InterpolationCheck(Result):
+    """Result of `check_interpolation`.
 
     Args:
         controller: Name of the controller.
@@ -109,7 +109,7 @@ class CommandCheck(Result):
 
 
 @checked
-def check_commands(
+def check_interpolation(
     points: TimeSamples,
     arm: Arm,
     controller: Annotated[str, Choice(NAMES)],
@@ -121,7 +121,7 @@ def check_commands(
     deviation: Tolerance | None = None,
     orientation_deviation: Annotated[float, Quantity("rad", sign="positive")] | None = None,
     tolerance: NotNegative = COMMAND_TOLERANCE,
-) -> CommandCheck:
+) -> InterpolationCheck:
     """Check a trajectory as a controller interpolates it.
 
     Velocities and accelerations of joints and tool are differences of the commands at the
@@ -149,7 +149,7 @@ def check_commands(
         raise InvalidInput(
             f"The arm {arm.name} has {arm.dof} joints, but the trajectory has {dof}."
         )
-    bounds = resolve_limits("check_commands", arm, limits)
+    bounds = resolve_limits("check_interpolation", arm, limits)
     commanded = _commands(curve, rate)
     smooth = bounds.replace(joint_jerk=None, tool_jerk=None, path_jerk=None)
     uses = check(commanded, arm, smooth, path, tolerance=tolerance).uses
@@ -167,7 +167,7 @@ def check_commands(
     ideal = reference or best.curve
     q, exact = curve(times), ideal(np.minimum(times, ideal.duration))
     distance = np.linalg.norm(arm.tool_position(q) - arm.tool_position(exact), axis=1)
-    result = CommandCheck(
+    result = InterpolationCheck(
         controller=controller,
         law=curve.law,
         rate=rate,
@@ -217,7 +217,7 @@ def _second_differences(points: TimeSamples, limits: Limits) -> FloatArray:
     return use_of("joint_acceleration", limits, mean).largest
 
 
-def _advise(result: CommandCheck, points: TimeSamples, limits: Limits, arm: Arm) -> str:
+def _advise(result: InterpolationCheck, points: TimeSamples, limits: Limits, arm: Arm) -> str:
     """Advice on commands whose accelerations exceed the limit; empty if none does."""
     use = next((x for x in result.uses if x.name == "joint_acceleration"), None)
     if use is None or use.joint is None or use.verdict != "violated":

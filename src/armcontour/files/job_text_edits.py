@@ -17,7 +17,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.text import show
 from armcontour.core.yaml_loader import Loader, load_with_node
 from armcontour.files.job_arm import ARM_FILES
-from armcontour.files.problems import key_text
+from armcontour.files.key_errors import key_text
 from armcontour.files.yaml_text import SharedValue, Splice, YamlText, equal_data, flow_text
 
 Key: TypeAlias = str | int
