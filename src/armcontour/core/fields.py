@@ -277,7 +277,7 @@ def _read_whole(mark: AtLeast, who: str) -> Reader:
 
 
 def _read_union(parts: tuple[Any, ...], field: _Field) -> Reader | None:
-    """Reader of None, a text or one other kind; any value if there are several other kinds."""
+    """Reader of a union: None, booleans, a text, and one other kind or several classes."""
     texts = [x for x in parts if x is str or _is_text(x)]
     others = [x for x in parts if x not in (*texts, bool, type(None))]
     if len(texts) > 1 or len(others) > 1:

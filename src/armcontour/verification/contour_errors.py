@@ -1,4 +1,4 @@
-"""`ContourExecution`: the part of an execution on one contour, with its errors."""
+"""`ContourExecution`: the execution of one contour, with its errors (see error_profile.py)."""
 
 from __future__ import annotations
 

@@ -311,7 +311,7 @@ def record_law(
     if breaks.ndim != 1 or len(breaks) < 2 or not (np.diff(breaks) > 0).all():
         raise InvalidInput("The breaks of a law must be at least two increasing times.")
     random = np.random.default_rng(seed)
-    jerks = find_known_jerks(law, tally.limits, breaks[:1])
+    jerks = checkable_jerk_limits(law, tally.limits, breaks[:1])
     size = max(1, CHUNK // (points + 2))
     count = 0
     for first in range(0, len(breaks) - 1, size):
@@ -423,7 +423,7 @@ def _accelerations(
     return np.array(ddq if name == "joint_jerk" else tally.arm.tool_acceleration(q, dq, ddq))
 
 
-def find_known_jerks(law: TimeLaw, limits: Limits, start: FloatArray) -> tuple[str, ...]:
+def checkable_jerk_limits(law: TimeLaw, limits: Limits, start: FloatArray) -> tuple[str, ...]:
     """Limits of jerk that can be checked for a law that begins at `start` [s], (1,)."""
 
     def is_known(along: bool) -> bool:
@@ -463,7 +463,7 @@ def _parts(trajectory: Trajectory, limits: Limits) -> Iterator[tuple[Trajectory,
 
 def _largest_ratios(motion: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
     """Largest ratio of each limit in a motion, by name of the limit."""
-    breaks, jerks = motion.smooth_breaks, find_known_jerks(motion, limits, motion.starts[:1])
+    breaks, jerks = motion.smooth_breaks, checkable_jerk_limits(motion, limits, motion.starts[:1])
     few, enough = (-(-x // (len(breaks) - 1)) for x in (FEWEST, ENOUGH))
     count = max(MIN_PER_INTERVAL, few, min(MAX_PER_INTERVAL, enough))
     part, size = np.linspace(0.0, 1.0, count)[:, None], max(1, CHUNK // count)

@@ -30,7 +30,6 @@ from armcontour.control.identification.joint_fit import (
     predict,
     split_logs,
 )
-from armcontour.control.identification.judgement import MAX_WEAK, choose_written
 from armcontour.control.identification.residuals import (
     describe_residuals,
     encoder_resolution,
@@ -43,6 +42,7 @@ from armcontour.control.identification.saturation_detection import (
     select_unsaturated,
 )
 from armcontour.control.identification.selection import Selected, find_lag, select_model
+from armcontour.control.identification.servo_validation import MAX_WEAK, choose_and_judge
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
@@ -127,7 +127,7 @@ def identify(
     for j, name in enumerate(first.joint_names):
         report(Step((name,)))
         joints.append(identify_joint(every, j, interpolation, search))
-    judged, judgement = choose_written(every, joints, interpolation, search.longest, arm)
+    judged, judgement = choose_and_judge(every, joints, interpolation, search.longest, arm)
     return Identification(
         logs=every,
         interpolation=interpolation,

@@ -22,7 +22,7 @@ def choose_tip(tree: Tree, base: str, locked: Collection[str]) -> tuple[str, str
     ends = [x.child for x in tree.below(base) if x.child not in parents]
     if len(ends) == 1:
         return ends[0], ""
-    chain = _only_chain(tree, _next_joints(tree, base, locked))
+    chain = _only_chain(tree, _next_moving_joints(tree, base, locked))
     if not chain:
         ends.sort(key=lambda link: -_turning_joints(tree, base, link))
         example = ends[0] if ends else "LINK"
@@ -38,7 +38,7 @@ def choose_tip(tree: Tree, base: str, locked: Collection[str]) -> tuple[str, str
     )
 
 
-def _next_joints(tree: Tree, base: str, locked: Collection[str]) -> NextJoints:
+def _next_moving_joints(tree: Tree, base: str, locked: Collection[str]) -> NextJoints:
     """Independent moving joints, by the previous independent joint (None for the base)."""
     following: NextJoints = {None: []}
     carrier: dict[str, str] = {}

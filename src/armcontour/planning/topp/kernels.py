@@ -219,7 +219,7 @@ def bracket(smallest: float, largest: float) -> Bracket:
 
 
 @compiled(inner=True)
-def friction_row(
+def bound_friction(
     friction: Friction, i: int, j: int, towards: float, room: float, within: Bracket
 ) -> tuple[float, float, float]:
     """Linear upper bound of friction in the row of one limit of joint j on interval i."""
@@ -250,7 +250,7 @@ def friction_row(
 def friction_rise(
     friction: Friction, i: int, j: int, offset: float, slope: float, w: float
 ) -> tuple[float, float, float, float]:
-    """Rise that the line of `friction_row` adds to a row: factors of U, X, slope and 1."""
+    """Rise that the line of `bound_friction` adds to a row: factors of U, X, slope and 1."""
     # The slope of the line adds to b, so its product with x curves as b x does. In addition, the
     # friction deviates from its chord. `w`: length of the interval.
     v0, v1, deviation = (
@@ -344,7 +344,7 @@ def _linear_row(
     by_slope, alone = rise[i, j, BY_SLOPE], rise[i, j, BY_CONSTANT]
     if side < 2:
         towards, remaining = (1.0, min(high0, high1)) if side == 0 else (-1.0, min(-low0, -low1))
-        friction_bound, offset, slope = friction_row(friction, i, j, towards, remaining, within)
+        friction_bound, offset, slope = bound_friction(friction, i, j, towards, remaining, within)
         v0, v1, alike = (
             friction.viscous[i, 0, j],
             friction.viscous[i, 1, j],

@@ -73,7 +73,7 @@ def derivatives(
 
 
 @compiled(fastmath=FUSED)
-def write_sampled(
+def write_linear_rows(
     grid: Intervals,
     after: IntArray,
     terms: tuple[FloatArray, ...],  # a, b and c at the samples of `OnGrid`, (samples, rows) each
@@ -179,7 +179,7 @@ class OnGrid:
         # (rows,) each.
         n, count = len(self), terms[0].shape[1]
         rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
-        write_sampled(self.intervals, self.after, terms, (low, high), rows)
+        write_linear_rows(self.intervals, self.after, terms, (low, high), rows)
         return rows
 
     def at_ends(self, values: FloatArray) -> FloatArray:

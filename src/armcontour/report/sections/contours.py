@@ -95,12 +95,12 @@ def _row(k: int, judged: ContourJudgement, limit_speed: float) -> list[Any]:
         contour.layer,
         length,
         *(x if x > ROUNDING else 0.0 for x in (pierce, start - pierce, contour.path.length - end)),
-        *(span.work[0], time, length / time, _assigned_share(contour, span, limit_speed)),
+        *(span.work[0], time, length / time, _share_at_assigned_speed(contour, span, limit_speed)),
         *((None, None) if error is None else (error.rms, error.max)),
     ]
 
 
-def _assigned_share(contour: Contour, span: Span, limit_speed: float) -> float | None:
+def _share_at_assigned_speed(contour: Contour, span: Span, limit_speed: float) -> float | None:
     """Share of a contour's length, with the process on, at the assigned velocity; None without one.
 
     Only the length that has an assigned velocity counts.

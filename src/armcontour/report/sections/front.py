@@ -36,7 +36,7 @@ def front(study: JobResult) -> Front:
     data, result = study.figures[name], study.runs[name]
     alone = len(study.runs) == 1
     return Front(
-        verdict=("" if alone else f"Run {name}: ") + _verdict(study, data),
+        verdict=("" if alone else f"Run {name}: ") + _verdict_sentence(study, data),
         good=data["kept"].value,
         tiles=tiles(_large(data)) if alone else (),
         tables=() if alone else (_compared(study),),
@@ -62,7 +62,7 @@ def _shown(study: JobResult) -> str:
     return min(candidates, key=lambda x: runs[x].trajectory.duration)
 
 
-def _verdict(study: JobResult, data: Data) -> str:
+def _verdict_sentence(study: JobResult, data: Data) -> str:
     """Sentence on the deviation from the drawing, compared with the required accuracy."""
     if not study.simulated:
         return "This report has no errors, because only the plan was computed."

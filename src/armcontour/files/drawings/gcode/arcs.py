@@ -57,7 +57,7 @@ class ArcPart:
 
 
 @dataclass(frozen=True, slots=True)
-class Circle:
+class ProgrammedArc:
     """A programmed arc of at most one full turn, as a circle with start and end."""
 
     center: Point  # Centre [m]
@@ -69,7 +69,7 @@ class Circle:
     end_radius: float  # Distance from the centre to the end [m]
 
 
-def arc_around(start: Point, end: Point, center: Point, turn: int, dialect: str) -> Circle:
+def arc_around(start: Point, end: Point, center: Point, turn: int, dialect: str) -> ProgrammedArc:
     """The arc around a programmed centre; a full circle if start and end are the same point.
 
     `dialect` is the unit of the program, "mm" or "inch", which selects the tolerances.
@@ -92,15 +92,15 @@ def arc_around(start: Point, end: Point, center: Point, turn: int, dialect: str)
             radius, end_radius, difference, allowed,
         )  # fmt: skip
     if math.dist(start, end) <= REPEATED_POINT:
-        return Circle(center, start, start, turn, 2 * math.pi, radius, radius)
+        return ProgrammedArc(center, start, start, turn, 2 * math.pi, radius, radius)
     sweep = turn * math.atan2(px * qy - py * qx, px * qx + py * qy)
     # An arc that would be shorter than rounding errors is a full turn.
     if sweep * radius <= REPEATED_POINT:
         sweep += 2 * math.pi
-    return Circle(center, start, end, turn, sweep, radius, end_radius)
+    return ProgrammedArc(center, start, end, turn, sweep, radius, end_radius)
 
 
-def arc_with_radius(start: Point, end: Point, radius: float, turn: int) -> Circle:
+def arc_with_radius(start: Point, end: Point, radius: float, turn: int) -> ProgrammedArc:
     """The arc of a given radius [m]: at most half a circle, or at least half if it is negative."""
     chord = math.dist(start, end)
     if chord <= REPEATED_POINT:
@@ -119,24 +119,22 @@ def arc_with_radius(start: Point, end: Point, radius: float, turn: int) -> Circl
     center = ((start[0] + end[0]) / 2 - height * uy, (start[1] + end[1]) / 2 + height * ux)
     actual = math.hypot(chord / 2, height)
     sweep = 2 * math.atan2(chord / 2, turn * height)
-    return Circle(center, start, end, turn, sweep, actual, actual)
+    return ProgrammedArc(center, start, end, turn, sweep, actual, actual)
 
 
-def arc_parts(circle: Circle, turns: int) -> list[ArcPart]:
+def arc_parts(arc: ProgrammedArc, turns: int) -> list[ArcPart]:
     """Divide a programmed arc into `turns` - 1 full circles and the one or two arcs of the rest."""
-    arc = circle
     if arc.start == arc.end:
         last = [_arc_around(arc, 2 * math.pi)]
     elif arc.sweep > NEARLY_FULL and _distance_to_bisector(arc) > REPEATED_POINT:
-        last = _two_arcs(arc)
+        last = _divide_arc(arc)
     else:
         last = [_arc_between(arc.start, arc.end, arc.center, arc.turn)]
     return [last[0].circle(arc.start)] * (turns - 1) + last
 
 
-def _distance_to_bisector(circle: Circle) -> float:
+def _distance_to_bisector(arc: ProgrammedArc) -> float:
     """Distance from the centre to the perpendicular bisector of start and end [m]."""
-    arc = circle
     square_difference = (arc.radius - arc.end_radius) * (arc.radius + arc.end_radius)
     return abs(square_difference) / (2 * math.dist(arc.start, arc.end))
 
@@ -156,9 +154,8 @@ def _arc_between(start: Point, end: Point, center: Point, turn: int) -> ArcPart:
     return piece
 
 
-def _arc_around(circle: Circle, sweep: float) -> ArcPart:
+def _arc_around(arc: ProgrammedArc, sweep: float) -> ArcPart:
     """The arc around the programmed centre, from the start over an angle `sweep` [rad]."""
-    arc = circle
     normal = (
         (arc.center[0] - arc.start[0]) / arc.radius,
         (arc.center[1] - arc.start[1]) / arc.radius,
@@ -176,9 +173,8 @@ def _arc_around(circle: Circle, sweep: float) -> ArcPart:
     return piece
 
 
-def _two_arcs(circle: Circle) -> list[ArcPart]:
+def _divide_arc(arc: ProgrammedArc) -> list[ArcPart]:
     """An arc around the programmed centre over half the angle, and a tangent arc to the end."""
-    arc = circle
     first = _arc_around(arc, arc.sweep / 2)
     ex = (first.end[0] - arc.center[0]) / arc.radius
     ey = (first.end[1] - arc.center[1]) / arc.radius
@@ -208,19 +204,19 @@ def _check_end(start: Point, piece: ArcPart) -> None:
         )
 
 
-def helix_length(circle: Circle, turns: int, rise: float) -> float:
+def helix_length(arc: ProgrammedArc, turns: int, rise: float) -> float:
     """Length of a helix [m], computed with its mean radius."""
-    total = circle.sweep + 2 * math.pi * (turns - 1)
-    return math.hypot((circle.radius + circle.end_radius) / 2 * total, rise)
+    total = arc.sweep + 2 * math.pi * (turns - 1)
+    return math.hypot((arc.radius + arc.end_radius) / 2 * total, rise)
 
 
 def helix_points(
-    circle: Circle, turns: int, tolerance: float, count_segments: Callable[[int], None]
+    arc: ProgrammedArc, turns: int, tolerance: float, count_segments: Callable[[int], None]
 ) -> list[Point]:
     """End points, in the plane of the arc [m], of chords within a tolerance [m] of a helix."""
     # The radius changes linearly from start to end. `count_segments` receives the number of chords
     # before they are computed, and raises an error if there are too many.
-    arc, largest = circle, max(circle.radius, circle.end_radius)
+    largest = max(arc.radius, arc.end_radius)
     step = 2 * math.asin(math.sqrt(min(tolerance / (2 * largest), 0.5))) * 2
     # A chord spans at most 90°, even if the tolerance is large.
     step = min(step, math.pi / 2)

@@ -19,7 +19,7 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.files.drawings.gcode import codes
-from armcontour.files.drawings.gcode.arcs import ArcPart, Circle, helix_points
+from armcontour.files.drawings.gcode.arcs import ArcPart, ProgrammedArc, helix_points
 from armcontour.files.drawings.gcode.arcs import Point as InPlane
 from armcontour.files.drawings.gcode.draft import Feed, Point, ProgramDraft
 from armcontour.files.drawings.gcode.words import Fault
@@ -330,8 +330,8 @@ class Compensation:
             return
         start, turn = points_at(parallel, begin)[0], int(math.copysign(1.0, curvature))
         center = (start + radius * np.array(piece.normal)).tolist()
-        circle = Circle(center, start.tolist(), end, turn, length / radius, radius, radius)
-        points = helix_points(circle, 1, self.chord_tolerance, self.draft.count_segments)
+        arc = ProgrammedArc(center, start.tolist(), end, turn, length / radius, radius, radius)
+        points = helix_points(arc, 1, self.chord_tolerance, self.draft.count_segments)
         for i, point in enumerate(points, 1):
             self.draft.add_line(*point, z + i / len(points) * (move.z - z), move.feed)
 

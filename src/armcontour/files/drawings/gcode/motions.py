@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 
 from armcontour.files.drawings.gcode import codes
+from armcontour.files.drawings.gcode.arcs import Point as InPlane
 from armcontour.files.drawings.gcode.arcs import (
-    Circle,
+    ProgrammedArc,
     arc_around,
     arc_parts,
     arc_with_radius,
     helix_length,
     helix_points,
 )
-from armcontour.files.drawings.gcode.arcs import Point as InPlane
 from armcontour.files.drawings.gcode.codes import AXES, OFFSETS, PLANES
 from armcontour.files.drawings.gcode.cutter_compensation import Compensation
 from armcontour.files.drawings.gcode.draft import Feed
@@ -180,25 +180,25 @@ class ProgrammedTool:
         a, b, c = axes = PLANES[modes.plane]
         turns = pop_turns(block)
         last = self.draft.arc_start()
-        circle = self._circle(block, (last[a], last[b]), (target[a], target[b]))
+        arc = self._programmed_arc(block, (last[a], last[b]), (target[a], target[b]))
         rise = target[c] - last[c]
         if abs(rise) > SAME_HEIGHT and not self.draft.offset:
-            feed = self.feed_of(helix_length(circle, turns, rise))
-            points = helix_points(circle, turns, self.chord_tolerance, self.draft.count_segments)
+            feed = self.feed_of(helix_length(arc, turns, rise))
+            points = helix_points(arc, turns, self.chord_tolerance, self.draft.count_segments)
             point = list(last)
             for i, (u, v) in enumerate(points, 1):
                 point[a], point[b], point[c] = u, v, last[c] + i / len(points) * rise
                 self.draft.add_line(point[0], point[1], point[2], feed)
         else:
             self.draft.count_segments(turns - 1)
-            pieces = arc_parts(circle, turns)
+            pieces = arc_parts(arc, turns)
             length = sum(x.length for x in pieces)
             feed = self.feed_of(math.hypot(length, rise))
             for piece in pieces:
                 self.draft.add_arc(piece, axes, feed, rise=rise * piece.length / length)
         self.position[:] = target
 
-    def _circle(self, block: Block, start: InPlane, end: InPlane) -> Circle:
+    def _programmed_arc(self, block: Block, start: InPlane, end: InPlane) -> ProgrammedArc:
         modes = self.modes
         turn = 1 if modes.motion == codes.COUNTER_CLOCKWISE else -1
         dialect = "inch" if modes.inch else "mm"

@@ -71,7 +71,7 @@ class _LogSamples:
         return float(np.sqrt(np.mean(squares[self.use]))), each
 
 
-def choose_written(
+def choose_and_judge(
     logs: Sequence[Log],
     joints: Sequence[JointIdentification],
     interpolation: str,
