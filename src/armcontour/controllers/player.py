@@ -18,6 +18,7 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import AngularDistance, Factor
 from armcontour.core.render import Result
 from armcontour.core.result import FIRST, VERDICT, Data, Row
+from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.job_result import RunResult
 from armcontour.jobs.study import run
@@ -337,13 +338,9 @@ def approach_of(
 
 
 def _check_clear(job: Job, line: JointPath) -> None:
-    """Refuse a joint path whose clearance to the scene is too small."""
-    from armcontour.verification.clearance import check_clearance
-
-    if job.scene is None:
-        return
-    clearance = check_clearance(line, job.arm, job.scene)
-    if not clearance.satisfied:
+    """Refuse a joint path in which the arm comes too near to itself or to its cell."""
+    clearance = clearance_of(job, line)
+    if clearance is not None and not clearance.satisfied:
         raise ControllerRefused(
             f"The straight motion in joint space to the start is not possible: "
             f"{clearance.sentence} Move the robot to the start by other means."

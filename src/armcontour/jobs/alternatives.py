@@ -90,7 +90,7 @@ def alternatives(
         yield around, tuple(dict.fromkeys((*others, *notes)))
 
 
-def clearance_of(job: Job, motion: Trajectory) -> Clearance | None:
+def clearance_of(job: Job, motion: Trajectory | JointPath) -> Clearance | None:
     """Clearance of the arm from itself and its cell; None if it is not checked."""
     return job.cell.check(motion) if _is_checked(job) and _has_pairs(job) else None
 
