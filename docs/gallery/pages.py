@@ -22,10 +22,12 @@ class Shown:
     Args:
         picture: Alternative text of the picture.
         more: Titles and files of pages that explain the example.
+        extra: Extra of the package that the example needs.
     """
 
     picture: str
     more: dict[str, str]
+    extra: str | None = None
 
 
 SHOWN = {
@@ -40,6 +42,7 @@ SHOWN = {
     "03_box_edge": Shown(
         "A UR5e at four times along three edges of a box; sticks show the tool axis",
         {"arms": "../guides/arms.md", "execution": "../guides/execution.md"},
+        extra="experiment",
     ),
     "04_tube_seam": Shown(
         "A UR5e and a circular seam around a tube; sticks show the torch axis",
@@ -52,18 +55,22 @@ SHOWN = {
     "06_drawing": Shown(
         "Contours, leads and rapids of a gasket, with the points where the laser is switched",
         {"drawings": "../guides/drawings.md", "programs": "../concepts/programs.md"},
+        extra="drawings",
     ),
     "07_learning": Shown(
         "Contour error over time in three runs; the error decreases from run to run",
         {"learning, the guide": "../guides/learn.md", "the concept": "../concepts/learning.md"},
+        extra="experiment",
     ),
     "08_learning_from_logs": Shown(
         "Contour error over time in three runs, with learning from log files",
         {"learning, the guide": "../guides/learn.md", "the concept": "../concepts/learning.md"},
+        extra="experiment",
     ),
     "09_fastest_path": Shown(
         "A drawn corner, its rounding arc, and the fastest path within 5 mm",
         {"shaping": "../concepts/shaping.md", "timing": "../guides/optimal.md"},
+        extra="experiment",
     ),
     "10_limited_jerk": Shown(
         "Acceleration of a joint over time, without and with a jerk limit",
@@ -76,6 +83,7 @@ SHOWN = {
     "12_clearance": Shown(
         "A UR5e at the first time at which its forearm is too near to a post, and a second post",
         {"clearance": "../concepts/clearance.md", "scenes in jobs": "../guides/job.md"},
+        extra="dynamics",
     ),
     "13_batch": Shown(
         "Largest contour error over cycle time, with one line per compensation",
@@ -112,10 +120,11 @@ def page_of(name: str) -> str:
     title, sentence = title_of(name)
     shown = SHOWN[name]
     more = ", ".join(f"[{words}]({file})" for words, file in shown.more.items())
+    extra = f" Requires `pip install 'armcontour[{shown.extra}]'`." if shown.extra else ""
     return f"""\
 # {title}
 
-{sentence}
+{sentence}{extra}
 
 ![{shown.picture}]({name}.svg)
 
