@@ -23,7 +23,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.motion import quintic
 from armcontour.planning.tracing.configurations import Solution
 from armcontour.planning.tracing.knots import FirstPoses, Knots, first_knots, motion_at
-from armcontour.planning.tracing.serial_solver import Numeric
+from armcontour.planning.tracing.serial_solver import NumericSolver
 from benchmarks import ur5e
 from benchmarks.measured import Bar, Line, Pair, timed
 
@@ -41,7 +41,7 @@ TOOL, TURNED, DERIVATIVES = 1e-10, 1e-10, 1e-8  # m, rad, of rates in m, rad and
 class Task:
     """Places of a path: intervals that begin there, guesses, and what finds the rest."""
 
-    solver: Numeric
+    solver: NumericSolver
     knots: Knots
     guesses: dict[str, FloatArray]
     path: ac.Path
@@ -108,7 +108,9 @@ def prepared(arm: ac.SerialArm, path: ac.Path) -> Task:
     first = first_knots(path, arm.span)
     traced = ac.trace(path, arm)
     q = traced(np.append(first.s0, path.length))
-    solver = Numeric(path, arm, 6, FirstPoses.at_knots(path, first), Solution(q=q, cost=0.0), 1e-10)
+    solver = NumericSolver(
+        path, arm, 6, FirstPoses.at_knots(path, first), Solution(q=q, cost=0.0), 1e-10
+    )
     begin, end = solver.first_ends(first)
     coefficients = quintic(first.u1 - first.u0, begin, end)
     i = np.clip(np.searchsorted(first.s0, s, side="right") - 1, 0, len(first) - 1)

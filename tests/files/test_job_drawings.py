@@ -258,7 +258,7 @@ def test_settings_for_layers_do_not_demand_them(tmp_path, folder):
     processes = read({"CUT": {"speed": 0.02}, "MARK": {}})
     speeds = ac.prepare(processes.path, processes.process).contours[0].path.speeds
     np.testing.assert_array_equal(speeds, [0.02])
-    assert processes.path.notes == ("there is nothing on the layer 'MARK'.",)
+    assert processes.path.notes == ("the layer 'MARK' has no contour.",)
     refusals(read, [({"MARK": {}}, "has no layer 'MARK'")])
     # A layer of which names leave nothing demands nothing.
     text = "x,y,contour,layer\n0,0,a,A\n0.06,0,a,A\n0,0.03,b,B\n0.06,0.03,b,B\n"
@@ -323,4 +323,4 @@ def test_words_of_g_code_are_left_out_by_name(folder):
 
     (note, *_) = read({"skip": ["t", "M06", "G55"]}).notes
     assert "M6 (1 time" in note and "the word T (1 time" in note
-    refusals(read, [({"skip": ["X"]}, "names 'X', which cannot be skipped")])
+    refusals(read, [({"skip": ["X"]}, "must list codes ... but has 'X'")])

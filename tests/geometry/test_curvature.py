@@ -200,7 +200,7 @@ def corner(turn, bends, lengths, sides=(0.3, 2.0), dimension=3):
                 lengths=np.array([min(length, 6 / bend) if bend else length]),
             )
         )
-    first = rows[0].run(np.array([0]), np.array([True]))
+    first = rows[0].reverse_rows(np.array([0]), np.array([True]))
     return ac.Path(segments=Segments.join([first, rows[1]]))
 
 
@@ -229,7 +229,7 @@ def test_both_paths_are_within_the_tolerance_of_each_other(
     positions = path.breaks[1] + np.linspace(-c.tangent[0], c.tangent[0], 1001)
     away = path.project(smooth(s)).distance.max(), smooth.project(path(positions)).distance.max()
     assert max(away) <= tolerance * (1 + 1e-3) + 1.1e-9
-    if smooth.segments.bent.any():
+    if smooth.segments.is_transition.any():
         assert jumps(smooth, 1).max() < 1e-11
         assert jumps(smooth).max() < 1e-9
         assert np.abs(np.linalg.norm(smooth(s, 1), axis=1) - 1).max() < UNEVEN
@@ -241,7 +241,7 @@ def test_the_tolerance_is_used_unless_a_corner_speed_ends_the_search_early():
         return ac.round_corners(path, tolerance=tolerance, continuity="curvature", **values)
 
     smooth = rounded(corner(1.2, (0.0, 20.0), (0.1, 0.1)), 2e-3)
-    assert smooth.segments.bent.any() and not smooth.corners.shrunk[0]
+    assert smooth.segments.is_transition.any() and not smooth.corners.shrunk[0]
     assert smooth.corners.error[0] == pytest.approx(2e-3, rel=1e-6)
     path = corner(0.4, (0.0, 2.0), (0.1, 0.1), dimension=2)
     wide, slow = rounded(path, 5e-3), rounded(path, 5e-3, speed=0.1, acceleration=2.0)
@@ -249,7 +249,7 @@ def test_the_tolerance_is_used_unless_a_corner_speed_ends_the_search_early():
     assert slow.corners.tangent[0] < wide.corners.tangent[0]
     # Sharp turns beside arcs keep their pairs of arcs.
     smooth = rounded(corner(3.0, (0.0, 5.0), (0.1, 0.1), dimension=2), 1e-3)
-    assert smooth.corners.reason[0] is None and not smooth.segments.bent.any()
+    assert smooth.corners.reason[0] is None and not smooth.segments.is_transition.any()
 
 
 def test_corners_beside_transitions_are_rounded():

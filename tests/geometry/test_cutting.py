@@ -110,7 +110,7 @@ def test_what_cannot_be_cut_joined_placed_or_flattened_is_refused():
         (lambda: join_paths([flat, one]), "plane or all in space"),
         (lambda: join_paths([one, other]), "orientation, or none"),
         (lambda: PLANE.placed(FLAT, scale=0.0), "scale"),
-        (lambda: drop_z(leaning), "Segment 1", "leaves the plane", {"index": 0}),
+        (lambda: drop_z(leaning), "Segment 1", "not parallel to this plane", {"index": 0}),
         (lambda: drop_z(up), "path is vertical"),
     )
 
@@ -314,7 +314,7 @@ def test_placed_lifted_and_dropped_it_is_the_same(smooth):
     np.testing.assert_allclose(space(2 * s), expected, atol=1e-14)
     assert jumps(space, 2).max() < 1e-12
     np.testing.assert_allclose(drop_z(smooth.lifted())(s), smooth(s), rtol=1e-12, atol=1e-18)
-    with pytest.raises(ac.InvalidInput, match="curve that leaves the plane"):
+    with pytest.raises(ac.InvalidInput, match="not parallel to this plane"):
         drop_z(space)
 
 
@@ -334,7 +334,7 @@ def test_columns_that_do_not_fit_are_refused(smooth):
     broken[1, 2] = np.nan
     refused(
         (with_quintics(np.zeros((len(smooth), 4, 2))), "6 coefficients"),
-        (with_quintics(broken), "NaN altogether"),
+        (with_quintics(broken), "NaN for a line or an arc"),
     )
 
 

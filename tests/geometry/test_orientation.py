@@ -139,9 +139,9 @@ def test_orientations_that_cannot_be_are_refused():
         (lambda: repeated.pointing(spot), "Waypoint 3", {"index": 2}),
         (lambda: PATH.oriented(half), "waypoints 3 and 4 differ by half a turn", {"index": 2}),
         (lambda: PATH.pointing(half[:, 2]), "waypoints 3 and 4 differ", {"index": 2}),
-        (lambda: flat.oriented(DOWN), "oriented in space"),
-        (lambda: flat.pointing([0, 0, -1]), "oriented in space"),
-        (lambda: flat.following_tangent([0, 0, 1]), "oriented in space"),
+        (lambda: flat.oriented(DOWN), "requires a path in space"),
+        (lambda: flat.pointing([0, 0, -1]), "requires a path in space"),
+        (lambda: flat.following_tangent([0, 0, 1]), "requires a path in space"),
         (lambda: PATH.pointing([0, 0, 0]), "no length"),
         (lambda: PATH.pointing([[0, 0, 1]] * 4 + [[0, 0, 0]]), "no length"),
         (lambda: PATH.pointing([0, 1]), "3 numbers"),
@@ -285,5 +285,5 @@ def test_what_is_not_to_be_smoothed_is_kept():
         np.testing.assert_allclose(smoothed, true[:few], atol=1e-15)
     refused(
         (lambda: smooth_axes(np.zeros((20, 3)), axes, 0.1), "points that differ"),
-        (lambda: smooth_axes(points, 0 * axes, 0.1), "with a length"),
+        (lambda: smooth_axes(points, 0 * axes, 0.1), "that are not zero"),
     )

@@ -208,8 +208,8 @@ SEGMENTS = (
     ([arc((1, 0), (0, 0), 0.0)], "Segment 1", "angle 0 rad", {"index": 0}),
     ([arc((1, 0), (0, 0), -6.3)], "Segment 1", "-6.3 rad", {"index": 0}),
     ([arc((1, 0), (0, 0), np.inf)], "angle of segment 1", "finite"),
-    ([arc((1, 0), (0, 0), 1.0, normal=(0, 0, 1))], "Segment 1", "no normal"),
-    ([arc((1, 0, 0), (1, 1, 0), 1.0)], "Segment 1", "needs its normal", {"index": 0}),
+    ([arc((1, 0), (0, 0), 1.0, normal=(0, 0, 1))], "Segment 1", "not have a normal"),
+    ([arc((1, 0, 0), (1, 1, 0), 1.0)], "Segment 1", "needs a normal", {"index": 0}),
     ([arc((1, 0, 0), (0, 0, 0), 1.0, normal=(1, 0, 1))], "normal of segment 1", {"index": 0}),
     ([arc((1, 0, 0), (0, 0, 0), 1.0, normal=(0, 0, 0))], "normal of segment 1"),
     ([GOOD, line((0, 0, 0), (1, 0, 0))], "same number of coordinates"),
@@ -235,9 +235,9 @@ ODD_COLUMNS = (
     ({"curvatures": np.array([np.nan])}, "curvatures", "finite"),
     ({"curvatures": np.array([-1.0])}, "curvatures not negative"),
     ({"lengths": np.zeros(1)}, "lengths must be above zero"),
-    ({"speeds": np.ones(2)}, "speeds", "one per segment (1)"),
-    ({"tolerances": np.ones(3)}, "tolerances", "one per segment"),
-    ({"tags": ("a", "b")}, "tags", "one per segment"),
+    ({"speeds": np.ones(2)}, "speeds", "one value per segment (1)"),
+    ({"tolerances": np.ones(3)}, "tolerances", "one value per segment"),
+    ({"tags": ("a", "b")}, "tags", "one value per segment"),
 )
 
 
@@ -286,7 +286,7 @@ def test_a_path_that_comes_apart_where_it_is_placed_or_joined_is_refused():
 def test_segments_run_backwards_are_the_same_points():
     table = ROUNDED.segments
     n = len(table)
-    back = table.run(np.arange(n), np.arange(n) % 2 == 0)
+    back = table.reverse_rows(np.arange(n), np.arange(n) % 2 == 0)
     share = np.linspace(0, 1, 9)[:, None] * table.lengths
     every = np.broadcast_to(np.arange(n), share.shape)
     turned = np.where(np.arange(n) % 2 == 0, table.lengths - share, share)
@@ -319,7 +319,7 @@ def test_nothing_is_left_of_a_transition_that_is_cut_at_both_ends():
         ac.Path.polyline([(0, 0), (1, 0), (1, 2)]), tolerance=0.1, continuity="curvature"
     )
     rows = path.segments
-    (bent,) = np.nonzero(rows.bent)
+    (bent,) = np.nonzero(rows.is_transition)
     middle = rows.lengths[bent] / 2
     cut = rows.cut(bent, middle, middle)
     assert len(bent) and (cut.lengths == 0).all() and (cut.curvatures == 0).all()
@@ -384,8 +384,8 @@ def test_three_points_on_a_line_and_circles_without_a_plane_make_no_arc():
         (lambda: ac.Arc.through((0, 0), (1, 0, 0), (1, 1)), "all have 2 or all have 3"),
         (lambda: ac.Arc.through((0,), (1,), (2,)), "all have 2 or all have 3"),
         (lambda: ac.Arc.through((0, 0), (np.nan, 0), (1, 1)), "via point", "finite"),
-        (circle(None), "needs its normal"),
-        (circle((1, 0, 0)), "right angles to its radius"),
+        (circle(None), "needs a normal"),
+        (circle((1, 0, 0)), "perpendicular to its radius"),
     )
 
 

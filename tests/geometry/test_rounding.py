@@ -267,7 +267,7 @@ def test_round_corners_refuses_and_questions_large_tolerances():
     )
     refused(*((lambda x=x: ac.round_corners(path, **x), *more) for x, *more in options))
     path = ac.Path.polyline([(0, 0), (0.1, 0), (0.1, 0.1)])
-    with pytest.warns(UserWarning, match="for 2 mm give 0.002"):
+    with pytest.warns(UserWarning, match="For 2 mm, specify 0.002"):
         ac.round_corners(path, tolerance=2)
 
 

@@ -90,8 +90,8 @@ def test_straight_vertices_tolerance_zero_corners_and_rounded_objectives():
     rounded = round_with_parabolas(ORIENTED, tolerance=0.005)
     whole = np.array([(0, 0), (rounded.length, rounded.length)])
     refused(
-        (lambda: orient_shaped(path, path, places), "turns at another rate after segment 1"),
-        (lambda: orient_shaped(rounded, rounded, whole, 0.01), "rounded before"),
+        (lambda: orient_shaped(path, path, places), "changes its angular rate after segment 1"),
+        (lambda: orient_shaped(rounded, rounded, whole, 0.01), "already rounded"),
     )
     # Tolerance zero stops where the rate jumps; at a corner of the path nothing is blended.
     path, places = shaped(ORIENTED)

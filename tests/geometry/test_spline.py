@@ -72,7 +72,7 @@ def test_arcs_of_a_spline_become_more_with_the_cube_root_of_the_tolerance():
         assert path.project(arcs(s)).distance.max() <= 1.1 * tolerance + 1e-9
         arc_places = np.interp(s, *places.T[::-1])
         assert np.linalg.norm(path(arc_places) - arcs(s), axis=1).max() < 3 * tolerance + 1e-6
-        assert not arcs.segments.bent.any() and arcs.turns.max() < 1e-9
+        assert not arcs.segments.is_transition.any() and arcs.turns.max() < 1e-9
         counts.append(len(arcs))
     # Pairs of arcs are of third order: a thousandth of the tolerance, ten times as many.
     assert counts[1] / counts[0] < 16 and 6 < counts[2] / counts[1] < 16

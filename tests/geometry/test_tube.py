@@ -313,15 +313,18 @@ def test_what_is_refused():
         (lambda: Tube.around(path, -1e-3), "tolerance must not be negative"),
         (lambda: Tube.around(path, [1e-3, 1e-3]), "2 values, but the path has 1 vertices"),
         (lambda: Tube.around(bent, 1e-3), "transition between", {"index": 1}),
-        (lambda: prove(space, evenly(path, space), 0.1), "3 coordinates, its objective has 2"),
-        (lambda: prove(path, [(0, 0), (0.1, 0.1)], 0.1), "from its start to its end"),
+        (
+            lambda: prove(space, evenly(path, space), 0.1),
+            "same number of coordinates, but have 3 and 2",
+        ),
+        (lambda: prove(path, [(0, 0), (0.1, 0.1)], 0.1), "from the start to the end"),
     )
 
 
 def test_refused_queries():
     path = ac.Path.polyline([(0, 0), (1, 0)])
     refused(
-        (lambda: path.project([(0, 0, 0)]), "have 3 coordinates", "the path has 2"),
+        (lambda: path.project([(0, 0, 0)]), "have 2 coordinates like the path", "have 3"),
         (lambda: path.project([(0, np.nan)]), "points to project", "finite", {"index": 0}),
         (lambda: path.project([0, 1]), "points to project", "(2,)"),
     )
@@ -337,7 +340,7 @@ def both_ways(call):
     """What a table of distances gives, and what the tree gives."""
     table = call()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(near_points, "FEW", 0)
+        patch.setattr(near_points, "MAX_TABLE", 0)
         return table, call()
 
 

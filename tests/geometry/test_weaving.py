@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from tests.geometry.tables import each, line, path_of, refused
 
 from armcontour.geometry import Arc, Path, SegmentLimits, round_corners
-from armcontour.geometry.weave import weave_seam
+from armcontour.geometry.weave import Weave, weave_seam
 
 WIDTH, PITCH = 4e-3, 5e-3
 SLOW = {"speed": 0.01, "tolerance": 1e-4, "tag": "weld"}
@@ -19,8 +19,10 @@ BEND = Arc(start=[0.03, 0.0], center=[0.03, 0.02], angle=np.pi / 2)
 BENT = path_of(line([0.0, 0.0], [0.03, 0.0], **SLOW), BEND)
 
 
-def weave_path(path, **options):
-    return weave_seam(path, **options)[0]
+def weave_path(path, up=None, **options):
+    if up is None:
+        return weave_seam(path, Weave(**options))[0]
+    return weave_seam(path, Weave(plane="frame", **options), np.asarray(up, dtype=float))[0]
 
 
 def offset(share, waves):

@@ -78,7 +78,7 @@ def test_points_that_are_not_joined():
 
 def test_points_that_no_controller_takes():
     assert set(CONTROLLERS) == {"jtc", "jtc_spline", "jtc_none", "linuxcnc", "hold"}
-    with pytest.raises(ac.InvalidInput, match="two or more points"):
+    with pytest.raises(ac.InvalidInput, match="at least two points"):
         interpolate_points(SimpleNamespace(t=[0.0], q=[[1.0]]), "jtc")
     with pytest.raises(ac.InvalidInput, match="accelerations without velocities"):
         interpolate_points(points(ddq=DDQ), "jtc")

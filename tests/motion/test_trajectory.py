@@ -196,7 +196,7 @@ CHANGES = {
     "in the order b, a, c,": lambda q: q[:, [1, 0, 2]],
     "of b have opposite signs": lambda q: q * [1, -1, 1],
     "measured positions look like degrees": np.degrees,
-    "look like radians, but those they belong to like degrees": np.radians,
+    "look like radians, but the expected ones like degrees": np.radians,
 }
 
 

@@ -6,7 +6,7 @@ import pytest
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
 from armcontour.motion import Law
-from armcontour.motion.travel import fastest_joints, joint_travel
+from armcontour.motion.travel import bound_joint_velocities, joint_travel
 
 ARM = ac.load_arm("pmk3s")
 LIMITS = ARM.limits.replace(speed=0.1)
@@ -56,5 +56,5 @@ def test_a_law_of_another_kind_is_refused():
         def on_interval(self, i, t, order):
             return np.zeros((len(t), 2))
 
-    with pytest.raises(InvalidInput, match="A law of the kind Own"):
-        fastest_joints(Own())
+    with pytest.raises(InvalidInput, match="law of the kind Own"):
+        bound_joint_velocities(Own())

@@ -25,7 +25,7 @@ SEAMS = {
 
 
 def roughly(joint_path, arm, limits):
-    return plan_optimal(joint_path, arm, limits, here.ROUGHLY).duration
+    return plan_optimal(joint_path, arm, limits, here.COARSE_PLAN).duration
 
 
 @pytest.fixture(scope="module", params=SEAMS)
@@ -97,7 +97,7 @@ def test_long_paths_are_compared_on_parts(monkeypatch, free):
     limits = arm.limits.replace(speed=0.5)
     durations = [roughly(x, arm, limits) for x in trace_all(path, arm, limits=limits)]
     assert max(durations) > 1.01 * min(durations)
-    parts = {"LONG": 100, "PART_SEGMENTS": 20, "PART_EVERY": 25, "trace_all": None}
+    parts = {"LONG_PATH": 100, "PART_SEGMENTS": 20, "PART_EVERY": 25, "trace_all": None}
     for name, value in parts.items():
         monkeypatch.setattr(here, name, value)
     whole = []
@@ -117,7 +117,7 @@ def test_long_paths_are_compared_on_parts(monkeypatch, free):
 
 def test_starts_of_long_paths_are_those_of_short_ones_without_their_traces(monkeypatch, traced):
     arm, path, limits, candidates = traced
-    monkeypatch.setattr(here, "LONG", 1)
+    monkeypatch.setattr(here, "LONG_PATH", 1)
     monkeypatch.setattr(here, "trace_all", None)
     starts = here.find_starts(path, arm, limits)
     assert len(starts) >= len(candidates)
@@ -132,8 +132,8 @@ def test_starts_of_long_paths_are_those_of_short_ones_without_their_traces(monke
 def test_long_path_out_of_reach_is_refused_as_a_short_one(monkeypatch):
     arm, messages = ac.load_arm("ur5e"), []
     path = ac.Path.polyline([(0.4, 0.1, 0.2), (0.6, 0.1, 0.2), (1.4, 0.1, 0.2)]).oriented(DOWN)
-    for long in (here.LONG, 1):
-        monkeypatch.setattr(here, "LONG", long)
+    for long in (here.LONG_PATH, 1):
+        monkeypatch.setattr(here, "LONG_PATH", long)
         with pytest.raises(ac.Unreachable) as caught:
             trace_fastest(path, arm)
         messages.append(str(caught.value))

@@ -11,7 +11,7 @@ from armcontour.planning.constraints import OnGrid
 from armcontour.planning.optimal import plan_optimal
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.kernels import Rules
-from armcontour.planning.topp.limit_forms import ALONE
+from armcontour.planning.topp.limit_forms import BY_CONSTANT
 from armcontour.robot.chain import Payload
 from armcontour.robot.serial import SerialArm
 
@@ -144,7 +144,7 @@ def test_neighbours_bound_the_error_at_an_inflection():
     s = on.grid.s
     cube = (on.places[1] - 0.5)[:, None] ** 3
     none, one = np.zeros_like(cube), np.ones(1)
-    margins = on.rows((none, none, cube), -one, one).rise[:, 0, ALONE]
+    margins = on.rows((none, none, cube), -one, one).rise[:, 0, BY_CONSTANT]
     inside = np.linspace(0, 1, 50)[:, None]
     value, chord = (s[:-1] + inside * on.grid.width - 0.5) ** 3, (s - 0.5) ** 3
     deviation = np.abs(value - (chord[:-1] + inside * np.diff(chord))).max(axis=0)

@@ -202,7 +202,7 @@ def test_pieces_in_which_nothing_moves_are_left_out(refuses):
         (path, limits, ac.Optimal(constraints=[idle]), "No joint moves from s = 1 to"),
         (nothing, limits, plain, "No joint moves"),
         # Without an arm.
-        (bent, limits.replace(joint_torque=1.0), plain, "an arm with masses"),
+        (bent, limits.replace(joint_torque=1.0), plain, "masses of an arm"),
         (bent, None, plain, "needs an Arm"),
         (flat, ac.Limits.only(speed=1.0), plain, "needs an Arm"),
     ):

@@ -116,7 +116,7 @@ def test_contours_that_cross_themselves_or_are_too_near_are_refused():
         (lambda: cut(a, b, kerf=2e-4), "contour a and contour b cross", "kerf of 0.2 mm"),
         (lambda: cut(a, across, kerf=2e-3), "contour a and contour c cross"),
         (lambda: cut(*rings, kerf=2e-3), "0.02", "0.0199", "nearer"),
-        (lambda: cut(led, kerf=1e-3), "leads already"),
+        (lambda: cut(led, kerf=1e-3), "already has leads"),
         (lambda: cut(ramp, kerf=1e-3), "contour 1 leaves the plane"),
         (lambda: Process(kerf=-1e-3), "kerf"),
         (lambda: Process(kerf_side="top"), "kerf_side"),
@@ -130,7 +130,7 @@ def test_open_contours_have_no_waste_and_stay_unless_a_side_is_given():
     cut_program = cut(mark, circle(0, 0, 0.2), kerf=2e-3)
     assert any(x.path is BEND for x in cut_program.contours)
     (note,) = cut_program.notes
-    assert "contour mark stays where drawn" in note
+    assert "contour mark is not offset" in note
     cut_left = cut(mark, kerf=2e-3, kerf_side="left").path
     np.testing.assert_allclose(
         cut_left.vertices, [[0, 1e-3], [0.049, 1e-3], [0.049, 0.05]], atol=1e-15

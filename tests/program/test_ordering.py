@@ -16,7 +16,7 @@ import armcontour as ac
 from armcontour.core.render import number
 from armcontour.geometry import Arc, Path
 from armcontour.program import Contour, Event, Lead, Process, Program, prepare
-from armcontour.program.contour_order import begin_places
+from armcontour.program.contour_order import find_start_candidates
 
 WASTE = Lead(length=1e-3, shape="arc")
 SQUARE = Path.polyline([[0, 0], [0.1, 0], [0.1, 0.06], [0, 0.06], [0, 0]])
@@ -70,7 +70,7 @@ def test_what_lies_inside_comes_first_and_part_after_part():
 
 def test_a_warning_names_what_is_cut_too_early():
     (note,) = ordered(PARTS, lead_in=WASTE, order="drawn").notes
-    assert "contour outline is cut before contour window" in note and "so are 3 more" in note
+    assert "contour outline is cut before contour window" in note and "likewise 3 more" in note
     # The order of G-code has a meaning, and stays.
     moves = PARTS[0], Event(name="gas"), PARTS[1]
     arranged = ordered(moves, lead_in=WASTE)
@@ -138,10 +138,10 @@ def test_closed_contours_begin_where_the_way_is_short():
     for x in ordered(rings, order="shortest", begin="drawn").contours:
         np.testing.assert_allclose(x.path(0.0), [0.1 * int(x.name) + 0.04, 0])
     # They begin away from their corners.
-    places = begin_places(SQUARE, 24)
+    places = find_start_candidates(SQUARE, 24)
     nearest = np.abs(places[:, None] - SQUARE.breaks).min(axis=1)
     assert len(places) > 4 and nearest.min() > 0.25 * 0.06
-    round_ones = begin_places(circle(0, 0, 0.01).path, 24)
+    round_ones = find_start_candidates(circle(0, 0, 0.01).path, 24)
     assert len(round_ones) == 24 and round_ones[0] == 0
 
 

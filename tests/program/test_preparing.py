@@ -316,8 +316,8 @@ def test_events_of_the_process_and_at_the_ends_stay_at_their_places():
     far = Process(events=(Event(name="glue", s=0.15),))
     named = program(SQUARE, Contour(path=BEND, name="E7"))
     refused(
-        (lambda: prepare(named, far), "glue", "contour E7 is 0.1 m"),
-        (lambda: prepare(program(SQUARE, BEND), far), "contour 2 is 0.1 m"),
+        (lambda: prepare(named, far), "glue", "contour E7 is only 0.1 m"),
+        (lambda: prepare(program(SQUARE, BEND), far), "contour 2 is only 0.1 m"),
     )
 
 
@@ -565,7 +565,7 @@ def test_refuses_values_that_make_no_process():
         (SQUARE, {"begin": (0.3, 0.1, 0.0)}, "begin", "3 coordinates", "have 2"),
         (BEND, {"approach": 0.01}, "in the plane"),
         (BEND, {"retract": 0.01}, "in the plane"),
-        (upward, {"lead_in": Lead(length=0.01, shape="arc")}, "straight up"),
+        (upward, {"lead_in": Lead(length=0.01, shape="arc")}, "parallel to the direction up"),
         (BEND, {"by_layer": {"MARK": {"passes": 2}}}, "'MARK'"),
         (teeth, {"passes": 1000}, "fewer passes"),
         (ring, {"weave": Weave(width=0.1, pitch=0.01)}, "weave of contour ring", "50 mm"),

@@ -89,7 +89,7 @@ def test_the_winding_number_is_that_of_a_fine_polygon(seed):
     places = rng.uniform(-1.2, 1.2, (10, 2))
     fine = path(np.linspace(0, path.length, 4001)[:-1])
     marks = [polyline(x, x + 1e-3) for x in places]
-    holds = find_nesting([ac.Contour(path=path), *marks], UP).holds[0, 1:]
+    holds = find_nesting([ac.Contour(path=path), *marks], UP).contains[0, 1:]
     turned = np.unwrap(np.arctan2(*(np.append(fine, fine[:1], axis=0)[:, None] - places).T), axis=1)
     wound = np.round((turned[:, -1] - turned[:, 0]) / (2 * np.pi)).astype(int)
     clear = np.min(np.linalg.norm(fine[:, None] - places, axis=2), axis=0) > 5e-3

@@ -12,7 +12,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.frames import Frame
 from armcontour.core.progress import Progress
-from armcontour.files.drawings.read_options import FARTHEST, ReadOptions
+from armcontour.files.drawings.read_options import MAX_COORDINATE, ReadOptions
 from armcontour.files.job_arm import frame_of
 from armcontour.files.job_model import OrientationModel, PathModel, RepeatModel, SegmentModel
 from armcontour.files.problems import key_text
@@ -205,9 +205,10 @@ def _points(key: str, points: list[list[float]]) -> FloatArray:
 def _check_range(key: str, point: Sequence[float]) -> None:
     """Check that coordinates are small enough for floating-point numbers."""
     far = max(map(abs, point), default=0.0)
-    if far > FARTHEST:
+    if far > MAX_COORDINATE:
         raise InvalidInput(
-            f"{key} has a coordinate of {far:.3g} m, beyond {FARTHEST:g} m: is its unit right?"
+            f"{key} has a coordinate of {far:.3g} m, beyond {MAX_COORDINATE:g} m: is its unit "
+            "right?"
         )
 
 

@@ -26,49 +26,58 @@ from armcontour.geometry.segments import (
 )
 
 Curve = Callable[[FloatArray, int], FloatArray]
-# Many curves at once: `curves(row, t, order)` gives curve `row[k]` at `t[k]`.
+# Many curves in one call: `curves(row, t, order)` returns the point or derivative of curve `row[k]`
+# at parameter `t[k]` for each k, (len(t), dimension).
 Curves = Callable[[IntArray, FloatArray, int], FloatArray]
 
 # Fractions of an interval at which its arcs are compared with the curve.
-PLACES = np.linspace(0, 1, 17)
-# Fraction of the tolerance allowed at these points, because the distance between them is slightly
-# larger.
-SHARE = 0.9
-# Largest number of parts into which an interval out of tolerance is split at once.
+SAMPLES = np.linspace(0, 1, 17)
+# Fraction of the tolerance that is allowed at these samples, because the deviation between samples
+# is slightly larger.
+TOLERANCE_SHARE = 0.9
+# Largest number of parts into which one iteration splits an interval outside the tolerance.
 MAX_PARTS = 8
-# Largest number of intervals; more raise an error because the tolerance is too small for the curve.
+# Largest number of intervals. If a curve needs more, an error reports that its tolerance is too
+# small.
 MAX_INTERVALS = 500_000
-# Default distance between transitions and the arcs that replace them [m].
+# Default tolerance of the arcs that replace transitions [m].
 DRAWN = 1e-7
-# An interval out of tolerance that is shorter than this fraction of the tolerance becomes a corner.
+# An interval outside the tolerance that is shorter than this fraction of it becomes a corner.
 CORNER = 1e-3
-# A derivative below this fraction of the largest is zero; the tangent is then a limit.
-STILL = 1e-10
-# Fractions of the interval for that limit, and the weights of a cubic through four points at 0.
+# A derivative below this fraction of the largest one counts as zero; the tangent is then computed
+# as a limit.
+ZERO_SPEED = 1e-10
+# Fractions of the interval at which tangents are sampled for this limit, and weights with which a
+# cubic through these four samples is extrapolated to 0.
 NEAR_END = 2e-3 * 0.5 ** np.arange(4)
 TO_ZERO = np.array([np.prod([-b / (a - b) for b in NEAR_END if b != a]) for a in NEAR_END])
-# Fractions of an interval at which the norm of the derivative ("speed") is sampled for cusps, where
-# the derivative vanishes. Minima are refined if the speed is below a fraction of the largest, by
-# steps of a golden-section search; more steps give no more digits.
-CUSP_PLACES = np.linspace(0, 1, 33)
-SLOW, STEPS, GOLDEN = 0.5, 45, (np.sqrt(5) - 1) / 2
-# The derivative vanishes if the least speed is at most this fraction of the largest. A larger least
-# speed is a tight turn, in a loop whose relative size is the square of that fraction.
-AT_CUSP = 1e-6
-# Rounding errors of points turn a tangent by this times the points' size over the interval length.
-ROUGH = 64 * np.finfo(float).eps
-# Largest difference of two tangents, both computed as limits, that count as equal [rad].
+# Fractions of an interval at which the norm of the derivative (the speed) is sampled to find cusps,
+# where the derivative vanishes.
+CUSP_SAMPLES = np.linspace(0, 1, 33)
+# A minimum of the speed is refined if it is below the fraction CUSP_CANDIDATE of the largest speed.
+# GOLDEN_STEPS and GOLDEN_RATIO: number of steps and ratio of the golden-section search; more steps
+# gain no precision.
+CUSP_CANDIDATE, GOLDEN_STEPS, GOLDEN_RATIO = 0.5, 45, (np.sqrt(5) - 1) / 2
+# A minimum is a cusp if its speed is at most this fraction of the largest speed. A minimum with a
+# larger fraction is a tight loop, whose relative size is the square of the fraction.
+CUSP_SPEED = 1e-6
+# Rounding errors of points rotate a tangent by this factor times the magnitude of the coordinates
+# divided by the interval length [rad].
+TANGENT_ROUNDING = 64 * np.finfo(float).eps
+# Two tangents that are computed as limits count as equal if they differ by at most this angle
+# [rad].
 SAME_LIMIT = 1e-4
-# Largest fraction of an interval's length between two neighbouring samples; beyond it a deviation
-# between samples could be missed. A parametrization that starts from rest stays below it.
-RUSH = 0.35
+# Largest distance between two neighbouring samples, as a fraction of the interval's length. With a
+# larger distance a deviation between samples could be missed, so the interval is split. A
+# parametrization that starts from rest satisfies this limit.
+LARGEST_STEP = 0.35
 # An interval is a line if the curve stays within this fraction of its chord, or within the rounding
 # errors of its points if these determine the direction of the chord.
 ON_CHORD = 1e-12
 ROUNDING = 16 * np.finfo(float).eps
-# Rounding errors up to which neighbours lie on one line (difference of tangents [rad]) or on one
-# circle (relative difference of radii and of directions to the centre), and the largest distance
-# between the end of merged segments and the end of the last of them [m].
+# Neighbours are merged if they agree within SAME_LINE (difference of tangents [rad]) or SAME_CIRCLE
+# (relative difference of radii and of directions to the centre), and if merging moves the end point
+# by at most SAME_POINT [m].
 SAME_LINE = 1e-12
 SAME_CIRCLE = 1e-10
 SAME_POINT = 1e-11
@@ -78,18 +87,18 @@ def fit_arcs(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Segments:
     """Lines and tangent arcs along a curve, within a tolerance of the curve."""
     # Every interval becomes a biarc with the curve's end points and tangents; intervals are split
     # until the biarcs are within the tolerance. Straight parts become one line, and neighbours on
-    # one circle one arc. Corners remain where the tangents at a break differ, and where the curve
-    # turns back on the spot; all other neighbours are tangent.
+    # one circle become one arc. Corners remain where the tangents at a break differ, and at cusps;
+    # all other neighbours are tangent.
     # `curve`: `curve(t, order)` gives points [m] (order 0) or derivatives with respect to t (order
     # 1), (n, 2) or (n, 3), for t of shape (n,). It is smooth between two breaks; `breaks`:
-    # increasing values of t; the curve runs from the first to the last; `tolerance`: largest
+    # increasing values of t, from the start to the end of the curve; `tolerance`: largest
     # distance of the arcs from the curve and of the curve from the arcs [m].
     knots = checks.check_numbers("breaks of a curve", breaks)
     if knots.ndim != 1 or len(knots) < 2 or (np.diff(knots) <= 0).any():
-        raise InvalidInput("The breaks of a curve must be two or more increasing numbers.")
+        raise InvalidInput("The breaks of a curve must be at least two increasing numbers.")
     _check_tolerance(tolerance)
     row = np.zeros(len(knots), dtype=np.intp)
-    return _fit(_as_many(curve), knots, row, tolerance, through=False)[0]
+    return _fit_curves(_wrap_curve(curve), knots, row, tolerance, through=False)[0]
 
 
 def fit_many(
@@ -100,7 +109,7 @@ def fit_many(
     # in `fit_arcs`; `breaks`: breaks of all curves one after the other, (n,); `rows`: curve of each
     # break, ascending from 0, (n,).
     _check_tolerance(tolerance)
-    arcs, vertices = _fit(curves, breaks, rows, tolerance, through=False)
+    arcs, vertices = _fit_curves(curves, breaks, rows, tolerance, through=False)
     ends = np.flatnonzero(np.diff(rows, append=-1))
     return [arcs[vertices[i] : vertices[i + 1]] for i in range(len(ends))]
 
@@ -109,7 +118,7 @@ def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Seg
     """Tangent arcs along a smooth curve as by `fit_arcs`, with a vertex at every break."""
     # Returns the arcs, and the index of the vertex at each break, (n,).
     row = np.zeros(len(breaks), dtype=np.intp)
-    return _fit(_as_many(curve), breaks, row, tolerance, through=True)
+    return _fit_curves(_wrap_curve(curve), breaks, row, tolerance, through=True)
 
 
 def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArray]:
@@ -118,7 +127,10 @@ def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArr
     rows, breaks = path.segments, path.breaks
     arcs, vertices = fit_through(path, breaks, tolerance)
     source = np.repeat(np.arange(len(rows)), np.diff(vertices))
-    drawn, unchanged = np.flatnonzero(rows.bent[source]), np.flatnonzero(~rows.bent)
+    drawn, unchanged = (
+        np.flatnonzero(rows.is_transition[source]),
+        np.flatnonzero(~rows.is_transition),
+    )
     columns = {x: getattr(rows, x)[source[drawn]] for x in ("speeds", "tolerances", "tags")}
     lines = rows[unchanged].replace(quintics=np.empty((len(unchanged), 0, 0)))
     source = np.concatenate([unchanged, source[drawn]])
@@ -138,7 +150,7 @@ def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArr
 
 
 def _orient(orientation: Orientation, table: Segments, matched_s: FloatArray) -> Orientation:
-    """The orientation along other segments, whose waypoints have other arc lengths."""
+    """Transfer an orientation to other segments, by arc lengths of the waypoints on both [m]."""
     if orientation.follows:
         return carry_frame(table, orientation.starts[0], axis_only=orientation.axis_only)
     middle = (table.breaks[:-1] + table.breaks[1:]) / 2
@@ -160,21 +172,21 @@ def _check_tolerance(tolerance: float) -> None:
         )
 
 
-def _as_many(curve: Curve) -> Curves:
-    """A single curve as many curves of one row."""
+def _wrap_curve(curve: Curve) -> Curves:
+    """Wrap one curve as `Curves`."""
     return lambda row, t, order: np.asarray(curve(t, order))
 
 
-def _fit(
+def _fit_curves(
     curves: Curves, breaks: FloatArray, row: IntArray, tolerance: float, *, through: bool
 ) -> tuple[Segments, IntArray]:
-    """The segments of all curves, and the indices of the vertices that are never merged."""
-    # With `through` every break is such a vertex, and no lines are used; otherwise the start of
-    # each curve.
+    """Segments of all curves, and indices of the vertices at which segments are never merged."""
+    # The indices end with the number of segments. With `through` every break is such a vertex, and
+    # all intervals become arcs; otherwise the start of each curve is such a vertex.
     with np.errstate(all="ignore"):
         intervals = _split(curves, _intervals_of(curves, breaks, row), tolerance, lines=not through)
         intervals = _drop_points(intervals)
-        arcs, first = _arcs(intervals)
+        arcs, first = _make_segments(intervals)
         if through:
             vertices = first[np.searchsorted(intervals.begin, breaks[:-1])]
         else:
@@ -185,25 +197,25 @@ def _fit(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Intervals:
-    """The n intervals of all curves."""
+    """The n intervals of all curves, with their end points and tangents."""
 
-    row: IntArray  # Curve of each interval, (n,)
+    row: IntArray  # Index of the curve of each interval, (n,)
     begin: FloatArray  # Parameter at the start of each interval, (n,)
     end: FloatArray  # Parameter at the end of each interval, (n,)
     p0: FloatArray  # Points at the starts [m], (n, dimension)
     p1: FloatArray  # Points at the ends [m], (n, dimension)
     t0: FloatArray  # Unit tangents at the starts, (n, dimension)
     t1: FloatArray  # Unit tangents at the ends, (n, dimension)
-    line: BoolArray  # True if each interval is a line, (n,)
+    line: BoolArray  # Mask of the intervals that become lines, (n,)
 
     def select(self, chosen: Any, **changed: Any) -> _Intervals:
-        """The chosen intervals, with some attributes changed."""
+        """Intervals selected by indices or by a mask, with some columns replaced."""
         columns = {name: getattr(self, name)[chosen] for name in self.__slots__}
         return _Intervals(**{**columns, **changed})
 
 
 def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Intervals:
-    """The intervals between the breaks and cusps of curves."""
+    """Make the intervals between neighbouring breaks and cusps of curves."""
     breaks, row, cusp = _split_at_cusps(curves, breaks, row)
     points = np.array(curves(row, breaks, 0), dtype=np.float64)
     if not np.isfinite(points).all():
@@ -213,17 +225,18 @@ def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Interva
     closed = length(points[last] - points[first]) <= REPEATED_POINT
     points[last[closed]] = points[first[closed]]
     size = np.maximum.reduceat(np.abs(points).max(axis=1), first)[row]
-    # Every break but the last of a curve begins an interval; interval k ends at break k + 1.
+    # An interval starts at every break except the last one of a curve, and ends at the next break.
     starts = np.delete(np.arange(len(row)), last)
     (t0, slack0), (t1, slack1) = _tangents(curves, breaks, row, starts, size[starts], cusp)
-    # The interval that follows each one: of the last one the first, if the curve is closed.
+    # `after`: index of the next interval. After the last interval of a curve, this is the first one
+    # if the curve is closed, or else -1.
     n, curve = len(starts), row[starts]
     begin = np.flatnonzero(np.diff(curve, prepend=-1))
     end = np.append(begin[1:], n) - 1
     after = np.arange(1, n + 1)
     after[end] = np.where(closed, begin, -1)
     before = np.flatnonzero(after >= 0)
-    # Tangents that differ by rounding errors become one tangent.
+    # Where both tangents at a break differ by rounding errors only, their mean replaces them.
     into, out = t1[before], t0[after[before]]
     same = length(out - into) <= np.maximum(slack1[before], slack0[after[before]])
     common, before = unit(out + into)[same], before[same]
@@ -243,32 +256,36 @@ def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Interva
 def _split_at_cusps(
     curves: Curves, breaks: FloatArray, rows: IntArray
 ) -> tuple[FloatArray, IntArray, BoolArray]:
-    """The breaks with the cusps of the curves added, their curves, and a mask of the cusps."""
+    """Insert the cusps of curves into the breaks; returns breaks, their curves, mask of cusps."""
     # The derivative of a curve vanishes at a cusp.
     one = np.flatnonzero(rows[:-1] == rows[1:])
     begin, end = breaks[one], breaks[one + 1]
-    parameters = begin[:, None] + (end - begin)[:, None] * CUSP_PLACES
+    parameters = begin[:, None] + (end - begin)[:, None] * CUSP_SAMPLES
     parameters = np.minimum(parameters, np.nextafter(end, -np.inf)[:, None])
     speed = length(_evaluate(curves, rows[one], parameters, 1))
     inner = speed[:, 1:-1]
     largest = inner.max(axis=1)
-    minima = (inner <= speed[:, :-2]) & (inner <= speed[:, 2:]) & (inner < SLOW * largest[:, None])
+    minima = (
+        (inner <= speed[:, :-2])
+        & (inner <= speed[:, 2:])
+        & (inner < CUSP_CANDIDATE * largest[:, None])
+    )
     i, k = np.nonzero(minima)
     if len(i) == 0:
         return breaks, rows, np.zeros(len(breaks), dtype=bool)
     row, low, high = rows[one][i], parameters[i, k], parameters[i, k + 2]
-    for _ in range(STEPS):
-        span = GOLDEN * (high - low)
+    for _ in range(GOLDEN_STEPS):
+        span = GOLDEN_RATIO * (high - low)
         before, after = high - span, low + span
         falls = length(curves(row, before, 1)) > length(curves(row, after, 1))
         low, high = np.where(falls, before, low), np.where(falls, high, after)
     cusps = (low + high) / 2
-    vanishes = length(curves(row, cusps, 1)) <= AT_CUSP * largest[i]
+    vanishes = length(curves(row, cusps, 1)) <= CUSP_SPEED * largest[i]
     together = np.concatenate([breaks, cusps[vanishes]])
     curve = np.concatenate([rows, row[vanishes]])
     order = np.lexsort([together, curve])
     together, curve = together[order], curve[order]
-    # A cusp at a break is that break.
+    # A cusp that coincides with a break is not inserted.
     distinct = np.concatenate([[True], (np.diff(together) > 0) | (np.diff(curve) > 0)])
     return together[distinct], curve[distinct], (order >= len(breaks))[distinct]
 
@@ -281,15 +298,16 @@ def _tangents(
     size: FloatArray,
     cusp: BoolArray,
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """One-sided unit tangents at the starts and ends of intervals, and uncertainties [rad]."""
+    """One-sided unit tangents and their uncertainties [rad], at the starts and at the ends."""
     row, begin, end = row[starts], breaks[starts], breaks[starts + 1]
     span = end - begin
-    parameters = begin[:, None] + span[:, None] * PLACES[1:-1]
+    parameters = begin[:, None] + span[:, None] * SAMPLES[1:-1]
     speed = length(_evaluate(curves, row, parameters, 1)).max(axis=1)
-    still = STILL * speed + ROUNDING * size / span
+    still = ZERO_SPEED * speed + ROUNDING * size / span
     tangents = []
     for t, sign, vanishes in ((begin, 1.0, cusp[starts]), (end, -1.0, cusp[starts + 1])):
-        # The derivative may jump at a break, so it is evaluated at the next number inside.
+        # The derivative can jump at a break, so it is evaluated at the next number inside the
+        # interval.
         derivative = curves(row, np.nextafter(t, t + sign * span), 1)
         weak = (length(derivative) <= still) | vanishes
         direction = unit(derivative)
@@ -297,7 +315,7 @@ def _tangents(
             near = t[weak, None] + sign * span[weak, None] * NEAR_END
             directions = unit(_evaluate(curves, row[weak], near, 1))
             direction[weak] = unit(np.einsum("k,nkd->nd", TO_ZERO, directions))
-        slack = ROUGH * size / (span * length(derivative))
+        slack = TANGENT_ROUNDING * size / (span * length(derivative))
         slack = np.clip(slack, TANGENT_TOLERANCE, SAME_LIMIT)
         tangents.append((direction, np.where(weak, SAME_LIMIT, slack)))
     return tangents
@@ -310,13 +328,13 @@ def _evaluate(curves: Curves, row: IntArray, parameters: FloatArray, order: int)
 
 
 def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -> _Intervals:
-    """Split intervals until each is within the tolerance as a biarc or as a line."""
+    """Split intervals until a biarc or a line approximates each one within the tolerance."""
     # A line has the direction of its chord, so short lines are not exactly tangent to neighbours.
     # Without `lines`, a straight interval is a biarc of zero curvature.
     done: list[_Intervals] = []
     count = 0
     while len(todo.begin):
-        parameters = todo.begin[:, None] + (todo.end - todo.begin)[:, None] * PLACES[1:-1]
+        parameters = todo.begin[:, None] + (todo.end - todo.begin)[:, None] * SAMPLES[1:-1]
         points = _evaluate(curves, todo.row, parameters, 0)
         if not np.isfinite(points).all():
             raise InvalidInput("A curve must be finite between its breaks.")
@@ -324,20 +342,22 @@ def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -
         along = np.concatenate([todo.p0[:, None], points, todo.p1[:, None]], axis=1)
         extent = length(along - todo.p0[:, None]).max(axis=1)
         steps = length(np.diff(along, axis=1))
-        distances[steps.max(axis=1) > RUSH * steps.sum(axis=1)] = np.inf
+        distances[steps.max(axis=1) > LARGEST_STEP * steps.sum(axis=1)] = np.inf
         corner = (extent <= REPEATED_POINT) | (
-            (extent <= CORNER * tolerance) & (distances > SHARE * tolerance)
+            (extent <= CORNER * tolerance) & (distances > TOLERANCE_SHARE * tolerance)
         )
         line = (_is_straight(todo, points) & np.isfinite(distances) & lines) | corner
-        ready = line | (distances <= SHARE * tolerance)
+        ready = line | (distances <= TOLERANCE_SHARE * tolerance)
         done.append(todo.select(ready, line=line[ready]))
         pending = ~ready
-        todo = _divide(curves, todo.select(pending), distances[pending] / (SHARE * tolerance))
+        todo = _divide(
+            curves, todo.select(pending), distances[pending] / (TOLERANCE_SHARE * tolerance)
+        )
         count += int(ready.sum())
         if count + len(todo.begin) > MAX_INTERVALS:
             raise InvalidInput(
-                f"A curve would need more than {2 * MAX_INTERVALS} arcs to be within "
-                f"{tolerance:g} m: give it a larger tolerance."
+                f"A curve would need more than {2 * MAX_INTERVALS} arcs for its tolerance of "
+                f"{tolerance:g} m. Specify a larger tolerance."
             )
     names = _Intervals.__slots__
     whole = _Intervals(**{x: np.concatenate([getattr(part, x) for part in done]) for x in names})
@@ -355,14 +375,15 @@ def _distances_from_arcs(intervals: _Intervals, points: FloatArray) -> FloatArra
         v = points - end[:, None]
         outside = dot(v, tangent[:, None]) < 0
         distances = np.maximum(distances, np.where(outside, length(v), 0.0).max(axis=1))
-    # Arcs of at most a quarter circle do not overlap between the planes at their ends.
+    # The distance from the full circle is the distance from an arc of at most a quarter circle,
+    # because points between the planes at the ends of the arc are not nearest to the other side.
     quarter = np.pi / 2 * (1 + 1e-9)
     bent = np.maximum(first.curvatures * first.lengths, second.curvatures * second.lengths)
     return np.where(bent <= quarter, distances, np.inf)
 
 
 def _is_straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
-    """Mask of the intervals on which the curve runs straight along its chord, (n,)."""
+    """Mask of the intervals on which the curve is a straight line along its chord, (n,)."""
     chord = intervals.p1 - intervals.p0
     size = length(chord)
     along = unit(chord)
@@ -376,8 +397,9 @@ def _is_straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
 
 
 def _divide(curves: Curves, intervals: _Intervals, excess: FloatArray) -> _Intervals:
-    """Divide intervals into equal parts until the distance fits."""
-    # The distance between curve and biarc falls with the cube of the interval's length.
+    """Divide intervals into 2 to MAX_PARTS equal parts, depending on their relative `excess`."""
+    # The distance between curve and biarc decreases with the cube of the interval's length.
+    # `excess`: distance of each interval divided by the allowed distance, (n,).
     parts = np.where(np.isfinite(excess), np.ceil(np.cbrt(excess)), 2)
     parts = np.clip(parts, 2, MAX_PARTS).astype(np.intp)
     i, k = number_parts(parts)
@@ -388,7 +410,9 @@ def _divide(curves: Curves, intervals: _Intervals, excess: FloatArray) -> _Inter
     end = np.where(last, old.end, old.begin + (k + 1) * span)
     if (begin >= end).any():
         point = tuple(np.round(old.p0[int(np.argmax(begin >= end))], 6).tolist())
-        raise InvalidInput(f"A curve jumps near {point} m, or its derivative does not fit it.")
+        raise InvalidInput(
+            f"A curve jumps near {point} m, or its derivative does not match its points."
+        )
     inner = np.flatnonzero(~first)
     row, t = old.row[inner], begin[inner]
     points, tangents = curves(row, t, 0), unit(curves(row, t, 1))
@@ -399,7 +423,7 @@ def _divide(curves: Curves, intervals: _Intervals, excess: FloatArray) -> _Inter
 
 
 def _drop_points(intervals: _Intervals) -> _Intervals:
-    """Intervals without lines shorter than a repeated point; the remaining intervals still meet."""
+    """Discard lines shorter than `REPEATED_POINT`; the remaining intervals stay connected."""
     x = intervals
     short = x.line & (length(x.p1 - x.p0) <= REPEATED_POINT)
     if not short.any():
@@ -417,7 +441,7 @@ def _drop_points(intervals: _Intervals) -> _Intervals:
     return x.select(mask, p0=p0[mask], p1=p1[mask])
 
 
-def _arcs(intervals: _Intervals) -> tuple[Segments, IntArray]:
+def _make_segments(intervals: _Intervals) -> tuple[Segments, IntArray]:
     """Lines and arcs of the intervals, and the row of the first segment of each interval, (n,)."""
     x = intervals
     first, second = make_biarcs(x.p0, x.t0, x.p1, x.t1)
@@ -435,7 +459,7 @@ def _arcs(intervals: _Intervals) -> tuple[Segments, IntArray]:
 
 
 def _merge(arcs: Segments, vertices: IntArray) -> tuple[Segments, IntArray]:
-    """Merge neighbours on one line or circle; returns also the first row of each merged segment."""
+    """Merge neighbours on one line or circle; returns the segments and the first row of each."""
     k, u = arcs.curvatures, arcs.lengths
     turn = k * u
     same = (
@@ -445,8 +469,8 @@ def _merge(arcs: Segments, vertices: IntArray) -> tuple[Segments, IntArray]:
     )
     same[vertices[1:] - 1] = False
     first = np.concatenate([[0], np.flatnonzero(~same) + 1])
-    # No arc may be more than a full circle. A longer run is cut at three quarters of a circle,
-    # as the arcs of the run are quarters at most.
+    # No arc may be longer than a full circle. A longer run is split at three quarters of a circle,
+    # because each arc of the run is at most a quarter circle.
     run = np.cumsum(np.concatenate([[False], ~same]))
     whole = np.add.reduceat(turn, first)[run]
     before = np.cumsum(turn) - turn

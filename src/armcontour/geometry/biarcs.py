@@ -1,8 +1,8 @@
 """Biarcs and transitions: curves that join points with given tangents and curvatures.
 
 A biarc is a pair of tangent arcs. A transition is a chain of quintics over arc length. Neighbouring
-segments share point, tangent and curvature to the last digit. Between its ends a quintic follows
-the curve that it approximates, at a speed that is 1 within `UNEVEN`.
+segments share point, tangent and curvature to the last digit. The norm of a quintic's derivative is
+1 within `UNEVEN`, so its parameter is the arc length.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.sampling import number_parts
-from armcontour.geometry.segments import Segments, largest_bend
+from armcontour.geometry.segments import Segments, bound_second_derivatives
 
 # An arc is a line if its chord and its start tangent differ by less than this angle [rad].
 STRAIGHT = 1e-12
 # Largest relative difference between the arc length and the parameter of a transition.
 UNEVEN = 1e-6
-# Largest distance between a transition and the arcs that replace it: no arm resolves a nanometre
-# [m].
+# Largest distance between a transition and the arcs that replace it [m]; no arm resolves a
+# nanometre.
 DRAWN = 1e-9
 # Distance of a biarc from a curve whose curvature changes evenly by d over a length w, divided by
-# d w²; and safety factor on that distance.
-BIARC = 1 / 324
-MORE = 1.25
+# d w²; and safety factor for this distance.
+BIARC_ERROR = 1 / 324
+BIARC_SAFETY = 1.25
 
 # Points, unit tangents and curvature vectors, (n, dimension) each.
 Contact = tuple[FloatArray, FloatArray, FloatArray]
@@ -38,11 +38,12 @@ def make_biarcs(
     t1: FloatArray,  # Unit tangents at the end points, (n, dimension)
     share: FloatArray | float = 1.0,
 ) -> tuple[Segments, Segments]:
-    """First and second arcs of the biarcs from p0 to p1 with a given share of tangent lengths."""
-    # The values are not finite where no biarc exists: for equal ends with equal tangents.
-    # `share`: tangent length of the first arc over that of the second, (n,) or one for all.
+    """First and second arcs of the biarcs from p0 to p1 with a given ratio of tangent lengths."""
+    # The values are not finite where no biarc exists, such as for equal ends with equal tangents.
+    # `share`: tangent length of the first arc divided by that of the second, (n,) or a number.
     chord, w = p1 - p0, np.asarray(share)[..., None]
-    # |chord - d (w t0 + t1)| = (1 + w) d, solved for the positive d without cancellation.
+    # The tangent length d of the second arc solves |chord - d (w t0 + t1)| = (1 + w) d. The
+    # positive solution is computed without cancellation.
     c, b = dot(chord, chord), dot(chord, w * t0 + t1)
     a = 2 * share * (1 - dot(t0, t1))
     root = np.sqrt(b * b + a * c)
@@ -56,8 +57,8 @@ def _arc(
     start: FloatArray, tangent: FloatArray, end_tangent: FloatArray, tangent_length: FloatArray
 ) -> Segments:
     """Arcs from start points and tangents to end tangents, with given tangent lengths."""
-    # Arcs are computed from tangents and not from end points, so even very short arcs have equal
-    # tangents where they meet.
+    # Arcs are computed from tangents and not from end points, so the tangents are equal where even
+    # very short arcs meet.
     half = np.arctan2(length(end_tangent - tangent), length(end_tangent + tangent))
     bent = half > STRAIGHT
     across = end_tangent - dot(end_tangent, tangent)[:, None] * tangent
@@ -76,9 +77,9 @@ def _arc(
 
 
 def biarc_distance(points: FloatArray, first: Segments, second: Segments) -> FloatArray:
-    """Largest distance of the k points of each biarc from its two circles [m], (n,)."""
-    # The distance is infinite where a biarc is not finite.
-    # `points`: points to compare with each biarc [m], (n, k, dimension).
+    """Largest distance from k points to the two circles of each biarc [m], (n,)."""
+    # The distance is infinite if the values of a biarc are not finite.
+    # `points`: the points for each biarc [m], (n, k, dimension).
     after = dot(points - second.starts[:, None], second.tangents[:, None]) > 0
     distances = np.where(after, _from_circle(points, second), _from_circle(points, first))
     worst = np.asarray(distances.max(axis=1))
@@ -86,13 +87,13 @@ def biarc_distance(points: FloatArray, first: Segments, second: Segments) -> Flo
 
 
 def _from_circle(points: FloatArray, arcs: Segments) -> FloatArray:
-    """Distances of points, (n, k, dimension), from the full circles or lines of arcs, (n, k)."""
+    """Distances of points, (n, k, dimension), from full circles or lines of arcs [m], (n, k)."""
     v = points - arcs.starts[:, None]
     x = dot(v, arcs.tangents[:, None])
     y = dot(v, arcs.normals[:, None])
     out_of_plane = dot(v, v) - x * x - y * y
     k = arcs.curvatures[:, None]
-    # |p - c| - r, without cancellation if the radius is very large.
+    # This form of |p - c| - r has no cancellation if the radius is very large.
     power = k * (x * x + y * y) - 2 * y
     in_plane = power / (1 + np.sqrt(np.maximum(1 + k * power, 0.0)))
     line = np.where(k == 0, np.abs(y), np.abs(in_plane))
@@ -100,7 +101,7 @@ def _from_circle(points: FloatArray, arcs: Segments) -> FloatArray:
 
 
 def _finite(arcs: Segments) -> BoolArray:
-    """True for arcs whose values are all finite, (n,)."""
+    """Mask of the arcs whose values are all finite, (n,)."""
     vectors = (arcs.starts, arcs.tangents, arcs.normals)
     rows = [np.isfinite(x).all(axis=1) for x in vectors]
     rows += [np.isfinite(x) for x in (arcs.curvatures, arcs.lengths)]
@@ -119,15 +120,14 @@ def length(v: FloatArray) -> FloatArray:
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
     """Scalar products of vectors along the last axis."""
-    # For arrays of short vectors faster than a sum along an axis.
+    # For arrays of short vectors, einsum is faster than a sum along an axis.
     return np.asarray(np.einsum("...k,...k->...", a, b))
 
 
 def join_by_quintics(begin: Contact, end: Contact, lengths: FloatArray) -> Segments:
-    """One quintic from each of n contacts to another, without speeds, tolerances and tags."""
-    # `begin`: contacts at the starts of the quintics; `end`: contacts at their ends; points are
-    # relative to the starts, so even tiny quintics keep their digits; `lengths`: their arc lengths
-    # [m], (n,).
+    """Table of n quintics with given contacts at both ends, without speeds, tolerances and tags."""
+    # `begin`: contacts at the starts; `end`: contacts at the ends, whose points are relative to the
+    # starts, so even tiny quintics have full precision; `lengths`: arc lengths [m], (n,).
     none = np.zeros_like(begin[0])
     coefficients = quintic(lengths, (none, *begin[1:]), end)
     curvature = length(begin[2])
@@ -136,22 +136,24 @@ def join_by_quintics(begin: Contact, end: Contact, lengths: FloatArray) -> Segme
         starts=begin[0],
         tangents=begin[1],
         normals=normals,
-        curvatures=largest_bend(coefficients, lengths),
+        curvatures=bound_second_derivatives(coefficients, lengths),
         lengths=lengths,
         quintics=coefficients,
     )
 
 
 def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
-    """Segments with arcs instead of transitions, within `DRAWN` of the transitions."""
-    # Returns lines and arcs, which are the original segments if there are no transitions; and the
-    # arc lengths of the original segments at which they start [m], (n,). An arc is never longer
-    # than the part that it replaces.
-    bent = segments.bent
+    """Replace transitions by arcs within `DRAWN`; also returns their original arc lengths."""
+    # Returns a table of lines and arcs, which is `segments` if there are no transitions, and for
+    # each line and arc the arc length on the original path at which it starts [m], (n,). An arc is
+    # never longer than the part that it replaces.
+    bent = segments.is_transition
     if not bent.any():
         return segments, segments.breaks[:-1]
     quintics, lengths = segments.quintics[bent], segments.lengths[bent]
-    need = lengths * np.cbrt(MORE * BIARC * largest_change(quintics, lengths) / DRAWN)
+    need = lengths * np.cbrt(
+        BIARC_SAFETY * BIARC_ERROR * bound_third_derivatives(quintics, lengths) / DRAWN
+    )
     count = np.maximum(np.ceil(need), 1).astype(np.intp)
     row, number = number_parts(count)
     step = (lengths / count)[row]
@@ -161,7 +163,7 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
         for order in (0, 1)
     ]
     ends[1::2] = (unit(x) for x in ends[1::2])
-    with np.errstate(invalid="ignore"):  # straight quintics have no normal
+    with np.errstate(invalid="ignore"):  # A straight quintic has no normal.
         halves = make_biarcs(*ends)
     source = np.flatnonzero(bent)[row]
     columns = {x: getattr(segments, x)[source] for x in ("speeds", "tolerances", "tags")}
@@ -191,13 +193,13 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
 
 
 def tangent_and_curvature(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Unit tangents and curvature vectors [1/m], by first and second derivatives of curves."""
+    """Unit tangents and curvature vectors [1/m], from first and second derivatives of curves."""
     speed2 = dot(first, first)
     across = second - (dot(first, second) / speed2)[..., None] * first
     return first / np.sqrt(speed2)[..., None], across / speed2[..., None]
 
 
-def largest_change(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
+def bound_third_derivatives(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
     """Upper bounds of the third derivatives of quintics by arc length [1/m²], (n,)."""
     c3, c4, c5 = quintics[:, 3], quintics[:, 4], quintics[:, 5]
     control = np.stack([6 * c3, 6 * c3 + 12 * c4, 6 * c3 + 24 * c4 + 60 * c5], axis=1)

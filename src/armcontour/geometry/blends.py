@@ -1,9 +1,9 @@
 """Blends at corners next to arcs: pairs of tangent arcs, or connections, within a corner error.
 
 A blend replaces the tangent length t of both segments at a corner by two arcs. Each arc has more
-curvature than its neighbouring segment, by nearly the same amount. Without a corner, the blend is
-the two segments; between two lines it is the single arc of (10)-(16). Where the curvature must not
-jump, a blend is a connection (connections.py). See docs/concepts/rounding.md.
+curvature than its neighbouring segment, by nearly the same amount. If the turn is zero, the blend
+equals both segments; between two lines it is the single arc of (10)-(16). Where the curvature must
+not jump, a blend is a connection (connections.py). See docs/concepts/rounding.md.
 """
 
 from __future__ import annotations
@@ -18,22 +18,23 @@ from armcontour.geometry.biarcs import dot, length, make_biarcs, unit
 from armcontour.geometry.connections import around_vertices, connect, draw_connections
 from armcontour.geometry.corner_curves import CornerBounds, CornerCurves, CornerKind
 from armcontour.geometry.rounded_orientation import middle_fraction
-from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, share_limits
+from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, combine_limits
 
-# Relative error of a search for a tangent length. Bisection from a nanometre to a kilometre takes
-# less than a third of these steps.
-NEAR = 1e-9
-STEPS = 120
-# Smallest tangent length; shorter ones approach the distance of repeated points [m].
+# Relative error of a search for a tangent length, and largest number of its steps. Every third step
+# is a bisection; from a nanometre to a kilometre, bisection needs less than a third of these steps.
+SEARCH_ERROR = 1e-9
+SEARCH_STEPS = 120
+# Smallest tangent length [m]. Shorter blends approach the distance of repeated points.
 SHORTEST = 2 * REPEATED_POINT
-# Largest turn of a blend's arcs and of the arcs that it replaces [rad]: no arc turns back, so the
-# distance between blend and path is largest at the corner.
+# Largest turn of a blend's arcs and of the arcs that it replaces [rad]. With this limit no arc
+# turns back, so the distance between blend and path is largest at the corner.
 WIDEST = np.pi / 2
+# Rounding error of a turn [rad].
 ROUNDING = 1e-9
-# A blend uses its tolerance fully if it does so within this fraction, the error of the search.
-FULL = 1e-6
+# A blend counts as not shrunk if it reaches a bound within this relative error of the search.
+BOUND_REACHED = 1e-6
 # Fractions of each half of a connection at which its distance from the path is evaluated.
-LOOKS = np.linspace(0.0, 1.0, 17)
+SAMPLES = np.linspace(0.0, 1.0, 17)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -47,11 +48,11 @@ class _Pairs:
 
 
 class _Blend(CornerKind):
-    """Base class of blends."""
+    """A curve next to an arc, whose tangent length `fit` determines by a search."""
 
     @abstractmethod
-    def shares(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Largest used fraction of a bound, and the curvature [1/m], for tangent lengths t."""
+    def bound_ratios(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Largest ratio to a bound, and inward curvature [1/m], for tangent lengths t [m], (n,)."""
 
     def shortest(self, half: FloatArray) -> FloatArray:
         return np.full(len(half), REPEATED_POINT)
@@ -79,13 +80,13 @@ class _Blend(CornerKind):
 
     def _search(self, bounds: CornerBounds, state: FloatArray) -> FloatArray:
         """Largest tangent lengths within bounds [m], (n,)."""
-        # Uses false position on logarithms, where the excess is nearly linear; every third step
-        # bisects. `state` has the logarithms of lengths that satisfy and that violate the bounds,
-        # and the excess of both, (4, n).
+        # The search uses false position on logarithms, in which the excess is nearly linear; every
+        # third step is a bisection. The rows of `state` are the logarithms of a length that
+        # satisfies and of a length that violates the bounds, and the excess of both, (4, n).
         active = np.arange(len(bounds.half))
-        for step in range(STEPS):
+        for step in range(SEARCH_STEPS):
             low, high, under, over = state[:, active]
-            near = low + (high - low) * (-NEAR / 2 - under) / (over - under)
+            near = low + (high - low) * (-SEARCH_ERROR / 2 - under) / (over - under)
             halve = ~((near > low) & (near < high)) | (step % 3 == 2)
             middle = np.where(halve, (low + high) / 2, near)
             excess, _ = self._excess(bounds[active], np.exp(middle))
@@ -93,14 +94,14 @@ class _Blend(CornerKind):
             state[0::2, active[fits]] = middle[fits], excess[fits]
             state[1::2, active[~fits]] = middle[~fits], excess[~fits]
             low, high, under, _ = state
-            active = np.flatnonzero((under < -NEAR) & (high - low > NEAR))
+            active = np.flatnonzero((under < -SEARCH_ERROR) & (high - low > SEARCH_ERROR))
             if not len(active):
                 break
         return np.asarray(np.exp(state[0]))
 
     def _excess(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Logarithmic excess of blends over their bounds, with and without that of the radius."""
-        any_radius, curvature = self.shares(bounds, t)
+        """Logarithm of the largest ratio to a bound, with and without the bound of the radius."""
+        any_radius, curvature = self.bound_ratios(bounds, t)
         need = 1 / (bounds.radius * np.maximum(curvature, 0.0))
         wide = np.where(np.isfinite(bounds.radius), need, 0.0)
         both = np.log(np.maximum(any_radius, wide)), np.log(any_radius)
@@ -108,11 +109,11 @@ class _Blend(CornerKind):
 
 
 class _Pair(_Blend):
-    """Two tangent arcs."""
+    """A pair of tangent arcs."""
 
     smooth = False
 
-    def shares(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def bound_ratios(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         pairs = _make_pairs(bounds.before, bounds.after, t)
         turns = [
             x.curvatures * x.lengths / (WIDEST + ROUNDING) for x in (pairs.first, pairs.second)
@@ -124,7 +125,7 @@ class _Pair(_Blend):
     def draw(self, bounds: CornerBounds, tangent: FloatArray) -> CornerCurves:
         pairs = _make_pairs(bounds.before, bounds.after, tangent)
         order = np.arange(2 * len(tangent)).reshape(2, -1).T.ravel()
-        return _drawn(
+        return _make_curves(
             bounds,
             Segments.join([pairs.first, pairs.second])[order],
             np.repeat(np.arange(len(tangent)), 2),
@@ -135,41 +136,41 @@ class _Pair(_Blend):
 
 
 class _Connection(_Blend):
-    """A connection, whose curvature is continuous."""
+    """A connection with continuous curvature."""
 
     smooth = True
 
-    def shares(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def bound_ratios(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         connections = connect(bounds.before, bounds.after, t)
         back, ahead = around_vertices(bounds.before, bounds.after)
         x, peaks = connections.nearest, []
         for begin, end, old, old_begin in ((0 * x, x, back, t), (x, 1 + 0 * x, ahead, 0 * t)):
-            # One half and the part that it replaces, both parametrized evenly.
+            # Deviation of one half from the part that it replaces, both parametrized evenly.
             deviations = [
                 connections.begin
                 + connections.evaluate(EVERY, begin + share * (end - begin))
                 - old.evaluate(EVERY, np.abs(old_begin - share * t))
-                for share in LOOKS
+                for share in SAMPLES
             ]
-            peaks.append(_peak(length(np.stack(deviations))))
+            peaks.append(_bound_peaks(length(np.stack(deviations))))
         turn = t / 2 - middle_fraction(True) * connections.lengths_to(EVERY, np.ones(len(t)))
         shares = [np.max(peaks, axis=0) / bounds.error, turn / bounds.turn]
-        largest = np.where(connections.sound, np.max(shares, axis=0), np.inf)
-        return largest, connections.largest_bend
+        largest = np.where(connections.is_valid, np.max(shares, axis=0), np.inf)
+        return largest, connections.largest_curvature
 
     def draw(self, bounds: CornerBounds, tangent: FloatArray) -> CornerCurves:
         connections = connect(bounds.before, bounds.after, tangent)
-        nearest, curvature = connections.nearest, connections.largest_bend
+        nearest, curvature = connections.nearest, connections.largest_curvature
         rows, corner, _ = draw_connections(connections, bounds.after.starts, nearest)
-        rows = rows.replace(**share_limits(bounds.before[corner], bounds.after[corner]))
+        rows = rows.replace(**combine_limits(bounds.before[corner], bounds.after[corner]))
         error = length(connections.begin + connections.evaluate(EVERY, nearest))
-        return _drawn(bounds, rows, corner, curvature, error, curvature)
+        return _make_curves(bounds, rows, corner, curvature, error, curvature)
 
 
 PAIR, CONNECTION = _Pair(), _Connection()
 
 
-def _drawn(
+def _make_curves(
     bounds: CornerBounds,
     rows: Segments,
     corner: IntArray,
@@ -177,8 +178,10 @@ def _drawn(
     error: FloatArray,
     curvature: FloatArray,
 ) -> CornerCurves:
-    """Blends as `CornerCurves`, from largest curvatures, corner errors and inward curvatures."""
-    full = (error >= bounds.error * (1 - FULL)) | (curvature <= (1 + FULL) / bounds.radius)
+    """Make `CornerCurves` from segments, largest curvatures, corner errors, inward curvatures."""
+    full = (error >= bounds.error * (1 - BOUND_REACHED)) | (
+        curvature <= (1 + BOUND_REACHED) / bounds.radius
+    )
     with np.errstate(divide="ignore"):
         return CornerCurves(
             rows=rows, corner=corner, radius=1 / tightest, error=error, shrunk=~full
@@ -188,16 +191,16 @@ def _drawn(
 def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
     """Pairs of tangent arcs with given tangent lengths [m], (n,)."""
     corner, inward = after.starts, after.tangents - before.end_tangents
-    # Points relative to the corner, so that even tiny blends keep their digits.
+    # Points are relative to the corner, so even tiny blends have full precision.
     back, ahead = around_vertices(before, after)
     p0, t0 = back.evaluate(EVERY, t), -unit(back.evaluate(EVERY, t, 1))
     p1, t1 = ahead.evaluate(EVERY, t), unit(ahead.evaluate(EVERY, t, 1))
     share = _tangent_length(back, t) / _tangent_length(ahead, t)
     with np.errstate(divide="ignore", invalid="ignore"):
         first, second = make_biarcs(p0, t0, p1, t1, share)
-        error = _distance(first, second)
-    curvature = np.maximum(_inward(first, inward), _inward(second, inward))
-    segment_limits = share_limits(before, after)
+        error = _corner_distances(first, second)
+    curvature = np.maximum(_signed_curvatures(first, inward), _signed_curvatures(second, inward))
+    segment_limits = combine_limits(before, after)
     return _Pairs(
         first=first.replace(starts=first.starts + corner, **segment_limits),
         second=second.replace(starts=second.starts + corner, **segment_limits),
@@ -206,23 +209,24 @@ def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
     )
 
 
-def _peak(values: FloatArray) -> FloatArray:
-    """Upper bounds of smooth functions sampled at even points, values (points, n)."""
-    # Between samples a peak exceeds the nearest sample by an eighth of the second difference.
+def _bound_peaks(values: FloatArray) -> FloatArray:
+    """Upper bounds of n smooth functions with evenly spaced samples `values`, (samples, n)."""
+    # Between samples a peak exceeds the nearest sample by approximately an eighth of the second
+    # difference; a sixth is a safe bound.
     inner = values[1:-1]
     rise = np.abs(values[2:] - 2 * inner + values[:-2]) / 6
     peaks = inner + np.where((inner >= values[2:]) & (inner >= values[:-2]), rise, 0.0)
-    # At an end the values may fall towards it.
+    # If the values decrease towards an end, the peak can be between the end and the next sample.
     for ends, end_rise in ((values[:3], rise[0]), (values[:-4:-1], rise[-1])):
         falls = 3 * ends[0] < 4 * ends[1] - ends[2]
         peaks = np.concatenate([peaks, [ends[0] + np.where(falls, end_rise, 0.0)]])
     return np.asarray(peaks.max(axis=0))
 
 
-def _distance(first: Segments, second: Segments) -> FloatArray:
+def _corner_distances(first: Segments, second: Segments) -> FloatArray:
     """Distance of the corner, which is the origin, from the two arcs of each blend [m], (n,)."""
-    # It is measured from the point where the arcs meet, which is near the corner, so no digits are
-    # lost.
+    # Coordinates are relative to the point where the arcs meet. This point is near the corner, so
+    # no significant digits are lost.
     v = -second.starts
     x = dot(v, second.tangents)
     after = x > 0
@@ -237,11 +241,11 @@ def _distance(first: Segments, second: Segments) -> FloatArray:
 
 
 def _tangent_length(rows: Segments, t: FloatArray) -> FloatArray:
-    """Tangent lengths of the parts of length t of lines and arcs [m]."""
+    """Tangent lengths of arcs, or lines, of length t [m], (n,)."""
     half = rows.curvatures * t / 2
     return np.asarray(t / 2 * np.sinc(half / np.pi) / np.cos(half))
 
 
-def _inward(arcs: Segments, inward: FloatArray) -> FloatArray:
-    """Curvatures of arcs [1/m], below zero for those that bend away from a direction."""
+def _signed_curvatures(arcs: Segments, inward: FloatArray) -> FloatArray:
+    """Signed curvatures of arcs [1/m], negative for arcs that bend away from a direction."""
     return np.asarray(np.where(dot(arcs.normals, inward) >= 0, 1, -1) * arcs.curvatures)

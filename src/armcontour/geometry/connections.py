@@ -1,4 +1,4 @@
-"""Smooth connections across a vertex, between a point before and a point after it.
+"""Smooth connections across a vertex, between a point before and a point after the vertex.
 
 A connection has the points, tangents, curvatures and changes of curvature of the segments at both
 ends. It is a polynomial of degree 7, drawn as transitions: quintics between points on it.
@@ -17,42 +17,43 @@ from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import (
     UNEVEN,
     Contact,
+    bound_third_derivatives,
     dot,
     join_by_quintics,
-    largest_change,
     length,
     tangent_and_curvature,
     unit,
 )
-from armcontour.geometry.segments import EVERY, Segments, largest_bend
+from armcontour.geometry.segments import EVERY, Segments, bound_second_derivatives
 
 DEGREE = 7
-# Maps the residuals of the end's value and derivatives, after the first four coefficients, to the
-# last four coefficients.
-LAST = np.linalg.inv([[math.perm(j, k) for j in range(4, 8)] for k in range(4)])
-# Nodes and weights of the integration of arc length, exact to rounding errors for the curves here.
-PLACES, WEIGHTS = np.polynomial.legendre.leggauss(16)
-SHARES = (PLACES + 1) / 2
-# Iterations that adapt the length of a connection to its parametrization, which need not be exact.
-ROUNDS = 3
-# Newton steps to a parameter of a connection; they converge to rounding errors.
-STEPS = 8
+# Matrix from residuals to the last four coefficients. The residuals are the value and the first
+# three derivatives at the end, minus the contributions of the first four coefficients.
+END_TO_COEFFICIENTS = np.linalg.inv([[math.perm(j, k) for j in range(4, 8)] for k in range(4)])
+# Nodes and weights of the integration of arc length, exact up to rounding errors for connections.
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
+NODE_PARAMETERS = (NODES + 1) / 2
+# Number of iterations that scale the end derivatives by the length of the connection. The scale
+# need not be exact.
+SCALE_ITERATIONS = 3
+# Number of Newton steps to a parameter of a connection, which converge up to rounding errors.
+NEWTON_STEPS = 8
 # Largest number of quintics in each half of a connection, and the fractions of each quintic at
 # which its speed is checked.
 MAX_PARTS = 64
-LOOKS = np.linspace(0.1, 0.9, 5)
+SPEED_SAMPLES = np.linspace(0.1, 0.9, 5)
 # Parameters at which the shape of a connection is checked.
-MANY = np.linspace(0.0, 1.0, 33)
-# Limits on the relative speed, on the turn from the middle direction, and on the largest curvature
-# times the length. A connection beyond them is not a single even curve.
+SAMPLES = np.linspace(0.0, 1.0, 33)
+# Limits for a connection without loops and cusps: smallest and largest speed divided by the mean
+# speed, smallest cosine of the angle to the mean direction, and largest curvature times mean speed.
 SLOWEST, FASTEST = 0.5, 1.6
-FARTHEST = np.cos(np.radians(72))
-TIGHTEST = 10.0
+SMALLEST_COSINE = np.cos(np.radians(72))
+LARGEST_CURVATURE = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Connections:
-    """The connections across n vertices."""
+    """Polynomial connections across n vertices."""
 
     begin: FloatArray  # Start points relative to the vertices [m], (n, dimension)
     # Coefficients of 1 to x⁷ of the position relative to the start, x from 0 to 1 [m], (n, 8,
@@ -73,44 +74,46 @@ class Connections:
 
     def lengths_to(self, i: IntArray | slice, x: FloatArray) -> FloatArray:
         """Arc lengths from the starts of connections `i` to x [m], (n,)."""
-        return np.asarray(WEIGHTS @ length(self.evaluate(i, SHARES[:, None] * x, 1)) * x / 2)
+        return np.asarray(
+            WEIGHTS @ length(self.evaluate(i, NODE_PARAMETERS[:, None] * x, 1)) * x / 2
+        )
 
     @property
     def nearest(self) -> FloatArray:
         """Parameters x of the points nearest to the vertices, from 0 to 1, (n,)."""
-        parameters = self._many[1:-1]
-        x = MANY[1 + length(self.begin + self.evaluate(EVERY, parameters)).argmin(axis=0)]
-        for _ in range(STEPS):
+        parameters = self._sample_parameters[1:-1]
+        x = SAMPLES[1 + length(self.begin + self.evaluate(EVERY, parameters)).argmin(axis=0)]
+        for _ in range(NEWTON_STEPS):
             offset = self.begin + self.evaluate(EVERY, x)
             first, second = self.evaluate(EVERY, x, 1), self.evaluate(EVERY, x, 2)
             slope = np.maximum(dot(first, first) + dot(offset, second), 0.1 * dot(first, first))
-            x = np.clip(x - dot(offset, first) / slope, MANY[1], MANY[-2])
+            x = np.clip(x - dot(offset, first) / slope, SAMPLES[1], SAMPLES[-2])
         return np.asarray(x)
 
     @property
-    def largest_bend(self) -> FloatArray:
+    def largest_curvature(self) -> FloatArray:
         """Largest curvatures over the sampled parameters [1/m], (n,)."""
-        return np.asarray(length(self.contact(EVERY, self._many)[2]).max(axis=0))
+        return np.asarray(length(self.contact(EVERY, self._sample_parameters)[2]).max(axis=0))
 
     @property
-    def _many(self) -> FloatArray:
+    def _sample_parameters(self) -> FloatArray:
         """Sampled parameters of every connection, (samples, n)."""
-        return np.tile(MANY[:, None], len(self))
+        return np.tile(SAMPLES[:, None], len(self))
 
     @property
-    def sound(self) -> BoolArray:
+    def is_valid(self) -> BoolArray:
         """Mask of the connections without loops, cusps and strong variation of speed, (n,)."""
-        first = self.evaluate(EVERY, self._many, 1)
+        first = self.evaluate(EVERY, self._sample_parameters, 1)
         speeds = length(first)
         along = dot(first, unit(first[0] + first[-1])) / speeds
         mean = speeds.mean(axis=0)
         even = (speeds.min(axis=0) > SLOWEST * mean) & (speeds.max(axis=0) < FASTEST * mean)
-        tight = self.largest_bend * mean > TIGHTEST
-        return np.asarray(even & ~tight & (along.min(axis=0) > FARTHEST))
+        tight = self.largest_curvature * mean > LARGEST_CURVATURE
+        return np.asarray(even & ~tight & (along.min(axis=0) > SMALLEST_COSINE))
 
     def contact(self, i: IntArray | slice, x: FloatArray) -> Contact:
         """Positions relative to the starts, unit tangents and curvature vectors at parameters x."""
-        # `i`: the connections; x from 0 to 1.
+        # `i`: indices of the connections, or a slice; x is between 0 and 1.
         return self.evaluate(i, x), *tangent_and_curvature(
             self.evaluate(i, x, 1), self.evaluate(i, x, 2)
         )
@@ -124,7 +127,7 @@ def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
     begin = [(-1) ** k * back.evaluate(every, t, k) for k in range(4)]
     end = [ahead.evaluate(every, t, k) for k in range(4)]
     chord, size = end[0] - begin[0], 2 * t
-    for _ in range(ROUNDS):
+    for _ in range(SCALE_ITERATIONS):
         scale = [size[:, None] ** k for k in range(4)]
         c = np.zeros((len(t), DEGREE + 1, chord.shape[1]))
         for k, factor in ((1, 1), (2, 2), (3, 6)):
@@ -134,32 +137,34 @@ def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
             - sum(math.perm(j, k) * c[:, j] for j in range(max(k, 1), 4))
             for k in range(4)
         ]
-        c[:, 4:] = np.einsum("jk,knd->njd", LAST, np.stack(residuals))
+        c[:, 4:] = np.einsum("jk,knd->njd", END_TO_COEFFICIENTS, np.stack(residuals))
         connections = Connections(begin=begin[0], coefficients=c)
         size = connections.lengths_to(EVERY, np.ones(len(t)))
     return connections
 
 
 def around_vertices(before: Segments, after: Segments) -> tuple[Segments, Segments]:
-    """Segments before vertices, reversed, and those after them, all starting at the origin."""
-    # Points near a vertex then keep all their digits.
+    """Segments before vertices, reversed, and segments after them, all starting at the origin."""
+    # Points near a vertex then have full precision.
     zero = np.zeros_like(after.starts)
-    back = before.run(np.arange(len(before)), np.full(len(before), True))
+    back = before.reverse_rows(np.arange(len(before)), np.full(len(before), True))
     return back.replace(starts=zero), after.replace(starts=zero)
 
 
 def draw_connections(
     connections: Connections, vertices: FloatArray, middle: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray]:
-    """Transitions along connections, with a speed that is 1 within `UNEVEN`."""
-    # `vertices`: their vertices [m], (n, dimension); `middle`: parameters x at which their halves
-    # meet, from 0 to 1, (n,).
-    # Returns the transitions in order, the connection of each, and the mask of those before the
-    # middle.
+    """Transitions along connections; their parameter is the arc length within `UNEVEN`."""
+    # `vertices`: vertices of the connections [m], (n, dimension); `middle`: parameters x at which
+    # both halves of each connection meet, from 0 to 1, (n,).
+    # Returns the transitions in order, the index of the connection of each, and the mask of the
+    # transitions before the middle.
     parts = np.full(len(connections), 1)
     drawn, owners, first = _draw_halves(connections, vertices, middle, parts)
     while True:
-        speeds = [length(drawn.evaluate(EVERY, share * drawn.lengths, 1)) for share in LOOKS]
+        speeds = [
+            length(drawn.evaluate(EVERY, share * drawn.lengths, 1)) for share in SPEED_SAMPLES
+        ]
         uneven = np.abs(np.stack(speeds) - 1).max(axis=0)
         rough = np.unique(owners[uneven > UNEVEN / 2])
         rough = rough[parts[rough] < MAX_PARTS]
@@ -167,7 +172,7 @@ def draw_connections(
             return drawn, owners, first
         worst = np.zeros(len(connections))
         np.maximum.at(worst, owners, uneven)
-        # The unevenness falls with about the fifth power of the lengths.
+        # The unevenness decreases approximately with the fifth power of the lengths.
         count = np.ceil(parts[rough] * (worst[rough] / (UNEVEN / 2)) ** 0.2)
         parts[rough] = np.minimum(np.maximum(count, parts[rough] + 1), MAX_PARTS)
         drawn, owners, first = _draw_halves(connections, vertices, middle, parts)
@@ -190,7 +195,7 @@ def _draw_halves(
     x = low + (high - low) * node / parts[owners]
     inner = node > 0
     i, parameter, goal = owners[inner], x[inner], s[inner]
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         error = connections.lengths_to(i, parameter) - goal
         parameter = np.clip(
             parameter - error / length(connections.evaluate(i, parameter, 1)), 0.0, 1.0
@@ -212,11 +217,12 @@ def bound_deviation(
     drawn: Segments, old: Segments, i: IntArray, ends: tuple[FloatArray, FloatArray], parts: int
 ) -> FloatArray:
     """Bounds of the distances between transitions and the parts of a path that they replace [m]."""
-    # Both are passed evenly. On each of the `parts`, the difference D of their points is at most
-    # the larger value at the ends plus an eighth of the largest D''.
-    # `i`: the segment that each transition replaces a part of, (n,); `ends`: distances along these
-    # segments of the ends of these parts [m], (n,) each.
-    # Returns bounds of the distance of either from the other, (n,).
+    # Corresponding points move evenly along both. On each of the `parts`, the distance D of
+    # corresponding points is at most the larger value at the ends plus an eighth of the largest
+    # second derivative.
+    # `i`: index of the segment of which each transition replaces a part, (n,); `ends`: distances
+    # along this segment at which the part starts and ends [m], (n,) each.
+    # Returns bounds of the distance in both directions, (n,).
     row, number = number_parts(np.full(len(drawn), parts))
     h = drawn.lengths[row] / parts
     step = ((ends[1] - ends[0]) / parts)[row]
@@ -228,16 +234,16 @@ def bound_deviation(
         )
         for share in (0, 1)
     ]
-    # The second derivative of the old path by the arc length of the transition at the middle of the
-    # part, and its largest change on either side.
+    # Second derivative of the old path by the arc length of the transition in the middle of the
+    # part, and bound of its change on either side of the middle.
     second_derivative = ratio[:, None] ** 2 * old.evaluate(segment, low + step / 2, 2)
     change = old.curvatures[segment] ** 2
     if old.quintics.size:
-        bent = old.bent[segment]
+        bent = old.is_transition[segment]
         rows = segment[bent]
-        change[bent] = largest_change(old.quintics[rows], old.lengths[rows])
+        change[bent] = bound_third_derivatives(old.quintics[rows], old.lengths[rows])
     allowance = ratio**2 * change * step / 2
     relative = rescale(drawn.quintics[row], number / parts, np.full(len(row), 1 / parts))
     relative[:, 2] -= second_derivative * (h**2 / 2)[:, None]
-    bound = np.maximum(*distances) + h**2 / 8 * (largest_bend(relative, h) + allowance)
+    bound = np.maximum(*distances) + h**2 / 8 * (bound_second_derivatives(relative, h) + allowance)
     return np.asarray(bound.reshape(len(drawn), parts).max(axis=1))

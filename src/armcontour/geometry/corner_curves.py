@@ -1,8 +1,8 @@
-"""Curves that replace corners between two lines; those next to arcs are in blends.py.
+"""Curves that replace corners between two lines; curves at corners next to arcs are in blends.py.
 
 ARC, PARABOLA and SMOOTH are symmetric about the bisector and replace the same length of both lines,
-the tangent length. Each is given by its smallest radius, in the middle of the corner. h is half the
-turn.
+the tangent length. The size of each curve is its smallest radius, which is in the middle. h is half
+the turn.
 
 The parabola is a quadratic Bézier curve with the corner point as its middle control point: with
 smallest radius r it is y = x² / (2 r) about its apex. Its tangent length is r sin h / cos² h, and
@@ -12,8 +12,8 @@ smaller: a tool with constant acceleration moves on a parabola and is slower in 
 the ends.
 
 SMOOTH starts and ends straight. Over its length its curvature is (1 - x²)² / r, where x runs from
--1 to 1, so neither the curvature nor its derivative jumps. Its length is BEND times that of the arc
-with the radius r. It is drawn as transitions.
+-1 to 1, so neither the curvature nor its derivative jumps. Its length is PEAK_RATIO times the
+length of the arc with the radius r. It is drawn as transitions.
 """
 
 from __future__ import annotations
@@ -28,19 +28,20 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import STRAIGHT, dot, join_by_quintics, make_biarcs, unit
 from armcontour.geometry.rounded_orientation import middle_fraction
-from armcontour.geometry.segments import REPEATED_POINT, Segments, share_limits
+from armcontour.geometry.segments import REPEATED_POINT, Segments, combine_limits
 
 # Largest step of asinh(tan(angle of the tangent)) that two arcs of a parabola cover. The curvature
 # then changes by a factor of at most 1.7 from arc to arc, 1.34 at a turn of 90°, and the distance
 # of the arcs from the parabola is below 3e-4 of the corner error.
 STEP = 0.25
-# Largest curvature of SMOOTH over its mean curvature.
-BEND = 15 / 8
-# Quintics in each half of SMOOTH: this times the power 0.45 of half the turn. The parameter then
-# equals the arc length within 1e-6, see biarcs.py.
+# Largest curvature of SMOOTH divided by its mean curvature.
+PEAK_RATIO = 15 / 8
+# Number of quintics in each half of SMOOTH, divided by (half the turn)**0.45. With this number the
+# parameter equals the arc length within 1e-6, see biarcs.py.
 QUINTICS = 7.8
-# Nodes and weights that integrate one quintic, and half of SMOOTH, exactly up to rounding errors.
-FEW, MANY = (np.polynomial.legendre.leggauss(n) for n in (10, 32))
+# Gauss-Legendre nodes and weights that integrate along one quintic (QUINTIC_NODES) and along half
+# of SMOOTH (HALF_NODES) exactly up to rounding errors.
+QUINTIC_NODES, HALF_NODES = (np.polynomial.legendre.leggauss(n) for n in (10, 32))
 # A remainder of a line between two arcs that is shorter than this is a rounding error and is
 # discarded [m].
 SLIVER = 1e-12
@@ -55,13 +56,11 @@ class CornerBounds:
     half: FloatArray  # Half of the turns [rad], (n,)
     error: FloatArray  # Largest corner errors [m], (n,)
     radius: FloatArray  # Smallest radii for the corner speeds [m], infinite without one, (n,)
-    # Largest `t / 2 - middle length` for a tangent length t that the tool orientation allows [m],
-    # (n,); see `middle_fraction`
-    turn: FloatArray
+    turn: FloatArray  # Largest `k` that the tool orientation allows [m], (n,); see `largest_blend`
     tangent: FloatArray  # Largest tangent lengths [m], (n,)
 
     def __getitem__(self, rows: IntArray) -> CornerBounds:
-        """The bounds of the selected corners, in increasing order."""
+        """Bounds of the corners with the increasing indices `rows`."""
         if len(rows) == len(self.half):
             return self
         return CornerBounds(**{name: getattr(self, name)[rows] for name in self.__slots__})
@@ -71,9 +70,9 @@ class CornerBounds:
 class CornerCurves:
     """Curves that replace n corners."""
 
-    rows: Segments  # The segments, in order at each corner
-    corner: IntArray
-    radius: FloatArray  # Smallest radii [m], infinite for a straight one, (n,)
+    rows: Segments  # The segments of all curves, in path order
+    corner: IntArray  # Index of the corner of each segment
+    radius: FloatArray  # Smallest radius of each curve [m], infinite for a straight curve, (n,)
     error: FloatArray  # Corner errors [m], (n,)
     shrunk: BoolArray  # Mask of the corners whose curve is smaller than their bounds allow, (n,)
 
@@ -100,13 +99,15 @@ class CornerKind(ABC):
 class LineCorner(CornerKind):
     """A curve between two lines, described by ratios to its smallest radius."""
 
-    gap: Callable[[FloatArray], FloatArray]  # Corner error as a function of half the turn
-    stretch: Callable[[FloatArray], FloatArray]  # Tangent length as a function of half the turn
-    # Length of the drawn curve as a function of half the turn
+    # Functions of half the turn [rad]: corner error, tangent length and length of the drawn curve,
+    # each divided by the smallest radius; and `shortest` divided by `REPEATED_POINT`
+    gap: Callable[[FloatArray], FloatArray]
+    stretch: Callable[[FloatArray], FloatArray]
     length: Callable[[FloatArray], FloatArray]
-    least: Callable[[FloatArray], FloatArray]  # `shortest` over `REPEATED_POINT`
-    # Draws curves from bounds and smallest radii [m]; returns segments and their corners
-    lay: Callable[[CornerBounds, FloatArray], tuple[Segments, IntArray]]
+    least: Callable[[FloatArray], FloatArray]
+    # Function that draws curves with given bounds and smallest radii [m]; it returns the segments,
+    # and the index of the corner of each segment
+    draw_with_radius: Callable[[CornerBounds, FloatArray], tuple[Segments, IntArray]]
     smooth: bool = False  # True if its curvature is continuous
 
     def shortest(self, half: FloatArray) -> FloatArray:
@@ -125,8 +126,8 @@ class LineCorner(CornerKind):
         stretch, radius = self.stretch(bounds.half), self._radius(bounds)
         shrunk = tangent < radius * stretch * (1 - 1e-12)
         radius = np.where(shrunk, tangent / stretch, radius)
-        rows, corner = self.lay(bounds, radius)
-        segment_limits = share_limits(bounds.before, bounds.after)
+        rows, corner = self.draw_with_radius(bounds, radius)
+        segment_limits = combine_limits(bounds.before, bounds.after)
         rows = rows.replace(**{name: column[corner] for name, column in segment_limits.items()})
         error = radius * self.gap(bounds.half)
         return CornerCurves(rows=rows, corner=corner, radius=radius, error=error, shrunk=shrunk)
@@ -136,8 +137,8 @@ class LineCorner(CornerKind):
         return np.asarray(np.minimum(bounds.error / self.gap(bounds.half), bounds.radius))
 
 
-def _lay_arcs(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntArray]:
-    """One arc per corner, (10)-(16)."""
+def _draw_arcs(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntArray]:
+    """Draw one arc per corner, by (10)-(16)."""
     before, after, half = bounds.before, bounds.after, bounds.half
     normals = after.tangents - dot(before.tangents, after.tangents)[:, None] * before.tangents
     arcs = before.replace(
@@ -149,8 +150,8 @@ def _lay_arcs(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntAr
     return arcs, np.arange(len(radius))
 
 
-def _lay_parabolas(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntArray]:
-    """One parabola per corner, drawn as four or more tangent arcs."""
+def _draw_corner_parabolas(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntArray]:
+    """Draw one parabola per corner as four or more tangent arcs."""
     arcs, corner = _draw_parabolas(bounds.half)
     along, across = _axes(bounds)
     apex = bounds.after.starts + (radius * PARABOLA.gap(bounds.half))[:, None] * across
@@ -169,29 +170,32 @@ def _lay_parabolas(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, 
     return drawn, corner
 
 
-def _lay_bends(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntArray]:
-    """One SMOOTH curve per corner, drawn as transitions."""
+def _draw_smooth_curves(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntArray]:
+    """Draw one SMOOTH curve per corner as transitions."""
     half = bounds.half
     parts = _count_quintics(half)
     corner, number = number_parts(2 * parts)
     along, across = (x[corner] for x in _axes(bounds))
-    h, size = half[corner], (half * BEND * radius)[corner]
+    h, size = half[corner], (half * PEAK_RATIO * radius)[corner]
     x = [(number + end) / parts[corner] - 1 for end in (0, 1)]
 
     def turned(cos: FloatArray, sin: FloatArray) -> FloatArray:
         return np.asarray(cos[:, None] * along + sin[:, None] * across)
 
-    angles = [h * _share_of_turn(end) for end in x]
+    angles = [h * _relative_angle(end) for end in x]
     tangents = [turned(np.cos(angle), np.sin(angle)) for angle in angles]
     bends = [
-        turned(-np.sin(angle), np.cos(angle)) * (h * BEND * (1 - end * end) ** 2 / size)[:, None]
+        turned(-np.sin(angle), np.cos(angle))
+        * (h * PEAK_RATIO * (1 - end * end) ** 2 / size)[:, None]
         for angle, end in zip(angles, x, strict=True)
     ]
-    parameters = x[0] + (x[1] - x[0]) * (FEW[0][:, None] + 1) / 2
-    angle = h * _share_of_turn(parameters)
+    parameters = x[0] + (x[1] - x[0]) * (QUINTIC_NODES[0][:, None] + 1) / 2
+    angle = h * _relative_angle(parameters)
     step = size / parts[corner]
-    steps = turned(*(step / 2 * (FEW[1] @ function(angle)) for function in (np.cos, np.sin)))
-    back = (radius * _stretch_of_bends(half))[:, None] * bounds.before.tangents
+    steps = turned(
+        *(step / 2 * (QUINTIC_NODES[1] @ function(angle)) for function in (np.cos, np.sin))
+    )
+    back = (radius * _smooth_tangent_ratio(half))[:, None] * bounds.before.tangents
     sums = np.cumsum(steps, axis=0) - steps
     starts = (bounds.after.starts - back)[corner] + sums - sums[number == 0][corner]
     return join_by_quintics(
@@ -209,24 +213,24 @@ def _axes(bounds: CornerBounds) -> tuple[FloatArray, FloatArray]:
     """Unit vectors along the mean tangents of corners between lines, and towards their insides."""
     along = unit(bounds.before.tangents + bounds.after.tangents)
     across = unit(bounds.after.tangents - bounds.before.tangents)
-    # At a small turn rounding errors tilt the vector across.
+    # At a small turn rounding errors tilt `across`, so it is made perpendicular to `along` again.
     return along, unit(across - dot(across, along)[:, None] * along)
 
 
-def _share_of_turn(x: FloatArray) -> FloatArray:
-    """Angle of the tangent of SMOOTH at x from -1 to 1, over half the turn."""
+def _relative_angle(x: FloatArray) -> FloatArray:
+    """Angle of the tangent of SMOOTH at x from -1 to 1, divided by half the turn."""
     return np.asarray(x * (15 - 10 * x**2 + 3 * x**4) / 8)
 
 
-def _over_half(half: FloatArray, function: Callable[[FloatArray], FloatArray]) -> FloatArray:
+def _mean_over_half(half: FloatArray, function: Callable[[FloatArray], FloatArray]) -> FloatArray:
     """Mean of a function of the tangent's angle over half of SMOOTH, (n,)."""
-    angles = half * _share_of_turn((MANY[0][:, None] + 1) / 2)
-    return np.asarray(MANY[1] @ function(angles) / 2)
+    angles = half * _relative_angle((HALF_NODES[0][:, None] + 1) / 2)
+    return np.asarray(HALF_NODES[1] @ function(angles) / 2)
 
 
-def _stretch_of_bends(half: FloatArray) -> FloatArray:
-    """Tangent lengths of SMOOTH over its smallest radii, (n,)."""
-    return np.asarray(half * BEND * _over_half(half, np.cos) / np.cos(half))
+def _smooth_tangent_ratio(half: FloatArray) -> FloatArray:
+    """Tangent lengths of SMOOTH divided by its smallest radii, (n,)."""
+    return np.asarray(half * PEAK_RATIO * _mean_over_half(half, np.cos) / np.cos(half))
 
 
 def _count_quintics(half: FloatArray) -> IntArray:
@@ -235,9 +239,10 @@ def _count_quintics(half: FloatArray) -> IntArray:
 
 
 def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
-    """Tangent arcs along parabolas y = x² / 2 from tangent angle -h to h, and their parabolas."""
-    # The ends of the arc pairs are on the parabola and have its tangents; one is the apex.
-    # With w = asinh(tan(angle)) the curvature is cosh(w)**-3: it changes by 3 tanh(w) dw.
+    """Tangent arcs along parabolas y = x² / 2 from tangent angle -h to h, and parabola of each."""
+    # The ends of the arc pairs are on the parabola and have its tangents; one end is the apex.
+    # With w = asinh(tan(angle)) the curvature is cosh(w)**-3, so its relative change is 3 tanh(w)
+    # dw.
     largest = np.arcsinh(np.tan(half))
     steps = 2 * np.maximum(np.ceil(largest / STEP), 1.0).astype(np.intp)
     parabola, k = number_parts(steps)
@@ -253,52 +258,52 @@ def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
 
 
 def _length_of_parabolas(half: FloatArray) -> FloatArray:
-    """Lengths of the arcs along parabolas over their smallest radii, (n,)."""
+    """Lengths of the arcs along parabolas divided by their smallest radii, (n,)."""
     arcs, corner = _draw_parabolas(half)
     return np.asarray(np.bincount(corner, arcs.lengths, minlength=len(half)), dtype=float)
 
 
 ARC = LineCorner(
-    # (11), without cancellation at small turns.
+    # Equation (11), without cancellation at small turns.
     gap=lambda h: corner_error(np.ones(1), h),
     stretch=np.tan,
     length=lambda h: 2 * h,
     least=np.ones_like,
-    lay=_lay_arcs,
+    draw_with_radius=_draw_arcs,
 )
 PARABOLA = LineCorner(
     gap=lambda h: np.tan(h) ** 2 / 2,
     stretch=lambda h: np.sin(h) / np.cos(h) ** 2,
     length=_length_of_parabolas,
-    # Its smallest radius must not be below the resolution of a point either.
+    # The smallest radius must not be below the resolution of a point either.
     least=lambda h: np.maximum(np.sin(h) / np.cos(h) ** 2, 1.0),
-    lay=_lay_parabolas,
+    draw_with_radius=_draw_corner_parabolas,
 )
 SMOOTH = LineCorner(
-    # In the frame of the apex, without cancellation at small turns.
-    gap=lambda h: h * BEND * _over_half(h, lambda angle: np.sin(h - angle)) / np.cos(h),
-    stretch=_stretch_of_bends,
-    length=lambda h: 2 * h * BEND,
-    # Each of its quintics, and its smallest radius, is longer than the resolution.
-    least=lambda h: np.maximum(2 * _count_quintics(h), _stretch_of_bends(h)),
-    lay=_lay_bends,
+    # This form is in the frame of the apex and has no cancellation at small turns.
+    gap=lambda h: h * PEAK_RATIO * _mean_over_half(h, lambda angle: np.sin(h - angle)) / np.cos(h),
+    stretch=_smooth_tangent_ratio,
+    length=lambda h: 2 * h * PEAK_RATIO,
+    # Each quintic, and the smallest radius, must be longer than the resolution of a point.
+    least=lambda h: np.maximum(2 * _count_quintics(h), _smooth_tangent_ratio(h)),
+    draw_with_radius=_draw_smooth_curves,
     smooth=True,
 )
 
 
 def fit_lengths(requested: FloatArray, vertex: IntArray, lengths: FloatArray) -> FloatArray:
-    """Lengths next to vertices reduced to fit their segments [m], (n,)."""
-    # A vertex may take half of a segment, or all that the vertex at its other end does not request.
-    # This rule depends on direct neighbours only, is independent of the direction of travel, and
-    # always has a solution.
-    # `requested`: requested lengths on either side [m], (n,); `vertex`: segments after which the
-    # vertices are, increasing, (n,); `lengths`: lengths of all segments [m].
+    """Reduce the lengths that vertices request on either side until they fit the segments [m]."""
+    # A vertex may use half of a segment, or more if the vertex at the other end requests less than
+    # half. This rule depends on direct neighbours only, is independent of the direction of travel,
+    # and always has a solution.
+    # `requested`: requested lengths on either side [m], (n,); `vertex`: index of the segment before
+    # each vertex, increasing, (n,); `lengths`: lengths of all segments [m].
+    # Returns the reduced lengths, (n,).
     by_vertex = np.zeros(len(lengths) + 1)
     by_vertex[vertex + 1] = requested
-    room_before = np.maximum(
-        lengths / 2, lengths - by_vertex[:-1]
-    )  # for the vertex at a segment's end
-    room_after = np.maximum(lengths / 2, lengths - by_vertex[1:])  # for the vertex at its start
+    # Length of each segment that is available for the vertex at its end, and at its start.
+    room_before = np.maximum(lengths / 2, lengths - by_vertex[:-1])
+    room_after = np.maximum(lengths / 2, lengths - by_vertex[1:])
     return np.asarray(
         np.minimum(requested, np.minimum(room_before[vertex], room_after[vertex + 1]))
     )
@@ -307,25 +312,29 @@ def fit_lengths(requested: FloatArray, vertex: IntArray, lengths: FloatArray) ->
 def replace_vertices(
     rows: Segments, cut: FloatArray, drawn: Segments, after: IntArray
 ) -> tuple[Segments, IntArray, IntArray]:
-    """Replace parts of segments next to vertices by other segments."""
+    """Replace parts of segments on both sides of vertices by other segments."""
     # `cut`: length that is replaced on either side of each vertex [m], (n + 1,); `drawn`: the
-    # replacing segments, in order at each vertex; `after`: index of the segment before the vertex
-    # of each replacing segment.
-    # Returns the segments; for each, the index of its segment in `rows`, or of the segment before
-    # its vertex; and its index in `drawn`, below 0 if it is from `rows`.
+    # replacing segments, in order at each vertex; `after`: for each replacing segment, index of the
+    # segment in `rows` that is before its vertex.
+    # Returns the new table. For each of its segments it also returns the index of the segment in
+    # `rows` that contains it or is before its vertex, and its index in `drawn`, which is negative
+    # if the segment is from `rows`.
     n = len(rows)
     starts, lengths = (
         rows.starts + cut[:-1, None] * rows.tangents,
         rows.lengths - cut[:-1] - cut[1:],
     )
     shorter = rows.replace(starts=starts, lengths=lengths)
-    later = ((rows.curvatures > 0) & (cut[:-1] > 0)) | (rows.bent & (cut[1:] > 0))
+    later = ((rows.curvatures > 0) & (cut[:-1] > 0)) | (rows.is_transition & (cut[1:] > 0))
     if later.any():
         ends = (rows.lengths - cut[1:])[later]
-        shorter = shorter.put(later, rows.cut(np.flatnonzero(later), cut[:-1][later], ends))
+        shorter = shorter.replace_rows(
+            later, rows.cut(np.flatnonzero(later), cut[:-1][later], ends)
+        )
     table = Segments.join([shorter, drawn])
     source = np.concatenate([np.arange(n), after])
-    # A remainder of an arc is discarded only if the tangent jumps by no more than a rounding error.
+    # A remainder of an arc is discarded only if the tangent turns along it by at most a rounding
+    # error.
     used = table.lengths > SLIVER / np.maximum(1.0, SLIVER / STRAIGHT * table.curvatures)
     used[n:] = True
     order = np.argsort(source, kind="stable")

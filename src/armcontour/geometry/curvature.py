@@ -1,8 +1,8 @@
 """Paths with continuous curvature: transitions where lines and arcs meet without a corner.
 
 Where the tangent is continuous and the curvature jumps by d, a connection of the length w on either
-side leaves the path by about d w² / 130. So w is as long as the tolerance and the neighbours allow.
-The deviation is proven, with both paths passed evenly (`bound_deviation`).
+side deviates from the path by approximately d w² / 130. Therefore w is as large as the tolerance
+and the neighbours allow. `bound_deviation` proves that the deviation is within the tolerance.
 """
 
 from __future__ import annotations
@@ -28,24 +28,25 @@ from armcontour.geometry.segments import EVERY, TANGENT_TOLERANCE, Segments
 from armcontour.geometry.shaped_path import ShapedPath
 
 # Curvatures that differ by less than this fraction, or by less than the floor [1/m], count as
-# equal: over a metre of path the floor turns the tangent by a nanoradian.
+# equal, because over a metre of path the floor turns the tangent by a nanoradian only.
 SAME_BEND, BEND_FLOOR = 1e-9, 1e-9
-# Deviation of a connection from the path at a small turn, over its half length squared and the jump
-# of the curvature.
-SMALL = 0.0077
+# Deviation of a connection from the path at a small turn, divided by the square of its half length
+# and by the jump of the curvature.
+DEVIATION = 0.0077
 # Largest turn of either half of a connection [rad].
 WIDEST = 1.2
-# Connections shorter than this on either side are not made, because motions pass them hardly faster
-# than a full stop [m].
+# Smallest length of a connection on either side [m]. A shorter connection saves hardly any time
+# compared with a full stop.
 SHORTEST = 1e-6
-# Largest number of times that a connection outside the tolerance is shortened, the largest factor
-# of one shortening, and the safety factor on the length that the deviation requires.
-TRIES, SHORTER, SAFE = 20, 0.95, 0.99
+# Largest number of iterations that shorten a connection outside the tolerance, largest factor of
+# one iteration, and safety factor for the length that the deviation requires.
+MAX_ITERATIONS, LARGEST_FACTOR, SAFETY = 20, 0.95, 0.99
 # Factor by which connections with a loop or a cusp are shortened.
-HALF = 0.5
-# Parts of each quintic in which deviations are bounded: first few, then many where few do not prove
-# the tolerance. Number of connections that are drawn together.
-FEW, MANY, AT_A_TIME = 2, 16, 4000
+LOOP_FACTOR = 0.5
+# Numbers of parts of each quintic for the bound of the deviation: FEW_PARTS at first, and
+# MANY_PARTS if FEW_PARTS do not prove the tolerance. Largest number of connections that are
+# computed together.
+FEW_PARTS, MANY_PARTS, BATCH = 2, 16, 4000
 
 
 @checked
@@ -58,15 +59,13 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
     allowed = tolerance
     if isinstance(path, ShapedPath):
         raise InvalidInput(
-            "The curvature of a shaped path follows from its timing and cannot be changed: smooth "
-            "the curvature of a path that is not shaped."
+            "The curvature of a shaped path was optimized together with its timing and cannot be "
+            "changed. Smooth the curvature of a path that is not shaped."
         )
     vertex, limits, w = _find_jumps(path, allowed)
     parts = [
-        _draw_within_tolerance(
-            path, vertex[x : x + AT_A_TIME], w[x : x + AT_A_TIME], limits[x : x + AT_A_TIME]
-        )
-        for x in range(0, len(vertex), AT_A_TIME)
+        _draw_within_tolerance(path, vertex[x : x + BATCH], w[x : x + BATCH], limits[x : x + BATCH])
+        for x in range(0, len(vertex), BATCH)
     ]
     if not any(len(x[0]) for x in parts):
         return path, np.array([[0.0, 0.0], [path.length, path.length]])
@@ -76,7 +75,7 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
 
 
 def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Vertices with a jump of curvature but no stop, and their tolerances and lengths [m]."""
+    """Vertices with a jump of curvature but no stop, tolerances and connection lengths [m]."""
     rows, orientation = path.segments, path.orientation
     vectors = [rows.evaluate(EVERY, u, 2) for u in (rows.lengths, 0 * rows.lengths)]
     jump = length(vectors[0][:-1] - vectors[1][1:])
@@ -90,9 +89,9 @@ def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, Flo
     tolerances = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
     limits = np.minimum(tolerance, np.minimum(tolerances[vertex], tolerances[vertex + 1]))
     tight = np.maximum(path.curvatures[vertex], path.curvatures[vertex + 1])
-    # Corners, which may be rounded later, keep half of their segments.
+    # Half of each segment next to a corner is reserved, because the corner can be rounded later.
     every = np.where(sharp, np.inf, 0.0)
-    every[vertex] = np.minimum(np.sqrt(limits / (SMALL * jump[vertex])), WIDEST / tight)
+    every[vertex] = np.minimum(np.sqrt(limits / (DEVIATION * jump[vertex])), WIDEST / tight)
     w = fit_lengths(every, np.arange(len(every)), path.lengths)[vertex]
     return vertex, limits, w
 
@@ -100,14 +99,15 @@ def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, Flo
 def _draw_within_tolerance(
     path: Path, vertex: IntArray, w: FloatArray, allowed: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray, FloatArray]:
-    """Transitions within the tolerance, their vertices and sides, and their lengths [m], (n,)."""
-    # Connections outside the tolerance are shortened and drawn again; length 0 means no transition.
+    """Transitions within the tolerance, their vertices and sides, and lengths per vertex [m]."""
+    # Connections outside the tolerance are shortened and drawn again; length 0 means that a vertex
+    # has no connection.
     w = np.where(w < SHORTEST, 0.0, w)
     done = [np.zeros(0, dtype=np.intp)]
     drawn = [path.segments[:0]]
     first = [np.zeros(0, dtype=bool)]
     remaining = np.flatnonzero(w > 0)
-    for _ in range(TRIES):
+    for _ in range(MAX_ITERATIONS):
         if not len(remaining):
             break
         rows, owners, before, deviations = _draw_transitions(
@@ -118,8 +118,8 @@ def _draw_within_tolerance(
         drawn, done = [*drawn, rows[keep]], [*done, vertex[remaining[owners[keep]]]]
         first = [*first, before[keep]]
         remaining, deviations = remaining[~good], deviations[~good]
-        shorter = np.minimum(SHORTER, SAFE * np.sqrt(allowed[remaining] / deviations))
-        w[remaining] *= np.where(np.isfinite(deviations), shorter, HALF)
+        shorter = np.minimum(LARGEST_FACTOR, SAFETY * np.sqrt(allowed[remaining] / deviations))
+        w[remaining] *= np.where(np.isfinite(deviations), shorter, LOOP_FACTOR)
         w[remaining[w[remaining] < SHORTEST]] = 0.0
         remaining = remaining[w[remaining] > 0]
     w[remaining] = 0.0
@@ -133,10 +133,11 @@ def _draw_transitions(
     # The deviation is infinite if a connection has a loop or a cusp.
     rows = path.segments
     connections = connect(rows[vertex], rows[vertex + 1], w)
-    sound = connections.sound
+    sound = connections.is_valid
     middle = np.where(sound, connections.nearest, 0.5)
     drawn, owners, before = draw_connections(connections, rows.starts[vertex + 1], middle)
-    # The part of the path that each transition replaces: both halves are passed evenly.
+    # `ends`: ends of the part of the path that each transition replaces. All transitions of a half
+    # replace the same length.
     half = 2 * owners + ~before
     count = np.bincount(half)
     _, number = number_parts(count)
@@ -144,10 +145,10 @@ def _draw_transitions(
     shares = number / count[half], (number + 1) / count[half]
     base = np.where(before, path.lengths[old] - w[owners], 0.0)
     ends = base + shares[0] * w[owners], base + shares[1] * w[owners]
-    bounds = bound_deviation(drawn, rows, old, ends, FEW)
+    bounds = bound_deviation(drawn, rows, old, ends, FEW_PARTS)
     uncertain = np.flatnonzero(bounds > allowed[owners])
     bounds[uncertain] = bound_deviation(
-        drawn[uncertain], rows, old[uncertain], (ends[0][uncertain], ends[1][uncertain]), MANY
+        drawn[uncertain], rows, old[uncertain], (ends[0][uncertain], ends[1][uncertain]), MANY_PARTS
     )
     deviations = np.zeros(len(vertex))
     np.maximum.at(deviations, owners, bounds)
@@ -157,8 +158,8 @@ def _draw_transitions(
 def _insert_transitions(
     path: Path, vertex: IntArray, w: FloatArray, drawn: Segments, after: IntArray, first: BoolArray
 ) -> tuple[Path, FloatArray]:
-    """The path with transitions, and corresponding arc lengths on both paths [m], (m, 2)."""
-    # Speeds, tolerances and tags stay on their sides of the vertex.
+    """Insert transitions; returns the path, and corresponding arc lengths on both paths [m]."""
+    # A transition has the speed, tolerance and tag of the segment on its side of the vertex.
     originals = path.segments[np.where(first, after, after + 1)]
     columns = {x: getattr(originals, x) for x in ("speeds", "tolerances", "tags")}
     cut = np.zeros(len(path) + 1)
@@ -169,7 +170,7 @@ def _insert_transitions(
         np.asarray(np.bincount(index, drawn.lengths * x, minlength=len(w)), dtype=float)
         for x in (first, ~first)
     ]
-    # Arc lengths of the places before, at and after the vertices on both paths.
+    # Arc lengths on both paths of the start, the vertex and the end of each connection.
     growth, s = sides[0] + sides[1] - 2 * w, path.breaks[vertex + 1]
     old = np.stack([s - w, s, s + w], axis=1)
     steps = np.stack([0 * w, sides[0] - w, growth], axis=1)

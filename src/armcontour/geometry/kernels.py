@@ -1,7 +1,8 @@
 """Compiled functions: nearest points of lines and arcs, and distances within a tube.
 
-The rows of a table of segments are those of `projection.pack`: start (3), tangent (3), normal (3),
-curvature, length, arc length at the start, end (3). Points are tuples of three coordinates.
+The rows of a table of segments are those of `projection.pack_segments`: start (3), tangent (3),
+normal (3), curvature, length, arc length at the start, end (3). Points are tuples of three
+coordinates.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernels import FUSED, compiled
 
 Point: TypeAlias = tuple[float, float, float]
-# Size of the stack of a tree search: one waiting node per level.
+# Size of the stack of a tree search, which has at most one waiting node per level.
 STACK = 128
 # A search along the path continues beyond its window while vertices are closer to the point than
 # this many times the point's distance from the first segment.
@@ -23,7 +24,7 @@ REACH = 5.0
 
 
 class Foot(NamedTuple):
-    """A point relative to a segment."""
+    """Position of a point relative to the line or full circle of a segment."""
 
     off2: float  # Squared distance from the segment's line or full circle [m²]
     # Distance of the nearest point along a line [m]; for a circle the sine of the angle around the
@@ -34,7 +35,7 @@ class Foot(NamedTuple):
 
 @compiled(inner=True, fastmath=FUSED, forceinline=True)
 def find_foot(p: Point, g: FloatArray) -> Foot:
-    """The foot of a point on the line or full circle of segment `g`."""
+    """Position of a point relative to the line or full circle of segment `g`."""
     x, y, z = p[0] - g[0], p[1] - g[1], p[2] - g[2]
     along, k = x * g[3] + y * g[4] + z * g[5], g[9]
     if k == 0.0:
@@ -42,7 +43,7 @@ def find_foot(p: Point, g: FloatArray) -> Foot:
         return Foot(x * x + y * y + z * z, along, 0.0)
     across = x * g[6] + y * g[7] + z * g[8]
     a, b = k * along, 1 - k * across
-    # The difference of both radii without cancellation.
+    # Difference of the radii of point and circle, without cancellation.
     radial = (2 * across - k * (along * along + across * across)) / (1 + math.sqrt(a * a + b * b))
     x -= along * g[3] + across * g[6]
     y -= along * g[4] + across * g[7]
@@ -52,11 +53,11 @@ def find_foot(p: Point, g: FloatArray) -> Foot:
 
 @compiled(inner=True, fastmath=FUSED)
 def distance2(foot: Foot, k: float, away: float) -> float:
-    """Squared distance [m²] from the point to the position `away` [m] along the segment."""
-    # `k`: the curvature [1/m]; `away`: distance along the segment from the foot [m].
+    """Squared distance [m²] from the point to a point at distance `away` along the segment."""
+    # `k`: the curvature [1/m]; `away`: distance along the segment from the foot of the point [m].
     if k == 0.0:
         return foot.off2 + away**2
-    # The product of the radii of circle and point.
+    # Product of the radii of circle and point.
     product = math.sqrt(foot.along * foot.along + foot.across * foot.across) / (k * k)
     return foot.off2 + 4 * product * math.sin(k * away / 2) ** 2
 
@@ -65,8 +66,9 @@ def distance2(foot: Foot, k: float, away: float) -> float:
 def nearest_within(
     p: Point, g: FloatArray, low: float, high: float, limit: float
 ) -> tuple[float, float]:
-    """Squared distance to segment `g` from `low` to `high`, and arc length of its nearest point."""
-    # Distances of `limit` [m²] or more are not computed exactly.
+    """Squared distance [m²] to a part of segment `g`, and arc length of its nearest point [m]."""
+    # `low`, `high`: ends of the part along the segment [m]. A squared distance that is at least
+    # `limit` [m²] is only a lower bound.
     foot, k = find_foot(p, g), g[9]
     if foot.off2 >= limit:
         return foot.off2, low
@@ -97,7 +99,7 @@ def point_at(g: FloatArray, u: float) -> Point:
 
 @compiled(inner=True, forceinline=True)
 def box_gap2(p: Point, boxes: FloatArray, k: int) -> float:
-    """Squared distance of a point to box k [m²], 0 inside it."""
+    """Squared distance from a point to box k [m²], 0 inside the box."""
     x: float = max(boxes[k, 0] - p[0], p[0] - boxes[k, 3], 0.0)
     y: float = max(boxes[k, 1] - p[1], p[1] - boxes[k, 4], 0.0)
     z: float = max(boxes[k, 2] - p[2], p[2] - boxes[k, 5], 0.0)
@@ -109,21 +111,22 @@ def search_tree(
     queries: FloatArray, rows: FloatArray, pieces: IntArray, boxes: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Distance and arc length of the nearest point for each query, by a tree of boxes."""
-    # `queries` are padded to space, (n, 3); `pieces` has the segment of each piece in tree order;
-    # `boxes` has the corners of the nodes' boxes in heap order, (2 m - 1, 6).
+    # `queries`: points in space [m], (n, 3); `rows`: segments from `pack_segments`; `pieces`: index
+    # of the segment of each piece in tree order; `boxes`: lower and upper corners of the nodes'
+    # boxes in heap order [m], (2 m - 1, 6).
     n, leaves = len(queries), (len(boxes) + 1) // 2
     distance, s = np.empty(n), np.empty(n)
     stack, bound = np.empty(STACK, np.intp), np.empty(STACK)
     segment = pieces[0]
     for i in range(n):
         p = queries[i, 0], queries[i, 1], queries[i, 2]
-        # The segment of the last query is a good first guess, because queries follow a motion.
+        # The segment of the last query is a good first guess, because queries are sorted.
         best, u = nearest_within(p, rows[segment], 0.0, rows[segment, 10], math.inf)
         depth, stack[0], bound[0] = 0, 0, 0.0
         while depth >= 0:
             node, gap2 = stack[depth], bound[depth]
             depth -= 1
-            # Descend to the nearest leaf; the other child of each node is pushed on the stack.
+            # Descend to the nearest leaf; push the other child of each node on the stack.
             while node < leaves - 1 and gap2 < best:
                 node, other = 2 * node + 1, 2 * node + 2
                 gap2, far2 = box_gap2(p, boxes, node), box_gap2(p, boxes, other)
@@ -151,14 +154,13 @@ def search_along(
     p: Point, rows: FloatArray, around: float, segment: int, low: float, high: float
 ) -> tuple[float, int]:
     """Squared distance of a point from the path near a segment, and the nearest segment."""
-    # The search covers a window of arc lengths and continues beyond it up to a vertex that is
-    # farther away than `REACH` allows. A point that is closer than the best distance d is at least
-    # D - d farther along the path than a vertex at distance D, because arc length grows at least as
-    # fast as distance. Segments before that are skipped.
-    # `p`: the point [m]; `rows`: segments from `pack`, (n, 15); `around`: length of a closed path,
-    # on which the search passes the start point; 0 for an open path [m]; `segment`: the segment at
-    # which the search starts; `low`: smallest arc length of the window [m]; `high`: largest arc
-    # length of the window [m].
+    # The search covers a window of arc lengths, and continues beyond the window up to a vertex that
+    # is farther away than `REACH` allows. A path point that is closer than the best distance d is
+    # at least D - d farther along the path than a vertex at distance D, because arc length grows at
+    # least as fast as distance. Segments up to there are skipped.
+    # `rows`: segments from `pack_segments`, (n, 15); `around`: length of a closed path, on which
+    # the search passes the start point, 0 for an open path [m]; `segment`: index of the segment at
+    # which the search starts; `low`, `high`: smallest and largest arc length of the window [m].
     n = len(rows)
     best, _ = nearest_within(p, rows[segment], 0.0, rows[segment, 10], math.inf)
     nearest, far2 = segment, REACH * REACH * best
@@ -190,35 +192,35 @@ def search_along(
     return best, nearest
 
 
-# Largest number of halvings of a part, and largest number of parts.
+# Largest number of halvings of a part of a path, and largest number of parts that result from it.
 DEPTH = 48
 PARTS = 20_000
 # Where the tolerance is exceeded, a bound is accepted if it exceeds the largest value at points by
-# less than this fraction of the tolerance. Elsewhere a bound is refined up to rounding, with at
-# most this number of halvings per part on average.
+# less than CLOSE times the tolerance. Elsewhere a bound is refined up to rounding errors, with at
+# most FINE halvings per part on average.
 CLOSE = 1e-6
 FINE = 50
 
 
 class TubePieces(NamedTuple):
-    """The m pieces of a tube."""
+    """The m pieces of a tube with their tolerances."""
 
-    rows: FloatArray  # The pieces from `pack`, (m, 15)
-    tolerance: FloatArray  # Their tolerances [m], (m,)
+    rows: FloatArray  # The pieces from `pack_segments`, (m, 15)
+    tolerance: FloatArray  # Tolerance of each piece [m], (m,)
     # True if points at the start, and at the end, of each piece belong to a neighbour with a
     # smaller tolerance, (m, 2)
-    given_up: BoolArray
+    excluded_ends: BoolArray
 
 
 @compiled(inner=True)
 def _excess(p: Point, pieces: TubePieces, j: int, low: float, high: float) -> tuple[float, float]:
-    """Distance of a point from a part of piece j minus its tolerance, and nearest arc length."""
-    # The distance is infinite if the part is empty or a neighbour has the nearest point.
+    """Distance of a point from a part of piece j minus its tolerance, and arc length there [m]."""
+    # The distance is infinite if the part is empty or the point belongs to a neighbouring piece.
     if low > high:
         return math.inf, 0.0
     g = pieces.rows[j]
     d2, u = nearest_within(p, g, low, high, math.inf)
-    if (pieces.given_up[j, 0] and u <= 0.0) or (pieces.given_up[j, 1] and u >= g[10]):
+    if (pieces.excluded_ends[j, 0] and u <= 0.0) or (pieces.excluded_ends[j, 1] and u >= g[10]):
         return math.inf, u
     return math.sqrt(d2) - pieces.tolerance[j], u
 
@@ -227,9 +229,9 @@ def _excess(p: Point, pieces: TubePieces, j: int, low: float, high: float) -> tu
 def find_excess(
     points: FloatArray, ranges: FloatArray, windows: IntArray, pieces: TubePieces
 ) -> tuple[FloatArray, FloatArray]:
-    """Smallest distance minus tolerance in a range of the path, and its arc length, per point."""
-    # `ranges` has the arc lengths of each range [m], (n, 2); `windows` its first and last piece,
-    # (n, 2).
+    """Smallest distance minus tolerance in a range per point, and its arc length [m], (n,) each."""
+    # `ranges`: arc lengths of start and end of each range [m], (n, 2); `windows`: indices of its
+    # first and last piece, (n, 2).
     excess, s = np.full(len(points), np.inf), np.zeros(len(points))
     for i in range(len(points)):
         p = points[i, 0], points[i, 1], points[i, 2]
@@ -245,14 +247,15 @@ def find_excess(
 
 @compiled()
 def bound_bulge(g: FloatArray, u0: float, u1: float, h: FloatArray, v0: float, v1: float) -> Any:
-    """Largest distance between two matched parts of segments, minus that at their ends."""
-    # One part runs from u0 to u1 along g, the other from v0 to v1 along h, both evenly. The bound
-    # is an eighth of the largest second derivative of their difference; see tube.py.
+    """Bound of the distance between matched parts, minus the larger distance at their ends [m]."""
+    # One part runs evenly from u0 to u1 along g, and the other from v0 to v1 along h. The bound is
+    # an eighth of the largest second derivative of their difference; see tube.py.
     turn_g, turn_h = g[9] * (u1 - u0), h[9] * (v1 - v0)
     bend_g, bend_h = turn_g * (u1 - u0), turn_h * (v1 - v0)
     if bend_g == 0.0 or bend_h == 0.0 or abs(turn_g) + abs(turn_h) > 1.0:
         return (bend_g + bend_h) / 8
-    # Distances of the unit normals at both ends, and of the axes about which the tangents turn.
+    # Squared differences of the unit normals at both ends, and of the axes about which the tangents
+    # turn.
     apart2, plane2 = 0.0, 0.0
     for u, v in ((u0, v0), (u1, v1)):
         cg, sg, ch, sh = (
@@ -278,14 +281,14 @@ def bound_bulge(g: FloatArray, u0: float, u1: float, h: FloatArray, v0: float, v
 
 @compiled()
 def bound_excess(
-    rows: FloatArray,  # Segments of the path from `pack`, (n, 15)
-    segment: IntArray,  # The segment of each part, (k,)
+    rows: FloatArray,  # Segments of the path from `pack_segments`, (n, 15)
+    segment: IntArray,  # Index of the segment of each part, (k,)
     parts: FloatArray,
     windows: IntArray,  # First and last piece within reach of each part, (k, 2)
     pieces: TubePieces,
     slack: float,  # A bound up to this is not refined [m]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Bounds of distance minus tolerance over parts of a path, and the largest values at points."""
+    """Bounds of distance minus tolerance over parts of a path, and largest values at points."""
     # `parts`: distance along the segment, arc length on the objective and reach at the start of
     # each part, then at its end [m], (k, 6).
     # Returns the bounds [m], the largest values at points [m], and the arc lengths of these points

@@ -1,4 +1,4 @@
-"""Near points of points: by a table of few distances, or by SciPy's tree for many."""
+"""Neighbour search among points: by a table of all distances for few points, or by SciPy's tree."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 
-# Largest number of distances in a table: it takes 10 ms, while SciPy's tree takes 300 ms to load.
-FEW = 250_000
+# Largest number of distances in a table, which takes 10 ms. The import of SciPy's tree takes 300
+# ms.
+MAX_TABLE = 250_000
 
 
 def pairs_within(queries: FloatArray, points: FloatArray, near: float) -> tuple[IntArray, IntArray]:
-    """All pairs of a query and a point with at most a distance."""
-    # Returns indices of the queries, sorted, and of their points, (pairs,) each.
-    if len(queries) * len(points) <= FEW:
+    """Indices of queries and points of all pairs within the distance `near`, (pairs,) each."""
+    # The indices of the queries are sorted.
+    if len(queries) * len(points) <= MAX_TABLE:
         indices = np.nonzero(_squares(queries, points) <= near**2)
         return indices[0], indices[1]
     from scipy.spatial import cKDTree
@@ -28,26 +29,25 @@ def pairs_within(queries: FloatArray, points: FloatArray, near: float) -> tuple[
 def nearest_points(
     queries: FloatArray, points: FloatArray, count: int, within: float = np.inf
 ) -> IntArray:
-    """The nearest points of every query, the nearest first."""
+    """Indices of the nearest points of every query, the nearest first, (n, count)."""
     # `queries`: the query points, (n, d); `points`: the points, (m, d); `count`: number of points
-    # per query, at most m.
-    # Returns indices of points, m where no further point is within the limit, (n, count).
-    if len(queries) * len(points) <= FEW:
+    # per query, at most m. The index is m where no further point is closer than `within`.
+    if len(queries) * len(points) <= MAX_TABLE:
         squares = _squares(queries, points)
         order = np.argsort(squares, axis=1, kind="stable")[:, :count]
         beyond = np.take_along_axis(squares, order, axis=1) >= within**2
         return np.where(beyond, len(points), order)
     from scipy.spatial import cKDTree
 
-    # A list of ranks gives two dimensions also for a single rank.
+    # With an array of ranks, the result has two dimensions even for a single rank.
     ranks = np.arange(1, count + 1)
     return np.asarray(cKDTree(points).query(queries, k=ranks, distance_upper_bound=within)[1])
 
 
 def group_points(points: FloatArray, near: float) -> IntArray:
-    """Groups of points that are connected by steps of at most `near`."""
-    # Returns numbers of the groups, in the order of their first points, (n,).
-    if len(points) ** 2 > FEW:
+    """Group number of each point, (n,); steps of at most `near` connect the points of a group."""
+    # Groups are numbered in the order of their first points.
+    if len(points) ** 2 > MAX_TABLE:
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
         from scipy.spatial import cKDTree
@@ -56,7 +56,7 @@ def group_points(points: FloatArray, near: float) -> IntArray:
         links = coo_array((np.ones(len(pairs)), pairs.T), shape=(n, n))
         return np.asarray(connected_components(links, directed=False)[1], dtype=np.intp)
     a, b = pairs_within(points, points, near)
-    # Every point takes the smallest label of its neighbours, until no label changes.
+    # The label of every point becomes the smallest label of its neighbours, until no label changes.
     first, before = np.arange(len(points)), np.empty(0, dtype=np.intp)
     while not np.array_equal(first, before):
         before = first.copy()

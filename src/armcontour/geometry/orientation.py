@@ -20,10 +20,10 @@ from armcontour.core.quantities import Axes, Quantity
 from armcontour.core.quintics import rescale
 from armcontour.core.text import count_noun, short_repr
 
-# Orientations that differ by less than this count as equal [rad].
+# Orientations that differ by less than this angle [rad] count as equal.
 SAME_ORIENTATION = 1e-9
 # Angular rates that differ by less than this relative difference, or less than the floor [rad/m],
-# count as equal: over a metre of path the floor turns the tool by SAME_ORIENTATION only.
+# count as equal, because over a metre of path the floor turns the tool by SAME_ORIENTATION only.
 SAME_RATE = 1e-9
 RATE_FLOOR = 1e-9
 # Relative rounding error of an arc length.
@@ -32,7 +32,7 @@ ROUNDING = 1e-15
 LINEAR = checks.frozen_array([0.0, 1.0, 0.0, 0.0])
 
 
-# Terms of fast rotations are large, so only values that are not finite are refused.
+# Coefficients of fast rotations are large, so any finite value is accepted.
 FINITE = Quantity("", within=(-np.finfo(np.float64).max, np.finfo(np.float64).max))
 
 
@@ -74,7 +74,7 @@ class Orientation(Checked):
     fixed: bool = field(init=False, repr=False)
 
     def __str__(self) -> str:
-        """Prescribed part of the orientation, and its kind of rotation."""
+        """Summary: the prescribed part (tool or tool axis) and the kind of rotation."""
         subject = "tool axis" if self.axis_only else "tool"
         if self.fixed:
             return f"{subject} constant"
@@ -87,8 +87,8 @@ class Orientation(Checked):
         n = len(self.starts)
         if len(self.breaks) != n + 1 or self.f.shape[1] not in (4, 6):
             raise InvalidInput(
-                f"An orientation of {n} intervals needs {n + 1} breaks, and f and g of 4 or 6 "
-                "columns."
+                f"An orientation of {n} pieces needs {n + 1} breaks, and f and g with 4 or 6 "
+                f"columns, but has {len(self.breaks)} breaks and {self.f.shape[1]} columns."
             )
         object.__setattr__(self, "fixed", not (self.first.any() or self.second.any()))
         if n == 0 or self.breaks[0] != 0 or not (self.breaks[1:] > self.breaks[:-1]).all():
@@ -118,7 +118,7 @@ class Orientation(Checked):
             breaks=np.concatenate([[0.0], np.cumsum(lengths)]),
             starts=starts,
             first=rates,
-            **_straight(n),
+            **_constant_rate_columns(n),
             axis_only=axis_only,
             follows=follows,
         )
@@ -194,7 +194,7 @@ class Orientation(Checked):
         return np.asarray(second @ first @ self.starts[i])
 
     def rates_on_piece(self, i: IntArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Angular rate [rad/m] and its derivative at distance `u` after the start of piece `i`.
+        """Angular rate [rad/m] and its derivative [rad/m²] at distance `u` along piece `i`.
 
         Args:
             i: Indices of pieces, (n,).
@@ -205,7 +205,7 @@ class Orientation(Checked):
         g, dg, ddg = (evaluate_polynomials(self.g[i], u, order)[..., None] for order in range(3))
         df, ddf = (evaluate_polynomials(self.f[i], u, order)[..., None] for order in (1, 2))
         second = self.second[i]
-        # The second rotation turns the axis of the first one.
+        # The second rotation also rotates the axis of the first rotation.
         first = np.einsum("...ij,...j->...i", exp(g * second), self.first[i])
         rate = dg * second + df * first
         change = ddg * second + ddf * first + df * dg * np.cross(second, first)
@@ -268,7 +268,8 @@ class Orientation(Checked):
         rows = {x: getattr(self, x)[i].copy() for x in ("starts", "first", "second", "f", "g")}
         before = max(-float(breaks[i[0]]), 0.0)
         if before > 0:
-            # The piece gets a new start rotation; the second rotation up to there turns `first`.
+            # The first piece now starts inside its former range. Its start rotation is the
+            # orientation at this point, and the second rotation up to this point rotates `first`.
             rows["starts"][0] = self.on_piece(i[:1], np.array([before]))[0]
             for c in (rows["f"], rows["g"]):
                 c[:1] = shift_polynomials(c[:1], np.array([before]))
@@ -279,7 +280,7 @@ class Orientation(Checked):
         return replace(self, breaks=ends, **rows)
 
     def reverse(self) -> Orientation:
-        """The orientation along the reversed path; each piece starts with its former end."""
+        """The orientation along the reversed path."""
         lengths = np.diff(self.breaks)
         at_end = [shift_polynomials(x, lengths) for x in (self.f, self.g)]
         back = exp(at_end[1][:, :1] * self.second)
@@ -316,7 +317,7 @@ class Orientation(Checked):
 
 
 @lru_cache(maxsize=16)
-def _straight(n: int) -> Mapping[str, FloatArray]:
+def _constant_rate_columns(n: int) -> Mapping[str, FloatArray]:
     """Columns of an orientation of n pieces with constant rates, shared by many paths."""
     columns = {"second": np.zeros((n, 3)), "f": np.tile(LINEAR, (n, 1)), "g": np.zeros((n, 4))}
     return {name: checks.frozen_array(x) for name, x in columns.items()}
@@ -329,7 +330,7 @@ def shift_polynomials(c: FloatArray, by: FloatArray) -> FloatArray:
 
 
 def turns_between(first: FloatArray, second: FloatArray, *, axis_only: bool) -> FloatArray:
-    """Angles between rotations, or between their third axes only [rad], (n,)."""
+    """Angles between rotations [rad], (n,); between their third axes if `axis_only`."""
     if axis_only:
         return angle_between(first[:, :, 2], second[:, :, 2])
     return np.asarray(np.linalg.norm(log(first @ np.swapaxes(second, 1, 2)), axis=1))
@@ -353,7 +354,7 @@ def raise_degree(c: FloatArray, degree: int) -> FloatArray:
 
 
 def evaluate_polynomials(c: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
-    """Values of polynomials with coefficients c, (..., degree + 1), or of their derivatives."""
+    """Values of polynomials at u, or derivatives of an order; c: coefficients of 1, u, u², ..."""
     values = np.zeros(np.broadcast_shapes(c.shape[:-1], np.shape(u)))
     for k in range(c.shape[-1] - 1, order - 1, -1):
         values = values * u + math.perm(k, order) * c[..., k]

@@ -21,7 +21,9 @@ from armcontour.geometry.primitives import NO_LIMITS, Arc, Line, SegmentLimits, 
 from armcontour.geometry.projection import Projection, find_nearest
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments, close_gaps
 
-PLANE = "A tool is oriented in space: give the points of the path three coordinates."
+PLANAR_PATH = (
+    "A tool orientation requires a path in space. Give the points of the path three coordinates."
+)
 EVERY_VERTEX = checks.lock_copy(np.empty(0, dtype=np.intp))
 # A break of an orientation within this distance of a vertex of its path, in metres plus the same
 # fraction of the path length, is moved to the vertex. The differences come from remainders that
@@ -29,11 +31,12 @@ EVERY_VERTEX = checks.lock_copy(np.empty(0, dtype=np.intp))
 SAME_BREAK = 1e-12
 
 
-# No slots: with slots, Python's frozen classes give no clear error for setting a property.
+# The class has no slots, because a frozen class with slots raises an unclear error if a property is
+# assigned.
 @checks.explain_calls
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Path(Checked):
-    """A continuous chain of lines and arcs in the plane or in space, callable in arc length.
+    """A continuous chain of lines and arcs in the plane or in space, as a function of arc length.
 
     Rounding and smoothing insert transitions, along which the curvature changes. Splines consist of
     transitions. Make a path with `polyline`, `spline` or `from_segments`.
@@ -45,7 +48,7 @@ class Path(Checked):
     Args:
         segments: Table of the n lines, arcs and transitions, with columns that are properties of
             the path.
-        merged: Indices of the input points that were removed because they repeat the point before.
+        merged: Indices of the input points that were removed because they repeat the previous one.
         waypoints: Indices of the vertices at which the other input points are located; by default
             all vertices. A spline has more vertices than points.
         orientation: Tool orientation along a path in space, or None; `oriented`, `pointing` and
@@ -55,7 +58,7 @@ class Path(Checked):
         breaks: Arc lengths of the ends of the segments, from 0 [m], (n + 1,).
 
     Raises:
-        InvalidInput: The columns do not fit together, or there is a gap between segments.
+        InvalidInput: The columns have inconsistent shapes, or there is a gap between segments.
     """
 
     segments: Segments
@@ -71,11 +74,11 @@ class Path(Checked):
             waypoints = np.arange(n + 1)
             waypoints.setflags(write=False)
         else:
-            waypoints = _increasing(self.waypoints, n)
+            waypoints = _check_waypoints(self.waypoints, n)
         object.__setattr__(self, "waypoints", waypoints)
         object.__setattr__(self, "breaks", checks.frozen_array(self.segments.breaks))
         if self.orientation is not None:
-            object.__setattr__(self, "orientation", self._fitting(self.orientation))
+            object.__setattr__(self, "orientation", self._snap_breaks(self.orientation))
 
     @classmethod
     @checked
@@ -90,7 +93,7 @@ class Path(Checked):
             InvalidInput: The points have a wrong shape, or fewer than two of them differ.
         """
         coordinates = checks.points("points of a path", points)
-        indices = _without_repeats(coordinates)
+        indices = _find_distinct(coordinates)
         if len(indices) < 2:
             raise InvalidInput(
                 f"A path needs at least two different points, but {len(coordinates)} "
@@ -101,7 +104,7 @@ class Path(Checked):
             segments=Segments.lines(
                 coordinates[indices], **segment_limits.columns(len(indices) - 1)
             ),
-            merged=_left_out(len(coordinates), indices),
+            merged=_find_missing(len(coordinates), indices),
         )
 
     @classmethod
@@ -140,7 +143,7 @@ class Path(Checked):
         from armcontour.geometry.spline import fit_spline
 
         coordinates = checks.points("points of a spline", points)
-        indices = _without_repeats(coordinates)
+        indices = _find_distinct(coordinates)
         if len(indices) < 2:
             raise InvalidInput("A spline needs at least two different points.")
         if tolerance < REPEATED_POINT:
@@ -151,7 +154,7 @@ class Path(Checked):
         segments, waypoints = fit_spline(coordinates[indices], tolerance, closed)
         return Path(
             segments=segments.replace(**segment_limits.columns(len(segments))),
-            merged=_left_out(len(coordinates), indices),
+            merged=_find_missing(len(coordinates), indices),
             waypoints=waypoints,
         )
 
@@ -201,9 +204,11 @@ class Path(Checked):
         """The path with a tool orientation at a fixed angle to the tangent.
 
         Args:
-            up: Direction across the first tangent, (3,). Its perpendicular part is z of the path's
-                frame, whose x is the tangent. The frame never turns about the tangent.
-            tool: Rotation of the tool in the path's frame; by default its axis points against `up`.
+            up: Direction that is not parallel to the first tangent, (3,). Its component
+                perpendicular to the tangent is the z axis of the path's frame, whose x axis is the
+                tangent. The frame never turns about the tangent.
+            tool: Rotation of the tool in the path's frame; by default the tool axis is opposite to
+                `up`.
             axis_only: Only the tool axis (z) is prescribed; rotation about it is free.
 
         Raises:
@@ -213,7 +218,7 @@ class Path(Checked):
         from armcontour.geometry import prescribed_orientation
 
         if self.dimension != 3:
-            raise InvalidInput(PLANE)
+            raise InvalidInput(PLANAR_PATH)
         orientation = prescribed_orientation.follow_tangent(
             self.segments, up, tool, axis_only=axis_only
         )
@@ -258,7 +263,7 @@ class Path(Checked):
         back_and_forth = path + path.reversed()
         """
         n = len(self)
-        segments = self.segments.run(np.arange(n)[::-1], np.full(n, True))
+        segments = self.segments.reverse_rows(np.arange(n)[::-1], np.full(n, True))
         return Path(
             segments=segments.replace(checked=True),
             waypoints=n - self.waypoints[::-1],
@@ -315,12 +320,15 @@ class Path(Checked):
 
     @property
     def normals(self) -> FloatArray:
-        """Unit normals at the segments' starts, towards the centres; zero where straight."""
+        """Unit normals at the segments' starts, towards the centres, (n, dimension).
+
+        A normal is zero for a line, and for a transition that starts straight.
+        """
         return self.segments.normals
 
     @property
     def curvatures(self) -> FloatArray:
-        """Curvatures of the segments [1/m], zero for lines, the largest for transitions, (n,)."""
+        """Curvatures of the segments [1/m], zero for lines, upper bounds for transitions, (n,)."""
         return self.segments.curvatures
 
     @property
@@ -340,7 +348,7 @@ class Path(Checked):
 
     @property
     def tags(self) -> tuple[str | None, ...]:
-        """Free texts of the segments."""
+        """Tag of each segment; None for a segment without one."""
         return tuple(self.segments.tags.tolist())
 
     @property
@@ -350,7 +358,7 @@ class Path(Checked):
 
     @property
     def dimension(self) -> int:
-        """2 in the plane, 3 in space."""
+        """Number of coordinates of a point: 2 in the plane, 3 in space."""
         return self.segments.dimension
 
     def __len__(self) -> int:
@@ -397,7 +405,9 @@ class Path(Checked):
         return self.segments.evaluate(i, u, order)
 
     def project(self, points: npt.ArrayLike) -> Projection:
-        """The nearest point of the path for each of `points`, exact on lines and arcs.
+        """Distance and arc length of the path point nearest to each query point.
+
+        The result is exact on lines and arcs.
 
         The first call builds a spatial index, which later calls use. The time of a query is then
         approximately proportional to the logarithm of the number of segments.
@@ -417,21 +427,21 @@ class Path(Checked):
     __repr__ = short_repr
 
     def _title(self, kind: str) -> str:
-        """The kind of path with its length and number of segments."""
+        """Title of the summary: kind of path, length and number of segments."""
         location = "in the plane" if self.dimension == 2 else "in space"
         return f"{kind} {location}: {digits(self.length)} m, {count_noun(len(self), 'segment')}"
 
     @property
     def _rows(self) -> list[tuple[str, str]]:
-        """Ends, corners and requirements as names and values."""
+        """Rows of the summary, (name, value) each: ends, corners and requirements."""
         ends = [", ".join(digits(x * 1e3) for x in self(s)) for s in (0.0, self.length)]
         corners = int((self.turns > TANGENT_TOLERANCE).sum())
         return [
             ("from", f"({ends[0]}) mm"),
             ("to", f"({ends[1]}) mm"),
             ("corners", f"{corners}"),
-            ("assigned", _range(self.speeds, "mm/s")),
-            ("corner error", _range(self.tolerances, "mm")),
+            ("assigned", _describe_range(self.speeds, "mm/s")),
+            ("corner error", _describe_range(self.tolerances, "mm")),
             ("orientation", "" if self.orientation is None else str(self.orientation)),
         ]
 
@@ -444,7 +454,7 @@ class Path(Checked):
 
     @property
     def stops(self) -> FloatArray:
-        """Arc lengths [m] at which tangent, orientation or angular rate jumps: the tool stops."""
+        """Arc lengths [m] at which the tool stops, because a tangent, orientation or rate jumps."""
         inner = self.breaks[1:-1].copy()
         corners = inner[self.turns > TANGENT_TOLERANCE] if len(inner) else inner
         if self.orientation is None or not len(orientation_stops := self.orientation.stops):
@@ -453,7 +463,7 @@ class Path(Checked):
 
     @property
     def vertices(self) -> FloatArray:
-        """The segments' ends, (n + 1, dimension) [m]."""
+        """Start point of the path and end points of all segments [m], (n + 1, dimension)."""
         return np.concatenate([self.starts, self.end[None]])
 
     @property
@@ -462,10 +472,10 @@ class Path(Checked):
         last = slice(len(self) - 1, None)
         return np.asarray(self.segments.evaluate(last, self.lengths[last])[0])
 
-    def _fitting(self, orientation: Orientation) -> Orientation:
-        """The orientation, with breaks near the path's breaks moved onto them."""
+    def _snap_breaks(self, orientation: Orientation) -> Orientation:
+        """Snap breaks of the orientation to breaks of the path that are within rounding errors."""
         if self.dimension != 3:
-            raise InvalidInput(PLANE)
+            raise InvalidInput(PLANAR_PATH)
         whole = len(orientation) == 1 and orientation.breaks[1] == self.length
         if whole or np.array_equal(orientation.breaks, self.breaks):
             return orientation
@@ -489,8 +499,8 @@ class Path(Checked):
         return replace(orientation, breaks=snapped)
 
 
-def _increasing(waypoints: npt.ArrayLike, n: int) -> IntArray:
-    """Checked and locked waypoints of a path of n segments."""
+def _check_waypoints(waypoints: npt.ArrayLike, n: int) -> IntArray:
+    """Read-only waypoints; raise InvalidInput unless they increase from 0 to n."""
     indices = checks.indices("waypoints of a path", waypoints)
     if (
         indices.ndim != 1
@@ -498,12 +508,14 @@ def _increasing(waypoints: npt.ArrayLike, n: int) -> IntArray:
         or (indices[0], indices[-1]) != (0, n)
         or not (indices[1:] > indices[:-1]).all()
     ):
-        raise InvalidInput(f"waypoints of a path must increase from 0 to {n}.")
+        raise InvalidInput(
+            f"waypoints of a path must be indices of vertices that increase from 0 to {n}."
+        )
     return checks.lock_copy(indices)
 
 
-def _range(values: FloatArray, unit: str) -> str:
-    """Range of the assigned values in SI units, in thousandths; "" for none."""
+def _describe_range(values: FloatArray, unit: str) -> str:
+    """Text of the range of `values` times 1000, with `unit`; "" if all values are NaN."""
     assigned = values[np.isfinite(values)] * 1e3
     if not len(assigned):
         return ""
@@ -513,7 +525,8 @@ def _range(values: FloatArray, unit: str) -> str:
 
 
 def check_arc_length(s: npt.ArrayLike, length: float) -> FloatArray:
-    """Arc lengths clipped to the path; those outside by more than rounding errors are refused."""
+    """Arc lengths clipped to the path [m]; raise InvalidInput if one is outside the path."""
+    # Rounding errors at both ends are allowed.
     arc_lengths = checks.floats("arc lengths", s, "m")
     slack = 1e-12 * max(length, 1e-3)
     outside = ~((arc_lengths >= -slack) & (arc_lengths <= length + slack))
@@ -527,14 +540,14 @@ def check_arc_length(s: npt.ArrayLike, length: float) -> FloatArray:
     return np.asarray(np.clip(arc_lengths, 0.0, length))
 
 
-def _left_out(count: int, remaining: IntArray) -> tuple[int, ...]:
+def _find_missing(count: int, remaining: IntArray) -> tuple[int, ...]:
     """Indices below `count` that are not in `remaining`."""
     if len(remaining) == count:
         return ()
     return tuple(np.setdiff1d(np.arange(count), remaining).tolist())
 
 
-def _without_repeats(points: FloatArray) -> IntArray:
+def _find_distinct(points: FloatArray) -> IntArray:
     """Indices of the points that differ from the previous remaining point."""
     none = np.zeros(max(len(points) - 1, 0), dtype=bool)
     _, mask = close_gaps(points[:-1], points[1:], none, REPEATED_POINT)

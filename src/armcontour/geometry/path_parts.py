@@ -15,8 +15,7 @@ from armcontour.geometry.segments import REPEATED_POINT
 
 def cut_path(path: Path, begin: float, end: float) -> Path:
     """The part of a path between two arc lengths, with speeds, tolerances and orientation."""
-    # `begin`: arc length at which the part starts [m]; `end`: arc length at which the part ends
-    # [m].
+    # `begin`, `end`: arc lengths at which the part starts and ends [m].
     for name, s in (("begin", begin), ("end", end)):
         value = checks.check_number(name, s, "m")
         if not -REPEATED_POINT <= value <= path.length + REPEATED_POINT:
@@ -31,7 +30,10 @@ def cut_path(path: Path, begin: float, end: float) -> Path:
     first = int(path.locate(begin + REPEATED_POINT))
     last = int(path.locate(end - REPEATED_POINT, side="left"))
     if end - begin <= REPEATED_POINT or first > last:
-        raise InvalidInput(f"The part from {begin:.9g} to {end:.9g} m of the path has no length.")
+        raise InvalidInput(
+            f"The part from {begin:.9g} to {end:.9g} m of the path has no length. The end must be "
+            f"greater than the start by more than {REPEATED_POINT:g} m."
+        )
     # The orientation is cut at the same arc lengths as the segments.
     begin = max(begin, float(path.breaks[first]))
     end = min(end, float(path.breaks[last + 1]))
@@ -47,9 +49,9 @@ def cut_path(path: Path, begin: float, end: float) -> Path:
 
 
 def join_paths(paths: Sequence[Path]) -> Path:
-    """One path made of several, each of which starts at the end of the previous one."""
+    """Join paths into one path; each path must start at the end of the previous one."""
     if not paths:
-        raise InvalidInput("Joining needs at least one path.")
+        raise InvalidInput("Joining requires at least one path.")
     return paths[0].joined(*paths[1:])
 
 
@@ -66,12 +68,16 @@ def drop_z(path: Path) -> Path:
     if across.any():
         i = int(np.argmax(across))
         raise InvalidInput(
-            f"Segment {i + 1} is a curve that leaves the plane and cannot be projected.", index=i
+            f"Segment {i + 1} cannot be projected onto the x-y plane, because it is an arc or a "
+            "transition that is not parallel to this plane.",
+            index=i,
         )
     run = np.linalg.norm(path.tangents[:, :2], axis=1)
     mask = run * path.lengths > REPEATED_POINT
     if not mask.any():
-        raise InvalidInput("The path is vertical, so its projection onto the plane has no length.")
+        raise InvalidInput(
+            "The path is vertical, so its projection onto the x-y plane has no length."
+        )
     rows, shortening = path.segments[mask], run[mask]
     return Path(
         segments=rows.replace(

@@ -27,10 +27,12 @@ from armcontour.geometry.segments import Segments
 HALF_TURN = np.pi - 1e-6
 # Rotations by less than this are rounding errors [rad].
 NO_TURN = 1e-14
-# A transition that curves to both sides may turn by nothing from its first tangent to its last.
-# Below this ratio of the turns, the axis of its curvature is used instead.
+# The first and last tangents of an S-shaped transition can be parallel, so their cross product
+# gives no axis. If its norm is below this fraction of the turn by the curvature, the axis of the
+# curvature is used instead.
 NO_AXIS = 1e-6
-# Tool in the frame of the path: its x axis along the path, its z axis (the tool axis) against `up`.
+# Default rotation of the tool in the path's frame: its x axis points along the path, and its z axis
+# (the tool axis) is opposite to `up`.
 POINTING_DOWN = checks.frozen_array(np.diag([1.0, -1.0, -1.0]))
 
 
@@ -38,9 +40,9 @@ def orient_by_rotations(
     segments: Segments,
     waypoints: IntArray,  # Indices of the vertices at which the input points of the path lie
     merged: tuple[int, ...],  # Indices of the input points that repeat the point before them
-    values: Any,  # Rotations as `rotations` takes them: one, or one per input point
+    values: Any,  # Rotations in a form that `rotations` accepts: one, or one per input point
     *,
-    axis_only: bool,  # Rotation about the tool axis is free
+    axis_only: bool,  # True if rotation about the tool axis is free
 ) -> Orientation:
     """A constant orientation, or one per waypoint with the shortest rotations between them."""
     specified = rotations("tool orientation", values)
@@ -58,12 +60,15 @@ def orient_by_axes(
     # `values`: directions of the tool axis: one, (3,), or one per input point, (n, 3).
     directions = checks.check_numbers("direction of the tool axis", values)
     if directions.shape[-1:] != (3,) or directions.ndim > 2:
-        raise InvalidInput("The direction of the tool axis is 3 numbers, once or per waypoint.")
+        raise InvalidInput(
+            "The direction of the tool axis must be 3 numbers, once or per waypoint, but has the "
+            f"shape {directions.shape}."
+        )
     if directions.ndim == 1 and directions.any():
         return _constant(segments, _pointing(*directions.tolist()), axis_only=True)
     size = np.linalg.norm(directions, axis=-1, keepdims=True)
     if (size == 0).any():
-        raise InvalidInput("The direction of the tool axis has no length.")
+        raise InvalidInput("The direction of the tool axis has no length. It must not be zero.")
     unit = directions / size
     start = _pointing(*directions[0].tolist())
     axes, names = _per_waypoint("direction of the tool axis", unit, waypoints, merged)
@@ -78,7 +83,8 @@ def orient_by_axes(
 
 @lru_cache(maxsize=1)
 def _pointing(x: float, y: float, z: float) -> FloatArray:
-    """The shortest rotation from the z axis to a direction; contours of a program share it."""
+    """The shortest rotation from the z axis to a direction, (3, 3), read-only."""
+    # The result is cached, because all contours of a program have the same direction.
     direction = np.array([x, y, z])
     unit = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
     return checks.frozen_array(exp(shortest([0.0, 0.0, 1.0], unit)))
@@ -88,25 +94,27 @@ def follow_tangent(
     segments: Segments, up: npt.ArrayLike, tool: Any | None = None, *, axis_only: bool = False
 ) -> Orientation:
     """An orientation at a fixed angle to the tangent of a path."""
-    # The tool never turns about the tangent: its orientation is constant on a line, turns with the
-    # tangent on an arc, and jumps by the turn at a corner until the corner is rounded.
-    # `segments`: segments of a path in space; `up`: direction that, made perpendicular to the first
-    # tangent, is z of the path's frame, whose x is the tangent, (3,); `tool`: rotation of the tool
-    # in the path's frame, as `rotations` takes it; by default its z axis points against `up` and
-    # its x axis along the path; `axis_only`: rotation about the tool axis is free.
+    # The tool never turns about the tangent. Its orientation is constant on a line, turns with the
+    # tangent on an arc, and jumps by the turn at a corner that is not rounded.
+    # `segments`: segments of a path in space; `up`: direction whose component perpendicular to the
+    # first tangent is the z axis of the path's frame, (3,); the x axis of this frame is the
+    # tangent; `tool`: rotation of the tool in the path's frame, in a form that `rotations` accepts,
+    # by default `POINTING_DOWN`; `axis_only`: true if rotation about the tool axis is free.
     in_path = POINTING_DOWN if tool is None else rotations("tool in the path's frame", tool)
     if in_path.shape != (3, 3):
         raise InvalidInput(
-            "A tool that follows the tangent has one rotation for the whole path: give one."
+            "A tool that follows the tangent has one rotation for the whole path, so `tool` must "
+            "be one rotation."
         )
     upward, tangent = checks.check_numbers("up", up), segments.tangents[0]
     if upward.shape != (3,):
-        raise InvalidInput("The direction up is 3 numbers.")
+        raise InvalidInput(f"The direction up must be 3 numbers, but has the shape {upward.shape}.")
     z = upward - (upward @ tangent) * tangent
     size, smallest = np.linalg.norm(z), 1e-6 * np.linalg.norm(upward)
     if size < smallest or not smallest > 0:
         raise InvalidInput(
-            "up lies along the first tangent of the path: give a direction across it."
+            "up lies along the first tangent of the path or is zero. Specify a direction that is "
+            "not parallel to the tangent."
         )
     z = z / size
     frame = np.stack([tangent, np.cross(z, tangent), z], axis=1)
@@ -115,16 +123,16 @@ def follow_tangent(
 
 def carry_frame(segments: Segments, frame: FloatArray, *, axis_only: bool = False) -> Orientation:
     """An orientation that turns with the tangent of a path and never about it."""
-    # `frame`: rotation matrix of the tool at the path's start, (3, 3); `axis_only`: rotation about
-    # the tool axis is free.
+    # `frame`: rotation matrix of the tool at the path's start, (3, 3); `axis_only`: true if
+    # rotation about the tool axis is free.
     corners = shortest(segments.end_tangents[:-1], segments.tangents[1:])
     turn = np.linalg.norm(corners, axis=1)
     if (turn > HALF_TURN).any():
         i = int(np.argmax(turn > HALF_TURN))
         raise InvalidInput(
-            f"At the vertex after segment {i + 1} the path turns back by 180°, where a tool "
-            "that follows the tangent could turn either way: use a constant tool orientation "
-            "there, or split the path.",
+            f"At the vertex after segment {i + 1} the path turns back by 180°, so the rotation of "
+            "a tool that follows the tangent is ambiguous. Use a constant tool orientation, or "
+            "split the path there.",
             index=i,
             point=segments.starts[i + 1].tolist(),
         )
@@ -137,11 +145,11 @@ def follow_tangents(
     corners: FloatArray | None,
     frames: Mapping[int, FloatArray],
     *,
-    axis_only: bool,  # Rotation about the tool axis is free
+    axis_only: bool,  # True if rotation about the tool axis is free
 ) -> Orientation:
     """An orientation that turns with the tangents of segments."""
-    # `corners`: rotations at the vertices between segments, (n - 1, 3, 3); None for none; `frames`:
-    # rotation matrices that are known at the starts of some segments, (3, 3) each.
+    # `corners`: rotations at the vertices between segments, (n - 1, 3, 3), or None; `frames`: known
+    # rotation matrices at the starts of some segments by segment index, (3, 3) each.
     columns = tangent_turns(segments)
     tilt, turn = (evaluate_polynomials(columns[x], segments.lengths)[:, None] for x in "fg")
     turns = exp(turn * columns["second"]) @ exp(tilt * columns["first"])
@@ -162,13 +170,14 @@ def tangent_rates(segments: Segments) -> FloatArray:
 
 
 def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
-    """Turns of the tangents, as `first`, `second`, `f` and `g` of an `Orientation`."""
-    # On a transition `second` is the axis from the first tangent to the last, and `first` is the
-    # axis of the tilt out of this plane. Both angles are quintics that match the tangent, the
-    # curvature and, in a plane, the shared derivative of the angular rate at both ends.
+    """Rotations of the tangents as columns `first`, `second`, `f` and `g` of an `Orientation`."""
+    # On a transition `second` is the axis of the rotation from the first tangent to the last, and
+    # `first` is the axis of the tilt out of this plane. Both angles are quintics that match the
+    # tangent, the curvature and, in a plane, the shared derivative of the angular rate at both
+    # ends.
     first, f = tangent_rates(segments), np.tile(LINEAR, (len(segments), 1))
     second, g = np.zeros_like(first), np.zeros_like(f)
-    bent = np.flatnonzero(segments.bent)
+    bent = np.flatnonzero(segments.is_transition)
     if len(bent):
         ends = np.zeros(len(bent)), segments.lengths[bent]
         tangents = [segments.evaluate(bent, u, 1) for u in ends]
@@ -205,7 +214,7 @@ def _axes_of_turns(segments: Segments, bent: IntArray) -> FloatArray:
     lengths = segments.lengths[bent]
     into, out = segments.evaluate(bent, 0 * lengths, 1), segments.evaluate(bent, lengths, 1)
     axes = np.cross(into, out)
-    # A transition that curves to both sides may turn by nothing.
+    # The first and last tangents of an S-shaped transition can be parallel, see `NO_AXIS`.
     for share in (0.0, 0.5, 1.0):
         u = share * lengths
         other = (
@@ -228,14 +237,16 @@ def _shared_changes(segments: Segments) -> FloatArray:
         np.cross(segments.evaluate(every, u, 1), segments.evaluate(every, u, 3))
         for u in (segments.lengths, 0 * segments.lengths)
     ]
-    bent = np.concatenate([segments.bent[:1], segments.bent, segments.bent[-1:]])
+    bent = np.concatenate(
+        [segments.is_transition[:1], segments.is_transition, segments.is_transition[-1:]]
+    )
     before = np.concatenate([sides[1][:1], sides[0]])
     after = np.concatenate([sides[1], sides[0][-1:]])
     return np.where((bent[:-1] & bent[1:])[:, None], (before + after) / 2, 0.0)
 
 
 def _constant(segments: Segments, rotation: FloatArray, axis_only: bool) -> Orientation:
-    """The same rotation along the whole path."""
+    """Orientation with the same rotation along the whole path."""
     n = len(segments)
     starts = np.tile(rotation, (n, 1, 1))
     return Orientation.even(segments.lengths, starts, np.zeros((n, 3)), axis_only=axis_only)
@@ -261,16 +272,16 @@ def _per_waypoint(
     points = count + len(merged)
     if len(values) not in (points, count):
         raise InvalidInput(
-            f"{name} has {len(values)} values, but the path has {points} waypoints: give one for "
-            f"the whole path or {points}."
+            f"{name} has {len(values)} values, but the path has {points} waypoints. Specify one "
+            f"value for the whole path, or {points} values."
         )
     if len(values) == count:
         return values, np.arange(count)
     for i in merged:
         if np.abs(values[i] - values[i - 1]).max() > SAME_ORIENTATION:
             raise InvalidInput(
-                f"Waypoint {i + 1} is the same point as the one before but with another {name}: a "
-                "path cannot turn the tool on the spot; move the point or split the path.",
+                f"Waypoint {i + 1} repeats the previous point with another {name}, but a path "
+                "cannot turn the tool on the spot. Move the point, or split the path.",
                 index=i,
             )
     names = np.delete(np.arange(points), merged)
@@ -278,14 +289,14 @@ def _per_waypoint(
 
 
 def _check_turns(turn: FloatArray, names: IntArray) -> FloatArray:
-    """Rotation vectors from waypoint to waypoint, with rounding errors set to zero."""
+    """Replace rotation vectors below rounding errors by zero; raise InvalidInput for half turns."""
     angle = np.linalg.norm(turn, axis=1)
     if (angle > HALF_TURN).any():
         i = int(np.argmax(angle > HALF_TURN))
         raise InvalidInput(
             f"The tool orientations at waypoints {names[i] + 1} and {names[i + 1] + 1} differ by "
-            "half a turn, between which there is no shortest rotation: put a waypoint between "
-            "them.",
+            "half a turn, so there is no unique shortest rotation between them. Insert a waypoint "
+            "between them.",
             index=int(names[i]),
         )
     return np.where(angle[:, None] < NO_TURN, 0.0, turn)

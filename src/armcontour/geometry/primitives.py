@@ -174,15 +174,15 @@ def _circle_through(
     """Centre, swept angle and, in space, normal of the arc from a through b to c."""
     u, v = b - a, c - a
     uu, vv, uv = u @ u, v @ v, u @ v
-    # Squared area of the parallelogram of u and v. Computed from uu, vv and uv it would lose its
-    # digits to cancellation if the parallelogram is flat.
+    # Squared area of the parallelogram of u and v. The formula uu vv - uv² would lose its digits to
+    # cancellation if the parallelogram is flat.
     across = np.cross(u, v) if len(a) == 3 else np.array([u[0] * v[1] - u[1] * v[0]])
     area = across @ across
     if not area > (1e-9**2) * max(uu, vv) ** 2:
         raise InvalidInput(
             f"The points {tuple(a.tolist())}, {tuple(b.tolist())} and {tuple(c.tolist())} m "
-            "lie on one line: an arc needs three points that do not; for a full circle in "
-            "space give its center, angle and normal."
+            "lie on one line, so they do not determine an arc. For a full circle in space, specify "
+            "its center, angle and normal."
         )
     center = (a + (vv * (uu - uv) * u + uu * (vv - uv) * v) / (2 * area)).tolist()
     # The swept angle is twice the angle between the chords to and from the via point.
@@ -196,7 +196,7 @@ def _circle_through(
 
 
 def tabulate(segments: Iterable[Line | Arc]) -> Segments:
-    """Lines and arcs as a table of segments."""
+    """Convert lines and arcs to a table of segments."""
     listed = list(checks.check_sequence("segments of a path", segments, object, "Lines and Arcs"))
     for i, segment in enumerate(listed):
         if not isinstance(segment, (Line, Arc)):
@@ -236,8 +236,8 @@ def _line(line: Line, index: int) -> Row:
     length = float(np.linalg.norm(end - start))
     if length == 0:
         raise InvalidInput(
-            f"Segment {index + 1} is a line of zero length at {tuple(start.tolist())} m: "
-            "remove it.",
+            f"Segment {index + 1} is a line of zero length at {tuple(start.tolist())} m. Remove "
+            "the segment.",
             index=index,
             point=start.tolist(),
         )
@@ -253,8 +253,8 @@ def _arc(arc: Arc, index: int) -> Row:
     radius = float(np.linalg.norm(center - start))
     if radius == 0 or angle == 0 or abs(angle) > 2 * np.pi * (1 + 1e-12):
         raise InvalidInput(
-            f"Segment {index + 1} must be an arc with a radius above zero and an angle between 0 "
-            f"and 2 pi rad, but has radius {radius:g} m and angle {angle:g} rad.",
+            f"Segment {index + 1} must be an arc with a radius above zero and an angle that is not "
+            f"zero and at most ±2 pi rad, but has radius {radius:g} m and angle {angle:g} rad.",
             index=index,
         )
     to_center = (center - start) / radius
@@ -268,17 +268,19 @@ def _counter_clockwise(
     """Unit tangent of the counter-clockwise motion, from the unit vector towards the centre."""
     if len(to_center) == 2:
         if normal is not None:
-            raise InvalidInput(f"Segment {index + 1} lies in the plane and takes no normal.")
+            raise InvalidInput(
+                f"Segment {index + 1} is an arc in the plane, so it must not have a normal."
+            )
         return np.array([to_center[1], -to_center[0]])
     if normal is None:
         raise InvalidInput(
-            f"Segment {index + 1} is an arc in space and needs its normal.", index=index
+            f"Segment {index + 1} is an arc in space, so it needs a normal.", index=index
         )
     axis = check_numbers(f"normal of segment {index + 1}", normal)
     size = float(np.linalg.norm(axis))
     if axis.shape != (3,) or size == 0 or abs(axis @ to_center) > 1e-9 * size:
         raise InvalidInput(
-            f"The normal of segment {index + 1} must be a vector at right angles to its radius.",
+            f"The normal of segment {index + 1} must be a vector perpendicular to its radius.",
             index=index,
         )
     tangent: FloatArray = np.cross(to_center, axis / size)

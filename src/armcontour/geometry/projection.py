@@ -19,11 +19,12 @@ from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import draw_arcs
 from armcontour.geometry.segments import Segments
 
-# Long segments are split into pieces with smaller boxes until a point lies in approximately this
-# many boxes; and largest number of pieces per segment on average.
+# Long segments are split into pieces with smaller boxes until a point lies in approximately OVERLAP
+# boxes. PIECES_PER_SEGMENT: largest number of pieces per segment on average.
 OVERLAP = 8
 PIECES_PER_SEGMENT = 32
-# Pieces in a leaf of the tree: with fewer, searching nodes dominates; with more, searching pieces.
+# Number of pieces in a leaf of the tree. With fewer pieces, the search of nodes dominates the time;
+# with more, the search of pieces.
 LEAF_SIZE = 8
 
 
@@ -43,17 +44,17 @@ class Projection:
 def find_nearest(
     segments: Segments, points: npt.ArrayLike, *, in_order: bool = False
 ) -> Projection:
-    """The nearest point of a path for each of `points`, exact on lines and arcs."""
-    # On transitions it is the nearest point of arcs within a nanometre of them (`draw_arcs`).
+    """Distance and arc length of the path point nearest to each query, exact on lines and arcs."""
+    # Arcs within a nanometre replace transitions (`draw_arcs`).
     # The first call for a table of segments builds a tree, which exists as long as the table. The
     # time of a query is then approximately proportional to the logarithm of the number of segments.
     # `points`: query points [m], (n, dimension); `in_order`: true if each point is near the
-    # previous one, so they need not be sorted.
+    # previous point, so the points need not be sorted.
     queries = checks.points("points to project", points)
     if queries.shape[1] != segments.dimension:
         raise InvalidInput(
-            f"Points to project have {queries.shape[1]} coordinates, "
-            f"the path has {segments.dimension}."
+            f"Points to project must have {segments.dimension} coordinates like the path, but have "
+            f"{queries.shape[1]}."
         )
     if not len(queries):
         return Projection(np.empty(0), np.empty(0))
@@ -64,8 +65,8 @@ def find_nearest(
         tree = _trees[segments] = _build_tree(segments)
     if in_order:
         return Projection(*search_tree(pad_to_space(queries), *tree))
-    # In spatial order each search starts from a good guess, and its memory is in the cache.
-    order = _sort_along_a_curve(queries)
+    # In spatial order each search starts from a good guess, and its data are in the cache.
+    order = _sort_spatially(queries)
     distance, s = np.empty(len(queries)), np.empty(len(queries))
     distance[order], s[order] = search_tree(pad_to_space(queries[order]), *tree)
     return Projection(distance, s)
@@ -79,7 +80,7 @@ def pack_segments(segments: Segments) -> FloatArray:
 
 
 def pack_arcs(arcs: Segments, begin: FloatArray) -> FloatArray:
-    """The array of `pack_segments` from the result of `draw_arcs`."""
+    """The array of `pack_segments` from both results of `draw_arcs`, (n, 15)."""
     vectors = [pad_to_space(x) for x in (arcs.starts, arcs.tangents, arcs.normals)]
     return np.column_stack(
         [*vectors, arcs.curvatures, arcs.lengths, begin, pad_to_space(arcs.ends)]
@@ -87,14 +88,14 @@ def pack_arcs(arcs: Segments, begin: FloatArray) -> FloatArray:
 
 
 def pad_to_space(points: FloatArray) -> FloatArray:
-    """Points of the plane or of space as points of space with z = 0 if missing, (n, 3)."""
+    """Points in space, (n, 3), from points in space or in the plane; z = 0 for the plane."""
     padded = np.zeros((len(points), 3))
     padded[:, : points.shape[1]] = points
     return padded
 
 
-# Rows of a table of segments, the segment of each piece in tree order, and the nodes' boxes in heap
-# order, (2 m - 1, 6) for m leaves.
+# Array of `pack_segments`, index of the segment of each piece in tree order, and boxes of the nodes
+# in heap order, (2 m - 1, 6) for m leaves.
 Tree = tuple[FloatArray, IntArray, FloatArray]
 _trees: WeakKeyDictionary[Segments, Tree] = WeakKeyDictionary()
 
@@ -103,11 +104,11 @@ def _build_tree(segments: Segments) -> Tree:
     """A balanced tree of boxes over pieces of segments, ordered along a space-filling curve."""
     arcs, begin = draw_arcs(segments)
     segment, low, high = _divide(arcs)
-    order = _sort_along_a_curve((low + high) / 2, digits=4)
+    order = _sort_spatially((low + high) / 2, digits=4)
     leaves = 1 << max(0, int(np.ceil(np.log2(len(order) / LEAF_SIZE))))
-    # Leaf k has the pieces order[k n / leaves : (k + 1) n / leaves], so no leaf is empty.
+    # Leaf k has the pieces order[k n / leaves : (k + 1) n / leaves] of n pieces, so none is empty.
     first = (np.arange(leaves) * len(order)) // leaves
-    # Lower corners and the negative of upper corners, from the leaves to the root.
+    # Lower corners and negated upper corners of the boxes, from the leaves to the root.
     levels = [np.minimum.reduceat(np.hstack([low, -high])[order], first, axis=0)]
     while len(levels[-1]) > 1:
         levels.append(np.minimum(levels[-1][0::2], levels[-1][1::2]))
@@ -116,9 +117,9 @@ def _build_tree(segments: Segments) -> Tree:
 
 
 def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Divide segments into pieces of at most a quarter circle, with their segments and boxes."""
-    # The box of a piece of length l has an area of approximately l² / pi. Of N pieces of a path of
-    # length L in an area A, approximately L² / (pi A N) boxes contain a point.
+    """Divide segments into pieces of up to a quarter circle; returns segment indices and boxes."""
+    # The box of a piece of length l has an area of approximately l² / pi. If a path of length L in
+    # an area A has N pieces, a point lies in approximately L² / (pi A N) boxes.
     n, lengths, curvatures = len(segments), segments.lengths, segments.curvatures
     extent = np.sort(np.ptp(np.concatenate([segments.starts, segments[-1:].ends]), axis=0))[-2:]
     area = max(extent[0], 1e-3 * extent[1]) * extent[1]
@@ -130,7 +131,7 @@ def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
     segment, number = number_parts(count)
     step = lengths[segment] / count[segment]
     start, end = (segments.evaluate(segment, k * step) for k in (number, number + 1))
-    # An arc leaves its chord by at most the sagitta, (1 - cos(turn / 2)) / curvature.
+    # An arc deviates from its chord by at most the sagitta, (1 - cos(turn / 2)) / curvature.
     sagitta = step * np.tan(curvatures[segment] * step / 4) / 2
     rounding = 1e-15 * (np.abs(start) + np.abs(end)).max(axis=1)
     margin = (sagitta + rounding)[:, None]
@@ -141,9 +142,9 @@ def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
     )
 
 
-def _sort_along_a_curve(points: FloatArray, digits: int = 1) -> IntArray:
+def _sort_spatially(points: FloatArray, digits: int = 1) -> IntArray:
     """Indices that sort points along a Morton curve, so consecutive points are near each other."""
-    # Each of `digits` refines the cells by 8 bits per axis in the plane, 5 in space.
+    # Each digit refines the cells by 8 bits per axis in the plane, and by 5 bits in space.
     axes = points.shape[1]
     bits = 16 // axes
     low = points.min(axis=0)

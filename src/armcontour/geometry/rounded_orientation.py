@@ -27,43 +27,43 @@ from armcontour.geometry.orientation import (
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import Segments
 
-# In the middle of a blend of length b that takes t of either piece, f is b times this, less t / 2:
-# for cubics, and for quintics.
+# In the middle of a blend of length l that replaces the length t of either piece, f is
+# `l MIDDLE - t / 2` for cubics and `l SMOOTH_MIDDLE - t / 2` for quintics.
 MIDDLE, SMOOTH_MIDDLE = 1 / 8, 5 / 32
 # A remainder of constant rate between two blends that is shorter than this is discarded [m].
 SLIVER = 1e-12
-# No vertices.
-NOWHERE = np.empty(0, dtype=np.intp)
+# Empty array of vertex indices.
+NO_VERTICES = np.empty(0, dtype=np.intp)
 
 
 def find_kinks(path: Path) -> IntArray:
-    """Vertices at which the angular rate of the path's orientation jumps."""
-    # An orientation that follows the tangent, or none, has no such vertices.
+    """Indices of the vertices at which the angular rate of the path's orientation jumps, (k,)."""
+    # The result is empty if the orientation follows the tangent or is None.
     orientation = path.orientation
     if orientation is None or orientation.follows:
-        return NOWHERE
+        return NO_VERTICES
     fits = len(orientation) == len(path) and np.array_equal(orientation.breaks, path.breaks)
     if not fits or (not orientation.fixed and orientation.second.any()):
         raise InvalidInput(
-            "The corners of this path, or its orientation, were rounded before: round the "
-            "objective path."
+            "The corners of this path, or its orientation, are already rounded. Round the "
+            "objective path instead."
         )
-    return NOWHERE if orientation.fixed else np.flatnonzero(orientation.kinks > 0)
+    return NO_VERTICES if orientation.fixed else np.flatnonzero(orientation.kinks > 0)
 
 
 def middle_fraction(smooth: bool) -> float:
-    """Fraction of a blend's length that reduces the deviation of its middle from the vertex."""
+    """Factor c of `k = t / 2 - c l`, which determines a blend's middle; see `largest_blend`."""
     # `smooth`: true if the derivative of the angular rate must not jump.
     return SMOOTH_MIDDLE if smooth else MIDDLE
 
 
 def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
-    """Largest k that satisfies the angular tolerance in the middle of each corner [m], (k,)."""
-    # With tangent length t and length l of the curve, the middle is `exp(k b) exp(-k a) R` with `k
-    # = t / 2 - l / 8`, or, for a continuous derivative of the rate, `t / 2 - 5 l / 32`. k is
-    # infinite if the rate does not jump or the orientation follows the tangent, and 0 where the
-    # orientation jumps, because the tool stops there.
-    # `vertex`: indices of the vertices, (k,); `allowed`: largest angle between the orientation and
+    """Largest k that satisfies the angular tolerance in the middle of each corner [m], (n,)."""
+    # With tangent length t and length l of the curve, the middle is `exp(k b) exp(-k a) R` with
+    # `k = t / 2 - l / 8`, or, for a continuous derivative of the rate, `k = t / 2 - 5 l / 32`. The
+    # largest k is infinite if the rate does not jump or the orientation follows the tangent, and 0
+    # where the orientation jumps, because the tool stops there.
+    # `vertex`: indices of the vertices, (n,); `allowed`: largest angle between the orientation and
     # its value at the vertex [rad].
     orientation = path.orientation
     if orientation is None or orientation.follows or not len(vertex):
@@ -81,7 +81,7 @@ def round_orientation(
     *,
     smooth: bool = False,  # True if the derivative of the angular rate must not jump
 ) -> tuple[Orientation, FloatArray]:
-    """Orientation of a rounded path if the orientation does not follow the tangent."""
+    """Orientation of a rounded path, for an orientation that does not follow the tangent."""
     # Returns the orientation, and the angle between it and the vertex's orientation in the middle
     # of each blend [rad], (k,). For a path that prescribes the tool axis only, the angle is between
     # the axes.
@@ -107,20 +107,21 @@ def follow_rounded(
     rounded: Segments,  # The segments of the rounded path, n of them
     objective: Path,
     segment: IntArray,
-    cut: FloatArray,  # Length at the start of each objective segment that a corner has replaced [m]
+    cut: FloatArray,  # Length at the start of each objective segment that a corner replaces [m]
     allowed: float,
     *,
     smooth: bool = False,  # True if the derivative of the angular rate must not jump
 ) -> Orientation:
-    """Orientation of a rounded path if the orientation follows the tangent."""
+    """Orientation of a rounded path, for an orientation that follows the tangent."""
     # `segment`: for each segment of the rounded path, index of the objective segment that contains
-    # it, or that lies before its corner, (n,); `allowed`: largest angle between the orientation and
-    # one that follows the tangent exactly [rad].
+    # it, or that is before its corner, (n,); `allowed`: largest angle between the orientation and
+    # an orientation that follows the tangent exactly [rad].
     from armcontour.geometry.prescribed_orientation import follow_tangents
 
     orientation = objective.orientation
     assert orientation is not None
-    # The curve at the corner turns the frame into that of the next segment, up to rounding.
+    # After the curve at a corner, the frame equals that of the next objective segment, except for
+    # rounding errors. The frames of the objective are used, so rounding errors do not add up.
     frames = orientation.on_piece(np.arange(len(objective)), cut)
     first = np.flatnonzero(np.diff(segment)) + 1
     start_frames = dict(zip(first.tolist(), frames[segment[first]], strict=True))
@@ -131,11 +132,12 @@ def follow_rounded(
 
 
 def largest_cuts(sharp: Orientation, allowed: float, *, smooth: bool = False) -> FloatArray:
-    """Largest lengths that blends may take from either piece, if the path keeps its length [m]."""
+    """Largest half lengths of blends within an angular tolerance, per inner break [m], (n - 1,)."""
+    # The path, and with it the length of each piece, does not change. The half length is 0 where
+    # the rate does not jump.
     # `sharp`: the orientation of constant rates, n pieces; `allowed`: largest angle between the
-    # orientation and that of the constant rates [rad]; `smooth`: true if the derivative of the
-    # angular rate must not jump.
-    # Returns the lengths, (n - 1,); 0 at breaks where the rate does not jump.
+    # blended and the original orientation [rad]; `smooth`: true if the derivative of the angular
+    # rate must not jump.
     vertex = np.arange(len(sharp) - 1)
     shorter = 0.5 - 2 * middle_fraction(smooth)
     return np.where(sharp.kinks > 0, _largest_blend(sharp, vertex, allowed) / shorter, 0.0)
@@ -144,12 +146,12 @@ def largest_cuts(sharp: Orientation, allowed: float, *, smooth: bool = False) ->
 def blend_kinks(
     sharp: Orientation, requested: FloatArray, *, smooth: bool = False
 ) -> tuple[Orientation, FloatArray]:
-    """An orientation of constant rates with a blend at every jump of the rate."""
-    # A blend takes at most half of either piece, and nothing where the orientation jumps. Its
-    # largest deviation from the constant rates is at the break.
-    # `sharp`: the orientation of constant rates, n pieces; where the rate does not jump at either
-    # end of a piece, it may change along it; `requested`: length that each blend takes from either
-    # piece [m], (n - 1,); `smooth`: true if the derivative of the angular rate must not jump.
+    """Insert a blend at every jump of the rate of an orientation of constant rates."""
+    # A blend replaces at most half of either piece; there is no blend where the orientation jumps.
+    # Its largest deviation from the constant rates is at the break.
+    # `sharp`: the orientation of constant rates, n pieces; the rate may change along a piece if it
+    # does not jump at either end; `requested`: half length of each blend [m], (n - 1,); `smooth`:
+    # true if the derivative of the angular rate must not jump.
     # Returns the orientation, and its deviation at each break between pieces [rad], (n - 1,);
     # between the tool axes if only they are prescribed.
     vertex = np.arange(len(sharp) - 1)
@@ -173,11 +175,11 @@ def _middle_angles(sharp: Orientation, vertex: IntArray, k: FloatArray) -> Float
 
 
 def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> FloatArray:
-    """The largest k at which `exp(k b) exp(-k a)` is a rotation by at most `allowed`."""
-    # The angle between two rotations is at most the distance of their rotation vectors, so that
-    # this rotation is by at most `k |b - a|`. The tool axis alone turns by at most
+    """Largest k at which the angle of `exp(k b) exp(-k a)` is at most `allowed` [m], (k,)."""
+    # The angle between two rotations is at most the distance of their rotation vectors, so this
+    # angle is at most `k |b - a|`. The tool axis alone turns by at most
     # `k d + k² e m / 2`: d and e are the components of b - a perpendicular and parallel to the
-    # axis, and m is the smaller of the rates at which a and b tilt it. See
+    # axis, and m is the smaller of the rates at which a and b tilt the axis. See
     # docs/concepts/rounding.md.
     if sharp.fixed:
         return np.full(len(vertex), np.inf)
@@ -204,7 +206,7 @@ def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> Floa
 def _insert_blends(
     lengths: FloatArray, sharp: Orientation, cut: FloatArray, blend: FloatArray, *, smooth: bool
 ) -> Orientation:
-    """Pieces of constant rate with blends between them."""
+    """Shorten the pieces of an orientation by `cut`, and insert blends of length `blend` [m]."""
     n = len(lengths)
     size = 2 * n - 1
     degree = 5 if smooth else sharp.f.shape[1] - 1
@@ -240,13 +242,13 @@ def _insert_blends(
 def _fade_polynomials(
     cut: FloatArray, blend: FloatArray, *, smooth: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Coefficients of f and g, which fade the rate out before a vertex and in after it."""
+    """Coefficients of f and g, which reduce the rate before a vertex and raise the next one."""
     none, one = np.zeros_like(cut), np.ones_like(cut)
     if not smooth:
         return fit_cubics(blend, (-cut, one), (none, none)), fit_cubics(
             blend, (none, none), (cut, one)
         )
-    # The value, slope and second derivative of both at either end of the blends.
+    # Values and slopes of f and g at the ends of the blends; the second derivatives are zero.
     ends = [
         np.stack(x, axis=1)
         for x in ((none, none), (-cut, none), (one, none), (none, cut), (none, one))

@@ -1,10 +1,10 @@
-"""Corner rounding: replaces corners by arcs within a corner error, (10)-(16), or by parabolas.
+"""Corner rounding within a corner error, by arcs as in (10)-(16) of the paper or by parabolas.
 
 The *corner error* is the gap between the corner point and the arc, as in the paper's Fig. 3:
 `gap = r (1 - cos h) / cos h` for radius r and half the turn h. Other texts call two other lengths
 tolerance: the arc's distance from the path, `r (1 - cos h) = gap cos h`, and the tangent length,
-`r tan h`, which is the part of each line that the arc replaces. Next to an arc a corner is replaced
-by two tangent arcs (blends.py); parabolas are in corner_curves.py. See docs/concepts/rounding.md.
+`r tan h`, which is the part of each line that the arc replaces. Two tangent arcs replace a corner
+next to an arc (blends.py). Parabolas are in corner_curves.py. See docs/concepts/rounding.md.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from armcontour.geometry.corner_curves import (
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.path import EVERY_VERTEX, Path
 from armcontour.geometry.rounded_orientation import (
-    NOWHERE,
+    NO_VERTICES,
     find_kinks,
     follow_rounded,
     largest_blend,
@@ -46,13 +46,13 @@ from armcontour.geometry.rounded_orientation import (
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 from armcontour.geometry.shaped_path import ShapedPath
 
-# Continuity of a rounded path: of its tangent only, or also of its curvature.
+# Continuity of a rounded path: only the tangent is continuous, or also the curvature.
 Continuity: TypeAlias = Literal["tangent", "curvature"]
 CONTINUITIES: tuple[Continuity, ...] = get_args(Continuity)
-# Smallest length of a blend of continuous curvature on either side [m]. Shorter ones have too few
-# digits, and no motion passes them faster than a full stop.
+# Smallest tangent length of a blend with continuous curvature [m]. A shorter blend has too few
+# significant digits and saves no time compared with a full stop.
 SHORTEST_SMOOTH = 1e-6
-# Planes that differ by less than this count as equal [rad].
+# Planes whose normals differ by less than this angle [rad] count as equal.
 SAME_PLANE = 1e-9
 # Reasons for a stop at a corner.
 TURN_BACK = "turn-back"
@@ -108,7 +108,7 @@ class Corners(Checked):
 
     @property
     def stopped(self) -> BoolArray:
-        """True for corners that stay sharp, so that the tool has to stop, (n,)."""
+        """Mask of the corners that stay sharp, so that the tool stops there, (n,)."""
         return np.asarray(self.radius == 0)
 
 
@@ -204,8 +204,8 @@ def round_corners(
     checks.check_choice("continuity", continuity, CONTINUITIES)
     if tolerance is None and (speed is None or acceleration is None):
         raise InvalidInput(
-            "Corners need a tolerance (case II), or a speed and an acceleration (case I): in "
-            "Python arguments of round_corners, in a job keys of corners."
+            "Corners need a tolerance (case II), or a speed and an acceleration (case I). Specify "
+            "them as arguments of round_corners in Python, or as keys of corners in a job."
         )
     curve = SMOOTH if continuity == "curvature" else ARC
     return _round_all(path, (tolerance, speed, acceleration), angular_tolerance, curve)
@@ -215,13 +215,13 @@ def round_corners(
 def round_with_parabolas(
     path: Path, *, tolerance: npt.ArrayLike, angular_tolerance: float | None = None
 ) -> RoundedPath:
-    """Replace every corner between two lines by a parabola, drawn as tangent arcs.
+    """Replace every corner between two lines by a parabola, approximated by tangent arcs.
 
     This shape suits a tool with limited acceleration that is slower in the middle of a corner: a
     parabola is longer than the arc with the same corner error, and has less curvature at its ends.
     Stops, room, tolerances, corners next to arcs and the tool orientation are as in
-    `round_corners`. In `corners`, `radius` is the smallest radius, in the middle. A corner at which
-    it would be less than a nanometre stays sharp: "no room".
+    `round_corners`. In `corners`, `radius` is the smallest radius, in the middle. A corner stays
+    sharp with the reason "no room" if its smallest radius would be below a nanometre.
 
     Args:
         path: The objective path.
@@ -237,11 +237,10 @@ def round_with_parabolas(
 
 
 def count_full_stops(path: Path) -> dict[str, int]:
-    """Number of full stops inside a path, by reason."""
+    """Number of full stops inside a path for each reason, {reason: number}."""
     # The reasons are those of `Corners.reason`, "rounding off" for corners that were not rounded,
     # "faster than a curve" for corners of a shaped path, and "tool orientation" where only the
     # orientation or its rate jumps.
-    # `path`: the path, rounded, shaped, or neither.
     if isinstance(path, RoundedPath):
         reasons = [x for x in path.corners.reason.tolist() if x is not None]
     else:
@@ -249,7 +248,7 @@ def count_full_stops(path: Path) -> dict[str, int]:
         back = np.pi - path.turns <= TANGENT_TOLERANCE
         sharp_reasons = np.full(len(sharp), NOT_ROUNDED, dtype=object)
         if isinstance(path, ShapedPath):
-            # Tolerances at the objective's vertices nearest to those of the path.
+            # Tolerance at the vertex of the objective that is nearest to each vertex of the path.
             objective = path.objective
             s = np.interp(path.breaks[1:-1], path.places[:, 1], path.places[:, 0])
             middles = (objective.breaks[1:] + objective.breaks[:-1]) / 2
@@ -265,13 +264,20 @@ def count_full_stops(path: Path) -> dict[str, int]:
 def blend_vertices(
     path: Path, vertex: IntArray, turn: FloatArray, tolerance: FloatArray
 ) -> RoundedPath:
-    """The path with some of its vertices blended; a blend takes at most half of either segment."""
-    # `vertex`: segments after which the vertices are, increasing, (n,); `turn`: the path's turns
-    # there [rad], (n,); `tolerance`: largest distance of each vertex from the new path [m], (n,).
+    """Replace some vertices by arcs; an arc replaces at most half of either segment."""
+    # `vertex`: index of the segment before each vertex, increasing, (n,); `turn`: turn of the path
+    # at each vertex [rad], (n,); `tolerance`: largest distance of each vertex from the new path
+    # [m], (n,).
     none = np.full(len(vertex), np.inf)
     tangent_limits = np.minimum(path.lengths[vertex], path.lengths[vertex + 1]) / 2
     return _round(
-        path, vertex, turn, (tolerance, none, tangent_limits, np.nan * none), ARC, NOWHERE, np.inf
+        path,
+        vertex,
+        turn,
+        (tolerance, none, tangent_limits, np.nan * none),
+        ARC,
+        NO_VERTICES,
+        np.inf,
     )
 
 
@@ -281,7 +287,7 @@ def _round_all(
     angular_tolerance: float | None,
     curve: LineCorner,
 ) -> RoundedPath:
-    """The path with all corners replaced, for `values` of tolerance, speed and acceleration."""
+    """Replace all corners of a path, with `values` of tolerance, speed and acceleration."""
     tolerance, speed, acceleration = values
     n = len(path) - 1
     error = checks.per_vertex("corner error tolerance", tolerance, n, "m")
@@ -297,7 +303,7 @@ def _round_all(
         kinked = np.setdiff1d(kinked, corner)
     angle = check_angular_tolerance(path, angular_tolerance, kinked)
     if n == 0 and (path.orientation is None or path.orientation.fixed):
-        # Programs have thousands of circles.
+        # This shortcut saves time, because a program can have thousands of circles.
         return _without_corners(path)
     tolerances = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
     error = np.minimum(error, np.minimum(tolerances[:-1], tolerances[1:]))[corner]
@@ -312,9 +318,9 @@ def _without_corners(path: Path) -> RoundedPath:
     none = np.empty(0)
     numbers = ("turn", "radius", "error", "tangent", "start", "end", "speed", "angular_error")
     corners = Corners(
-        vertex=NOWHERE,
+        vertex=NO_VERTICES,
         point=np.empty((0, path.dimension)),
-        shrunk=NOWHERE > 0,
+        shrunk=NO_VERTICES > 0,
         reason=none.astype(object),
         **dict.fromkeys(numbers, none),
     )
@@ -331,7 +337,11 @@ def _round(
     kinked: IntArray,
     angle: float,
 ) -> RoundedPath:
-    """The rounded path."""
+    """Replace corners by curves within `requirements`, and blend the orientation at vertices."""
+    # `corner`: index of the segment before each corner, (n,); `turn`: turns [rad], (n,);
+    # `requirements`: largest corner errors [m], smallest radii [m], largest tangent lengths [m] and
+    # accelerations [m/s²], (n,) each; `kinked`: vertices without a corner at which the angular rate
+    # jumps; `angle`: angular tolerance [rad].
     n, rows = len(corner), path.segments
     *limits, acceleration = requirements
     bounds = CornerBounds(
@@ -343,7 +353,8 @@ def _round(
     )
     follows = path.orientation is not None and path.orientation.follows
     turns_back = np.pi - 2 * bounds.half <= TANGENT_TOLERANCE
-    # A frame that follows the tangent out of the plane would end up turned about the tangent.
+    # If the segments of a corner lie in different planes, a frame that follows the tangent along
+    # the curve would be rotated about the tangent at its end.
     flat = _in_plane(bounds) if follows else np.ones(n, dtype=bool)
     free = (bounds.error > 0) & (bounds.radius > 0) & flat & ~turns_back
     bent = (bounds.before.curvatures > 0) | (bounds.after.curvatures > 0)
@@ -363,7 +374,8 @@ def _round(
             part = part[fits]
             fitted[part], minimum[part], free[part] = candidates[fits], small[fits], False
         parts.append(part)
-    # Blends of the orientation alone share the segments with the corners' curves.
+    # Lengths of curves at corners and of blends at kinks are fitted together, because both replace
+    # parts of the same segments.
     vertices = np.concatenate([corner, kinked])
     middle = middle_fraction(curve.smooth)
     order, tangents = np.argsort(vertices), np.empty(len(vertices))
@@ -371,11 +383,12 @@ def _round(
     tangents[order] = fit_lengths(
         np.concatenate([fitted, kinks])[order], vertices[order], rows.lengths
     )
-    # On a very short segment between two corners the curves may be too small.
+    # On a very short segment between two corners, a curve can be too small; then the corner stays
+    # sharp.
     tangent = tangents[:n]
     tangent[tangent <= minimum / 4] = 0.0
     radius, error, length, shrunk = np.zeros(n), np.zeros(n), np.zeros(n), fitted > 0
-    tables, after = [rows[:0]], [NOWHERE]
+    tables, after = [rows[:0]], [NO_VERTICES]
     for (kind, _), part in zip(kinds, parts, strict=True):
         part = part[tangent[part] > 0]
         if len(part):
@@ -409,7 +422,7 @@ def _round(
     return RoundedPath(
         segments=table,
         merged=path.merged,
-        # The arc does not pass the waypoint of its corner, so that all vertices become waypoints.
+        # An arc does not pass through the waypoint at its corner, so all vertices become waypoints.
         waypoints=EVERY_VERTEX if (radius > 0).any() else path.waypoints,
         orientation=orientation,
         objective=path,
@@ -445,9 +458,9 @@ def _in_plane(bounds: CornerBounds) -> BoolArray:
 
 
 def check_angular_tolerance(path: Path, tolerance: float | None, kinked: IntArray) -> float:
-    """The angular tolerance [rad]; infinite if none is specified and none is needed."""
-    # `tolerance`: the specified tolerance [rad]; `kinked`: segments after which only the angular
-    # rate jumps, (k,).
+    """The angular tolerance [rad]; infinite if it is not specified and not required."""
+    # `tolerance`: the specified tolerance [rad]; `kinked`: index of the segment before each vertex
+    # at which only the angular rate jumps, (k,).
     if tolerance is not None:
         return checks.not_negative("angular tolerance", tolerance, "rad")
     orientation = path.orientation
@@ -455,12 +468,12 @@ def check_angular_tolerance(path: Path, tolerance: float | None, kinked: IntArra
         cause = (
             "follows the tangent"
             if orientation.follows
-            else f"turns at another rate after segment {int(kinked[0]) + 1}, where the path goes "
-            "straight on"
+            else f"changes its angular rate after segment {int(kinked[0]) + 1}, where the path has "
+            "no corner"
         )
         raise InvalidInput(
-            f"The tool's orientation {cause}: give an angular tolerance for its deviation (in "
-            "Python round_corners(angular_tolerance=...) in rad, in a job "
-            "corners.angular_tolerance; 0 stops there)."
+            f"The tool orientation {cause}, so rounding requires an angular tolerance. Specify "
+            "round_corners(angular_tolerance=...) in rad in Python, or corners.angular_tolerance "
+            "in a job. With an angular tolerance of 0 the tool stops there."
         )
     return np.inf

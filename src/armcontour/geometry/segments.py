@@ -14,21 +14,22 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray, Value
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quintics import evaluate, rescale
 
-# Points closer than this count as one point: no arm resolves a nanometre [m].
+# Points closer than this distance [m] count as one point, because no arm resolves a nanometre.
 REPEATED_POINT = 1e-9
-# Tangents that differ by less than this count as equal [rad]: at 1 m/s the velocity jumps by 1
-# nm/s.
+# Tangents that differ by less than this angle [rad] count as equal. At 1 m/s the velocity then
+# jumps by less than 1 nm/s.
 TANGENT_TOLERANCE = 1e-9
-# Rounding errors of coordinates beyond this approach the distance of repeated points [m].
+# Rounding errors of coordinates larger than this [m] approach REPEATED_POINT.
 FAR = 1e3
 EVERY = slice(None)
-# Halvings of a transition, at the end of which its coordinates are exact to rounding errors.
+# Number of bisections for the extreme coordinates of a transition, enough for rounding precision.
 BISECTIONS = 30
 VECTORS = ("starts", "tangents", "normals")
 NUMBERS = ("curvatures", "lengths", "speeds", "tolerances")
 COLUMNS = (*VECTORS, *NUMBERS, "tags", "quintics")
-# Control points of the second derivative of a quintic, over its coefficients from x² on.
-BENDS = checks.frozen_array([[2, 0, 0, 0], [2, 2, 0, 0], [2, 4, 4, 0], [2, 6, 12, 20]])
+# Matrix from the coefficients of x² to x⁵ of a quintic to the Bernstein control points of its
+# second derivative.
+SECOND_DERIVATIVE = checks.frozen_array([[2, 0, 0, 0], [2, 2, 0, 0], [2, 4, 4, 0], [2, 6, 12, 20]])
 NOT_GIVEN = checks.frozen_array([])
 NO_TAGS = checks.lock_copy(np.empty(0, dtype=object))
 
@@ -39,8 +40,8 @@ class Segments(Value):
 
     A line or arc i is `starts[i] + tangents[i] sin(k u)/k + normals[i] (1 - cos(k u))/k` with
     `k = curvatures[i]` and `0 <= u <= lengths[i]`; for a line k is 0. A transition is a segment
-    whose curvature changes along it: `starts[i] + sum_k quintics[i, k] (u / lengths[i])^k`, where u
-    is the arc length within a millionth (biarcs.py).
+    whose curvature changes along it: `starts[i] + sum_k quintics[i, k] (u / lengths[i])^k`. There u
+    differs from the arc length by at most a millionth (biarcs.py).
 
     Args:
         starts: First points of the segments [m], (n, 2) or (n, 3).
@@ -51,8 +52,8 @@ class Segments(Value):
             upper bound.
         lengths: Lengths of the segments, above zero [m], (n,).
         speeds: Assigned velocities [m/s], NaN for segments without one, (n,).
-        tolerances: Largest corner errors [m], NaN for segments without one, (n,).
-        tags: Free text per segment, or None, (n,).
+        tolerances: Maximum permitted corner errors [m], NaN for segments without one, (n,).
+        tags: Tag of each segment, or None, (n,).
         quintics: Coefficients of the transitions from 1 to x⁵ [m], NaN for lines and arcs,
             (n, 6, dimension); (n, 0, 0) for a table without transitions.
         checked: Whether `check` has confirmed that the segments form a continuous path.
@@ -80,15 +81,15 @@ class Segments(Value):
             object.__setattr__(self, "quintics", np.empty((n, 0, 0)))
         for name in COLUMNS:
             array = np.asarray(getattr(self, name), dtype=object if name == "tags" else np.float64)
-            # Arrays that are locked already are shared, not copied.
+            # Read-only arrays that own their data are shared; other arrays are copied.
             if array.flags.writeable or not array.flags.owndata:
                 object.__setattr__(self, name, checks.lock_copy(array))
 
     @classmethod
     def lines(cls, points: FloatArray, **columns: Any) -> Segments:
         """The table of straight lines through points."""
-        # `points`: ends of the lines without equal neighbours [m], (n + 1, dimension); `columns`:
-        # other columns of the table, such as speeds.
+        # `points`: ends of the lines [m], (n + 1, dimension), each different from the previous
+        # point; `columns`: other columns of the table, such as speeds.
         steps = np.diff(points, axis=0)
         lengths = np.linalg.norm(steps, axis=1)
         return cls(
@@ -106,19 +107,19 @@ class Segments(Value):
         if len(tables) == 1:
             return tables[0]
         if len({table.quintics.shape[1] for table in tables}) > 1:
-            tables = [table._with_room() for table in tables]
+            tables = [table._with_quintics() for table in tables]
         columns = {x: np.concatenate([getattr(table, x) for table in tables]) for x in COLUMNS}
         return tables[0].replace(**columns, checked=checked)
 
-    def _with_room(self) -> Segments:
-        """The table with a column for transitions."""
+    def _with_quintics(self) -> Segments:
+        """The table with coefficients of transitions, which are NaN if it has no transitions."""
         if self.quintics.shape[1]:
             return self
         room = np.full((len(self), 6, self.dimension), np.nan)
         return self.replace(quintics=room, checked=self.checked)
 
     def replace(self, *, checked: bool = False, **columns: npt.NDArray[Any]) -> Segments:
-        """The table with some columns replaced by new arrays, which are locked and not copied."""
+        """The table with some columns replaced; the new arrays become read-only, without a copy."""
         table = object.__new__(Segments)
         for column in columns.values():
             column.setflags(write=False)
@@ -132,7 +133,7 @@ class Segments(Value):
         return len(self.lengths)
 
     def __getitem__(self, rows: Any) -> Segments:
-        """The table of the selected rows; neighbours of a checked table stay checked."""
+        """Table of the selected rows; a contiguous slice of a checked table counts as checked."""
         columns = {name: getattr(self, name)[rows] for name in COLUMNS}
         together = (
             isinstance(rows, slice) and rows.step in (None, 1) and len(columns["lengths"]) > 0
@@ -140,7 +141,7 @@ class Segments(Value):
         return self.replace(checked=self.checked and together, **columns)
 
     def split(self, bounds: IntArray) -> list[Segments]:
-        """Tables of consecutive rows, each a continuous path; checked all at once."""
+        """Split the table into tables of consecutive rows; each must be a continuous path."""
         # `bounds`: first row of every table, and the number of rows, (n + 1,).
         self._check_values()
         self.check_gaps(apart=bounds[1:-1])
@@ -149,11 +150,11 @@ class Segments(Value):
 
     @property
     def dimension(self) -> int:
-        """2 in the plane, 3 in space."""
+        """Number of coordinates of a point: 2 in the plane, 3 in space."""
         return int(self.starts.shape[1])
 
     @property
-    def bent(self) -> BoolArray:
+    def is_transition(self) -> BoolArray:
         """Mask of the transitions, (n,)."""
         if not self.quintics.shape[1]:
             return np.zeros(len(self), dtype=bool)
@@ -172,17 +173,18 @@ class Segments(Value):
     @property
     def end_tangents(self) -> FloatArray:
         """Unit tangents at the segments' ends, (n, dimension)."""
-        tangents, bent = self.evaluate(EVERY, self.lengths, 1), self.bent
+        tangents, bent = self.evaluate(EVERY, self.lengths, 1), self.is_transition
         if bent.any():
-            # Inside a transition that was cut, the parameter is not exactly the arc length.
+            # At the end of a cut transition, the parameter is not exactly the arc length, so the
+            # derivative is not exactly a unit vector.
             tangents[bent] = _unit_or_zero(tangents[bent])
         return tangents
 
     @property
     def extent(self) -> FloatArray:
-        """Smallest and largest coordinates [m], (2, dimension); those of arcs are exact."""
+        """Bounding box: smallest and largest coordinates [m], (2, dimension); exact for arcs."""
         points = [self.starts, self.ends, *self._turning_points()]
-        bent = np.flatnonzero((self.curvatures > 0) & ~self.bent)
+        bent = np.flatnonzero((self.curvatures > 0) & ~self.is_transition)
         sweeps = self.curvatures[bent] * self.lengths[bent]
         for axis in range(self.dimension):
             # A coordinate of an arc is extreme where the tangent has no component along its axis.
@@ -196,11 +198,11 @@ class Segments(Value):
         return np.stack([everything.min(axis=0), everything.max(axis=0)])
 
     def _turning_points(self) -> list[FloatArray]:
-        """Points at which a coordinate of a transition is extreme [m]."""
+        """Points of transitions at which a coordinate is extreme [m], one array per axis."""
         points = []
         for axis in range(self.dimension) if self.quintics.size else ():
             into, out = self.tangents[:, axis], self.end_tangents[:, axis]
-            i = np.flatnonzero(self.bent & (into * out < 0))
+            i = np.flatnonzero(self.is_transition & (into * out < 0))
             low, high = np.zeros(len(i)), self.lengths[i]
             for _ in range(BISECTIONS):
                 middle = (low + high) / 2
@@ -214,7 +216,7 @@ class Segments(Value):
         values = self._on_arcs(i, u, order)
         if not self.quintics.shape[1]:
             return values
-        bent = np.broadcast_to(self.bent[i], values.shape[:-1])
+        bent = np.broadcast_to(self.is_transition[i], values.shape[:-1])
         if bent.any():
             rows = np.broadcast_to(np.arange(len(self))[i], bent.shape)[bent]
             distances = np.broadcast_to(u, bent.shape)[bent]
@@ -232,7 +234,7 @@ class Segments(Value):
         angle = k * u
         if order == 0:
             half = angle / 2
-            # The chord over the arc: sin(half) / half, and 1 where that is 0 / 0.
+            # Chord length divided by arc length: sin(half) / half, or 1 if half is 0.
             sine, bent = np.sin(half), half != 0
             share = np.divide(sine, half, out=np.ones_like(half), where=bent)
             chord = u * share
@@ -251,7 +253,7 @@ class Segments(Value):
         """Unit normals at distance `u` [m] from the start of segment `i`, towards the centre."""
         turn = (self.curvatures[i] * u)[..., None]
         normals = np.asarray(np.cos(turn) * self.normals[i] - np.sin(turn) * self.tangents[i])
-        bent = self.bent[i]
+        bent = self.is_transition[i]
         if bent.any():
             # A transition has no normal where it is straight.
             normals[bent] = _unit_or_zero(self.evaluate(i, u, 2)[bent])
@@ -259,12 +261,13 @@ class Segments(Value):
 
     def cut(self, i: IntArray, begin: FloatArray, end: FloatArray) -> Segments:
         """Parts of segments `i`, each from distance `begin` to `end` along its segment [m]."""
-        rows = self._starting(i, begin, begin > 0).replace(lengths=end - begin)
+        rows = self._move_starts(i, begin, begin > 0).replace(lengths=end - begin)
         lengths = self.lengths[i]
-        return rows._with_parts(begin / lengths, (end - begin) / lengths)
+        return rows._restrict_transitions(begin / lengths, (end - begin) / lengths)
 
-    def _starting(self, i: IntArray, u: FloatArray, moved: BoolArray, sign: int = 1) -> Segments:
-        """Segments `i`; those in mask `moved` start at distance `u`, reversed if sign is -1."""
+    def _move_starts(self, i: IntArray, u: FloatArray, moved: BoolArray, sign: int = 1) -> Segments:
+        """Segments `i` with the same lengths; those in the mask `moved` start at distance `u`."""
+        # With sign -1, the moved segments run backwards from their new start.
         rows, location = self[i], (i[moved], u[moved])
         starts, tangents, normals = (np.array(getattr(rows, name)) for name in VECTORS)
         starts[moved], tangents[moved] = (
@@ -274,9 +277,11 @@ class Segments(Value):
         normals[moved] = self.normals_at(*location)
         return rows.replace(starts=starts, tangents=tangents, normals=normals)
 
-    def _with_parts(self, begin: FloatArray, factor: FloatArray) -> Segments:
-        """The table with parts of its transitions, as fractions of their lengths."""
-        changed = self.bent & ((begin != 0) | (factor != 1))
+    def _restrict_transitions(self, begin: FloatArray, factor: FloatArray) -> Segments:
+        """Restrict each transition to its part from `begin` to `begin + factor` [1], (n,) each."""
+        # `begin` and `factor` are fractions of the length; a negative factor reverses the
+        # transition.
+        changed = self.is_transition & ((begin != 0) | (factor != 1))
         if not changed.any():
             return self
         quintics, curvatures, tangents = (
@@ -285,26 +290,26 @@ class Segments(Value):
         parts = rescale(quintics[changed], begin[changed], factor[changed])
         parts[:, 0] = 0.0
         quintics[changed] = parts
-        curvatures[changed] = largest_bend(parts, self.lengths[changed])
+        curvatures[changed] = bound_second_derivatives(parts, self.lengths[changed])
         tangents[changed] = _unit_or_zero(tangents[changed])
         return self.replace(quintics=quintics, curvatures=curvatures, tangents=tangents)
 
-    def run(self, i: IntArray, back: BoolArray) -> Segments:
+    def reverse_rows(self, i: IntArray, back: BoolArray) -> Segments:
         """Segments `i`, with those in mask `back` reversed."""
-        turned = self._starting(i, self.lengths[i], back, -1)
-        return turned._with_parts(np.where(back, 1.0, 0.0), np.where(back, -1.0, 1.0))
+        turned = self._move_starts(i, self.lengths[i], back, -1)
+        return turned._restrict_transitions(np.where(back, 1.0, 0.0), np.where(back, -1.0, 1.0))
 
-    def put(self, mask: BoolArray, rows: Segments) -> Segments:
+    def replace_rows(self, mask: BoolArray, rows: Segments) -> Segments:
         """The table with the rows in mask `mask` replaced by `rows`."""
         if self.quintics.shape[1] != rows.quintics.shape[1]:
-            return self._with_room().put(mask, rows._with_room())
+            return self._with_quintics().replace_rows(mask, rows._with_quintics())
         columns = {name: getattr(self, name).copy() for name in COLUMNS}
         for name, column in columns.items():
             column[mask] = getattr(rows, name)
         return self.replace(**columns)
 
     def place(self, rotation: FloatArray, origin: FloatArray, scale: float = 1.0) -> Segments:
-        """The segments scaled about zero, then rotated, then translated by `origin`."""
+        """The segments scaled about the origin, then rotated, then translated by `origin`."""
         starts = origin + scale * self.starts @ rotation.T
         # Gaps can exceed their limit only by scaling or by the rounding of large coordinates.
         close = scale == 1.0 and float(np.abs(starts).max()) <= FAR
@@ -327,7 +332,7 @@ class Segments(Value):
         return self.replace(checked=self.checked, **deeper)
 
     def check(self) -> Segments:
-        """The same segments, after a check that they make a continuous path."""
+        """Check that the segments form a continuous path, and mark the table as checked."""
         if self.checked:
             return self
         self._check_values()
@@ -343,28 +348,42 @@ class Segments(Value):
             array = getattr(self, name)
             shape = self.starts.shape if name in VECTORS else (n,)
             if array.shape != shape or not np.isfinite(array).all():
-                raise InvalidInput(f"{name} of a path must be finite and of shape {shape}.")
+                raise InvalidInput(
+                    f"{name} of a path must be finite and have the shape {shape}, but have the "
+                    f"shape {array.shape}{'' if array.shape != shape else ' and are not finite'}."
+                )
         if (self.lengths <= 0).any() or (self.curvatures < 0).any():
             raise InvalidInput("Segment lengths must be above zero and curvatures not negative.")
         self._check_quintics()
         for name in ("speeds", "tolerances", "tags"):
             if getattr(self, name).shape != (n,):
-                raise InvalidInput(f"{name} of a path must be one per segment ({n}).")
+                raise InvalidInput(
+                    f"{name} of a path must have one value per segment ({n}), but have the shape "
+                    f"{getattr(self, name).shape}."
+                )
         if (self.speeds <= 0).any() or (self.tolerances < 0).any():
             raise InvalidInput("Segment speeds must be above zero and tolerances not negative.")
         if (np.abs(np.linalg.norm(self.tangents, axis=1) - 1) > REPEATED_POINT).any():
             raise InvalidInput("The tangents of a path must be unit vectors.")
 
     def _check_quintics(self) -> None:
-        """Raise InvalidInput for coefficients of transitions that do not fit the other columns."""
+        """Raise InvalidInput if the coefficients of transitions have a wrong shape or value."""
         quintics = self.quintics
         if quintics.shape not in ((len(self), 0, 0), (len(self), 6, self.dimension)):
-            raise InvalidInput("quintics of a path must have 6 coefficients per segment, or none.")
-        if quintics.size and not np.array_equal(np.isfinite(quintics).all(axis=(1, 2)), self.bent):
-            raise InvalidInput("quintics of a path must be finite from 0 on, or NaN altogether.")
+            raise InvalidInput(
+                f"quintics of a path must have 6 coefficients per segment, or none, but have the "
+                f"shape {quintics.shape}."
+            )
+        if quintics.size and not np.array_equal(
+            np.isfinite(quintics).all(axis=(1, 2)), self.is_transition
+        ):
+            raise InvalidInput(
+                "quintics of a path must be finite with first coefficient 0 for a transition, and "
+                "NaN for a line or an arc."
+            )
 
     def check_gaps(self, apart: IntArray | None = None) -> None:
-        """Refuse a table in which a segment does not start where the segment before it ends."""
+        """Raise InvalidInput if a segment outside `apart` does not start at the previous end."""
         if len(self) == 1:
             return
         gaps = np.linalg.norm(self.ends[:-1] - self.starts[1:], axis=1)
@@ -375,7 +394,7 @@ class Segments(Value):
             point = self.starts[first + 1].tolist()
             raise InvalidInput(
                 f"Segment {first + 2} starts at {tuple(point)} m, {gaps[first]:.3g} m from the end "
-                f"of segment {first + 1}: a path must be continuous.",
+                f"of segment {first + 1}. The segments of a path must be continuous.",
                 index=first + 1,
                 point=point,
                 needed=float(gaps[first]),
@@ -383,12 +402,12 @@ class Segments(Value):
             )
 
 
-def largest_bend(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
+def bound_second_derivatives(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
     """Upper bounds of the second derivatives of quintics by arc length [1/m], (n,)."""
-    # `quintics`: coefficients, (n, 6, dimension); `lengths`: lengths [m], (n,); 0 for a quintic of
-    # no length.
-    # A polynomial stays within the hull of its control points; the first and the last are its ends.
-    control = np.einsum("ck,nkd->ncd", BENDS, quintics[:, 2:])
+    # `quintics`: coefficients [m], (n, 6, dimension); `lengths`: lengths [m], (n,). The bound is 0
+    # for a quintic of length 0.
+    # The second derivative lies in the convex hull of its control points.
+    control = np.einsum("ck,nkd->ncd", SECOND_DERIVATIVE, quintics[:, 2:])
     curvature = np.linalg.norm(control, axis=2).max(axis=1)
     return np.asarray(
         np.divide(curvature, lengths**2, out=np.zeros_like(curvature), where=lengths > 0)
@@ -401,9 +420,9 @@ def _unit_or_zero(v: FloatArray) -> FloatArray:
     return np.asarray(np.divide(v, size, out=np.zeros_like(v), where=size > 0))
 
 
-def share_limits(before: Segments, after: Segments) -> dict[str, Any]:
-    """Columns of segments that replace parts of two others: the lower speeds and tolerances."""
-    # `before`: the segments before them, whose tags they take.
+def combine_limits(before: Segments, after: Segments) -> dict[str, Any]:
+    """Columns of segments that replace parts of two: the smaller speed and tolerance of both."""
+    # Tags are those of `before`, the segments before the vertices.
     return {
         "speeds": np.fmin(before.speeds, after.speeds),
         "tolerances": np.fmin(before.tolerances, after.tolerances),
@@ -414,7 +433,7 @@ def share_limits(before: Segments, after: Segments) -> dict[str, Any]:
 def close_gaps(
     starts: FloatArray, ends: FloatArray, stay: BoolArray, nearest: float
 ) -> tuple[FloatArray, BoolArray]:
-    """Drop segments that are too short, and move the starts of the next ones to close the gaps."""
+    """Discard segments that are too short, and move the next start to close each gap."""
     # `starts`: starts of consecutive segments [m], (n, dimension); `ends`: ends of these segments
     # [m], (n, dimension); `stay`: mask of segments that remain whatever their length, (n,);
     # `nearest`: other segments remain if they end farther than this from the last remaining end

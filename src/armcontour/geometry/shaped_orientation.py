@@ -7,9 +7,10 @@ a smooth function of the arc length on the path: monotone cubics between the few
 the orientation near that of the corresponding points. Where the rate of the objective's orientation
 jumps, blends smooth the jump as at rounded corners (rounded_orientation.py).
 
-A tool that follows the tangent follows that of the shaped path. Carried along without turning about
-the tangent it would end up turned slightly out of the plane, by the solid angle between both paths'
-tangents. This twist is distributed evenly from segment to segment of the objective.
+A tool that follows the tangent follows the tangent of the shaped path. A frame that never turns
+about this tangent differs from the frame of the objective by a small rotation about the tangent,
+the twist. It equals the solid angle between the tangents of both paths. The twist is corrected
+evenly from segment to segment of the objective.
 """
 
 from __future__ import annotations
@@ -46,13 +47,14 @@ if TYPE_CHECKING:
 NO_TWIST = 1e-12
 # Largest turn of an arc along which a twist is corrected by one constant rate [rad].
 MAX_TURN = 0.1
-# Fractions of the angular tolerance that the smooth arc lengths and the blends may use. Their
-# errors do not add up: at the vertices, in the middle of blends, the smooth arc lengths are exact.
+# Fractions of the angular tolerance that the smooth arc lengths and the blends may use. Both errors
+# do not add up, because the smooth arc lengths are exact at the vertices, in the middle of blends.
 PLACES, BLENDS = 0.5, 0.95
-# Smallest and largest angular error of the smooth arc lengths, and that without a tolerance [rad].
+# Smallest and largest permitted angular error of the smooth arc lengths, and permitted error if no
+# tolerance is specified [rad].
 LEAST_ANGLE, MAX_ANGLE, SMALL_ANGLE = 1e-5, 1e-2, 1e-3
 # Factor by which blends outside the tolerance are shortened, and number of trials.
-SHORTER, TRIES = 0.8, 8
+SHORTENING, TRIES = 0.8, 8
 # Largest number of halvings between two knots of the smooth arc lengths.
 HALVINGS = 12
 
@@ -62,7 +64,7 @@ AnyPath = TypeVar("AnyPath", bound=Path)
 def orient_shaped(
     path: AnyPath, objective: Path, places: npt.ArrayLike, angular_tolerance: float | None = None
 ) -> tuple[AnyPath, float]:
-    """A path with the tool orientation of the objective path that it was made from.
+    """Apply the tool orientation of an objective path to a path that was shaped from it.
 
     A constant orientation is unchanged. An orientation that turns at constant rates is that of the
     corresponding point of the objective, except for blends at the vertices where its rate jumps. An
@@ -86,7 +88,7 @@ def orient_shaped(
 
     Raises:
         InvalidInput: The orientation needs an angular tolerance, or is rounded already; or the
-            places do not lead along both paths.
+            places do not run from start to end of both paths.
     """
     source = objective.orientation
     if source is None:
@@ -104,19 +106,19 @@ def orient_shaped(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Runs:
-    """The k longest parts of an objective with a constant angular rate."""
+    """The k runs of an objective, which are its parts between changes of the angular rate."""
 
-    objective_s: FloatArray  # Arc lengths of their ends on the objective [m], (k + 1,)
-    s: FloatArray  # Arc lengths of their ends on the path [m], (k + 1,)
-    segment: IntArray  # First segments on the objective, (k,)
-    starts: FloatArray  # Rotation matrices at their starts, (k, 3, 3)
+    objective_s: FloatArray  # Arc lengths on the objective between runs [m], (k + 1,)
+    s: FloatArray  # Arc lengths on the path between runs [m], (k + 1,)
+    segment: IntArray  # Index of the first objective segment of each run, (k,)
+    starts: FloatArray  # Rotation matrices at the starts of the runs, (k, 3, 3)
     rates: FloatArray  # Angular rates over the arc length of the objective [rad/m], (k, 3)
     # Angular speeds of the tool, or of its axis if only that is prescribed [rad/m], (k,)
     speeds: FloatArray
 
     @classmethod
     def from_path(cls, path: Path, objective: Path, pairs: FloatArray) -> _Runs:
-        """The runs of an objective that have a length on its path."""
+        """Runs of an objective, without runs whose length on the shaped path is zero."""
         orientation = objective.orientation
         assert orientation is not None
         size = np.linalg.norm(orientation.first, axis=1)
@@ -144,31 +146,33 @@ class _Runs:
 def _orient_smoothly(
     path: Path, objective: Path, pairs: FloatArray, allowed: float
 ) -> tuple[Orientation, float]:
-    """Orientation at smooth arc lengths with blends, and its largest error [rad]."""
+    """Orientation at smooth arc lengths with blends, and its largest angular error [rad]."""
     source = objective.orientation
     assert source is not None
     runs = _Runs.from_path(path, objective, pairs)
     near = float(np.clip(PLACES * allowed, LEAST_ANGLE, MAX_ANGLE))
     near = near if np.isfinite(allowed) else SMALL_ANGLE
-    mapping = _smooth_places(runs, pairs, near)
+    mapping = _smooth_arc_lengths(runs, pairs, near)
     cut = _blend_lengths(path, objective, runs, pairs, BLENDS * allowed)
     for _ in range(TRIES):
         orientation = _insert_blends(runs, mapping, cut, axis_only=source.axis_only)
         s = _refine(np.unique(np.concatenate([orientation.breaks, pairs[:, 1], runs.s])))
         targets = source(np.interp(s, pairs[:, 1], pairs[:, 0]))
         angles = turns_between(orientation(s), targets, axis_only=source.axis_only)
-        # Where the arc lengths change unevenly, the error of a blend can be larger than expected.
+        # Where the ratio of the arc lengths changes, a blend can exceed the tolerance; then it is
+        # shortened.
         bad = s[angles > allowed]
         vertex, away = _nearest(bad, runs.s[1:-1])
         long = np.unique(vertex[away < cut[vertex]])
         if not len(long):
             break
-        cut[long] *= SHORTER
+        cut[long] *= SHORTENING
     return orientation, float(angles.max())
 
 
-def _smooth_places(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpolator:
-    """Smooth arc length on the objective over that on the path, within an angular error."""
+def _smooth_arc_lengths(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpolator:
+    """Smooth function from arc length on the path to arc length on the objective."""
+    # `near`: largest angular error [rad] compared with the corresponding points.
     from scipy.interpolate import PchipInterpolator
 
     knots, values = runs.s, runs.objective_s
@@ -189,8 +193,8 @@ def _smooth_places(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpol
 def _blend_lengths(
     path: Path, objective: Path, runs: _Runs, pairs: FloatArray, allowed: float
 ) -> FloatArray:
-    """Lengths of the path that blends take on either side of vertices between runs [m], (k,)."""
-    # The length is 0 where the rate does not jump, or where the tool stops anyway.
+    """Length of the blend on either side of each vertex between runs [m], (k - 1,)."""
+    # The length is 0 where the rate does not jump, or where the tool stops at a corner.
     orientation = objective.orientation
     assert orientation is not None
     vertex = runs.segment[1:] - 1
@@ -207,7 +211,7 @@ def _blend_lengths(
     cut = np.minimum(s - ends[0], ends[1] - s)
     cut = np.minimum(cut, np.minimum(np.diff(runs.s)[:-1], np.diff(runs.s)[1:]) / 2)
     cut[orientation.jumps[vertex] > SAME_ORIENTATION] = 0.0
-    # Where the path has a corner, the tool stops anyway.
+    # At a corner of the path the tool stops, so no blend is needed.
     sharp, away = _nearest(path.breaks[1:-1][path.turns > TANGENT_TOLERANCE], s)
     cut[sharp[away <= REPEATED_POINT]] = 0.0
     return cut
@@ -216,7 +220,7 @@ def _blend_lengths(
 def _insert_blends(
     runs: _Runs, mapping: PchipInterpolator, cut: FloatArray, *, axis_only: bool
 ) -> Orientation:
-    """The orientation at smooth arc lengths, with blends."""
+    """Orientation at the smooth arc lengths `mapping`, with blends of half length `cut`."""
     blended = np.flatnonzero(cut > 0)
     low, high = runs.s[1:-1][blended] - cut[blended], runs.s[1:-1][blended] + cut[blended]
     knots = mapping.x
@@ -224,7 +228,7 @@ def _insert_blends(
     inside = (window >= 0) & (knots < np.append(high, -np.inf)[window])
     inside[[0, -1]] = False
     breaks = np.unique(np.concatenate([knots[~inside], low, high]))
-    # Blends of neighbours may share an end, up to rounding.
+    # Neighbouring blends can share an end, except for rounding errors.
     breaks = breaks[np.append(True, np.diff(breaks) > SLIVER)]
     breaks[-1] = knots[-1]
     begin, end = breaks[:-1], breaks[1:]
@@ -235,7 +239,8 @@ def _insert_blends(
     f[:, 0] -= runs.objective_s[run]
     first, second, starts = runs.rates[run], np.zeros((len(begin), 3)), runs.starts[run]
     i = np.searchsorted(breaks, low + cut[blended], side="right") - 1
-    # The rate before a vertex fades out from the start of the blend, and the rate after it sets in.
+    # Along a blend, the rate before the vertex decreases to zero, and the rate after the vertex
+    # rises from zero.
     vertex_s, none, width = runs.objective_s[1:-1][blended], np.zeros(len(i)), end[i] - begin[i]
     f[i] = fit_cubics(width, (mapping(begin[i]) - vertex_s, mapping(begin[i], 1)), (none, none))
     g[i] = fit_cubics(width, (none, none), (mapping(end[i]) - vertex_s, mapping(end[i], 1)))
@@ -247,14 +252,15 @@ def _insert_blends(
 
 
 def _refine(s: FloatArray) -> FloatArray:
-    """Arc lengths with three more between neighbours [m]."""
+    """Arc lengths with three values inserted between neighbours [m]."""
     share = np.arange(4) / 4
     inner = s[:-1, None] + share * np.diff(s)[:, None]
     return np.append(inner.ravel(), s[-1])
 
 
 def _nearest(s: FloatArray, marks: FloatArray) -> tuple[IntArray, FloatArray]:
-    """The nearest of some increasing marks for each arc length, and its distance [m]."""
+    """Index of the nearest of increasing marks for each arc length, and its distance [m]."""
+    # Both arrays are empty if there are no marks.
     if not len(marks):
         return np.zeros(0, dtype=np.intp), np.zeros(0)
     i = np.searchsorted((marks[1:] + marks[:-1]) / 2, s)
@@ -264,22 +270,23 @@ def _nearest(s: FloatArray, marks: FloatArray) -> tuple[IntArray, FloatArray]:
 def _follow_tangent(
     path: Path, objective: Path, pairs: FloatArray, allowed: float
 ) -> tuple[Orientation, float]:
-    """Orientation that follows the tangent of the path, and its largest error [rad]."""
+    """Orientation that follows the tangent of the path, and its largest angular error [rad]."""
     source = objective.orientation
     assert source is not None
     begin = shortest(objective.tangents[:1], path.tangents[:1])
     carried = carry_frame(
         path.segments, (exp(begin) @ source.starts[:1])[0], axis_only=source.axis_only
     )
-    # Twist at the middles of the objective's segments, against their frames with the least tilt.
+    # Twist at the middle of each objective segment: rotation about the tangent from the carried
+    # frame to the objective's frame, which the shortest rotation tilts to the path's tangent.
     middle = (objective.breaks[:-1] + objective.breaks[1:]) / 2
     s = np.interp(middle, pairs[:, 0], pairs[:, 1])
     tangents = path.segments.evaluate(*_locate(path, s), 1)
     tilt = exp(shortest(objective.segments.evaluate(*_locate(objective, middle), 1), tangents))
-    twist = np.sum(log(tilt @ source(middle) @ _transposed(carried(s))) * tangents, axis=1)
+    twist = np.sum(log(tilt @ source(middle) @ _transpose(carried(s))) * tangents, axis=1)
     deviation = 0.0
     if np.abs(twist).max() > NO_TWIST:
-        # At the start there is none.
+        # The twist is zero at the start.
         knots, twists = np.append(0.0, s), np.unwrap(np.append(0.0, twist))
         carried, deviation = _apply_twist(path, carried, knots, twists)
     orientation, angles = blend_kinks(carried, largest_cuts(carried, allowed))
@@ -289,14 +296,14 @@ def _follow_tangent(
 def _apply_twist(
     path: Path, carried: Orientation, s: FloatArray, twist: FloatArray
 ) -> tuple[Orientation, float]:
-    """The orientation turned about the path's tangent by a twist, and its largest error [rad]."""
-    # The twist is linear between arc lengths. Each piece gets the constant rate from its start to
-    # its end; long arcs become several pieces.
+    """Rotate an orientation about the path's tangent; also returns the largest error [rad]."""
+    # `twist`: angles at arc lengths `s`, linear between them [rad], (n,). Each piece has the
+    # constant rate that connects its start and its end; long arcs are divided into several pieces.
     deviations = np.abs(s - path.breaks[np.stack([path.locate(s), path.locate(s) + 1])]).min(axis=0)
     cuts = np.union1d(path.breaks, s[deviations > REPEATED_POINT])
     whole = path.locate((cuts[:-1] + cuts[1:]) / 2)
     first, last = cuts[:-1] - path.breaks[whole], cuts[1:] - path.breaks[whole]
-    # On tiny arcs a difference of arc lengths has too few digits.
+    # On tiny arcs, a difference of arc lengths has too few significant digits.
     last = np.where(cuts[1:] == path.breaks[whole + 1], path.lengths[whole], last)
     count = np.ceil(path.curvatures[whole] * (last - first) / MAX_TURN).astype(np.intp).clip(1)
     part, k = number_parts(count)
@@ -308,20 +315,20 @@ def _apply_twist(
         for x in u
     )
     lengths = u[2] - u[0]
-    rates = log(end @ _transposed(begin)) / lengths[:, None]
+    rates = log(end @ _transpose(begin)) / lengths[:, None]
     twisted = Orientation.even(
         lengths, begin, rates, axis_only=carried.axis_only, follows=carried.follows
     )
-    deviations = log(twisted.on_piece(np.arange(len(i)), lengths / 2) @ _transposed(middle))
+    deviations = log(twisted.on_piece(np.arange(len(i)), lengths / 2) @ _transpose(middle))
     return twisted, float(np.linalg.norm(deviations, axis=1).max())
 
 
 def _locate(path: Path, s: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Segments and distances along them of arc lengths."""
+    """Index of the segment at each arc length, and the distance along this segment [m]."""
     i = path.locate(s)
     return i, s - path.breaks[i]
 
 
-def _transposed(rotations: FloatArray) -> FloatArray:
-    """Inverse rotations, (n, 3, 3)."""
+def _transpose(rotations: FloatArray) -> FloatArray:
+    """Transposed, that is inverse, rotation matrices, (n, 3, 3)."""
     return np.swapaxes(rotations, 1, 2)

@@ -19,7 +19,7 @@ from armcontour.core.render import number
 from armcontour.core.text import count_noun, format_table, short_repr
 from armcontour.geometry.path import Path, check_arc_length
 
-# Name of the duration of the shaped path, next to those of its starts.
+# Key of the duration of the shaped path in `ShapingOutcome.durations`.
 SHAPED = "shaped"
 # Number of evenly spaced points at which the distance from the objective is evaluated.
 PLACES = 15_000
@@ -36,10 +36,10 @@ class ShapingOutcome(Checked):
         durations: Least durations of all starts by their names, and of the path itself as "shaped"
             [s].
         history: Least duration after each iteration, the first before any [s], (iterations + 1,).
-        note: Reason for the shape of a start, one clause; None if a search was made.
+        note: Reason why the path has the shape of a start, one clause; None after a search.
         joints: Joint positions at the start of the program with this path, near which an arm in
             space has these durations [rad]; None for the default configuration.
-        unfinished: Whether the search ended early, because a smaller tolerance takes more steps.
+        unfinished: Whether the search ended early, because the tolerance needs too many nodes.
     """
 
     start: str
@@ -113,7 +113,7 @@ class ShapedPath(Path):
     zone: float | None = None
     outcome: ShapingOutcome = field(repr=False)
     curve: SmoothCurve | None = field(default=None, repr=False)
-    # The quintic of the curve that each segment belongs to, (n,).
+    # Index of the quintic of the curve to which each segment belongs, (n,).
     _piece: IntArray = field(init=False, repr=False)
 
     def _check_together(self) -> None:
@@ -129,7 +129,7 @@ class ShapedPath(Path):
 
     @cached_property
     def deviation(self) -> float:
-        """Largest distance from the corresponding points of the objective, of 15,000 [m]."""
+        """Largest distance from corresponding points of the objective, at 15,000 points [m]."""
         s = np.union1d(np.linspace(0.0, self.length, PLACES), self.places[:, 1])
         points = self.objective(np.interp(s, self.places[:, 1], self.places[:, 0]))
         return float(np.linalg.norm(self(s) - points, axis=1).max())
@@ -142,7 +142,7 @@ class ShapedPath(Path):
             [
                 ("tolerance", number(self.tolerance, "m")),
                 (
-                    "off the vertices",
+                    "tolerance outside the zones",
                     "" if self.line_tolerance is None else number(self.line_tolerance, "m"),
                 ),
                 ("shortest durations", ", ".join(f"{k} {x:.4g} s" for k, x in durations.items())),
@@ -185,7 +185,7 @@ class ShapedPath(Path):
 
 
 def describe_unfinished(paths: Iterable[Path]) -> list[str]:
-    """A sentence on paths whose search for a shape ended early; empty without such paths."""
+    """Message on paths whose search for a shape ended early, a list; empty without such paths."""
     shaped = [x for x in paths if isinstance(x, ShapedPath)]
     early = [x for x in shaped if x.outcome.unfinished]
     if not early:
@@ -193,23 +193,23 @@ def describe_unfinished(paths: Iterable[Path]) -> list[str]:
     subject = f" of {count_noun(len(early), 'contour')}" if len(shaped) > 1 else ""
     return [
         f"the search for the shape{subject} ended early, because a tolerance of "
-        f"{number(early[0].tolerance, 'm')} needs too many nodes. The path is the fastest until "
-        "then. A larger tolerance lets the search finish, and rounded corners need no search."
+        f"{number(early[0].tolerance, 'm')} needs too many nodes. The path is the fastest one "
+        "found until then. Specify a larger tolerance, or round the corners, which needs no search."
     ]
 
 
 def check_correspondence(places: npt.ArrayLike, objective: Path, path: Path) -> FloatArray:
-    """Corresponding arc lengths, locked, after a check that they cover both paths."""
-    # `places`: arc lengths on the objective and on the path [m], (n, 2); `path`: A path that was
-    # made from it.
+    """Read-only corresponding arc lengths; raise InvalidInput if they do not cover both paths."""
+    # `places`: arc lengths on the objective and on the path [m], (n, 2); `path`: a path that was
+    # made from the objective.
     pairs = checks.frozen_array(places)
     ends = np.array([[0.0, 0.0], [objective.length, path.length]])
     near = 1e-9 * (1 + ends[1])
     if pairs.ndim != 2 or not pairs.size or (np.abs(pairs[[0, -1]] - ends) > near).any():
         raise InvalidInput(
-            "places of a shaped path, corresponding arc lengths, must lead from its start to its "
-            "end."
+            "places of a shaped path (corresponding arc lengths) must run from the start to the "
+            "end of both paths."
         )
     if (np.diff(pairs, axis=0) < 0).any():
-        raise InvalidInput("places of a shaped path, corresponding arc lengths, must not decrease.")
+        raise InvalidInput("places of a shaped path (corresponding arc lengths) must not decrease.")
     return pairs

@@ -11,22 +11,21 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import angle_between
 from armcontour.core.quintics import solve_banded
 
-# Range of the weight of smoothness for unit distance of waypoints, bisected on a logarithmic scale
-# in this number of steps. With the largest weight the tool turns evenly.
+# Range of the weight of smoothness for unit distance of waypoints, and number of bisections on a
+# logarithmic scale. With the largest weight the tool turns evenly.
 WEAKEST, STRONGEST, BISECTIONS = 1e-6, 1e14, 40
-# Ends with a smaller distance, and axes with a smaller difference, are equal [m or 1].
+# End points closer than this [m], and axes that differ by less than this [1], count as equal.
 SAME = 1e-9
 
 
 def smooth_axes(points: npt.ArrayLike, axes: npt.ArrayLike, tolerance: float) -> FloatArray:
-    """Directions that turn as smoothly as possible within an angle of the specified directions."""
+    """Unit vectors that turn smoothly within an angle of the specified directions, (n, 3)."""
     # A smoothing spline minimizes the squared changes of the directions plus, with a weight, their
     # squared second derivatives along the points. The weight is the largest with which every
     # direction is within the tolerance. A closed path stays closed.
     # `points`: points of a path, which differ from their neighbours [m], (n, dimension); `axes`:
-    # directions at the points, (n, 3); `tolerance`: largest angle between a direction and the
-    # specified one [rad].
-    # Returns unit vectors, (n, 3).
+    # specified directions at the points, (n, 3); `tolerance`: largest angle between a resulting and
+    # the specified direction [rad].
     positions, directions = (
         checks.check_numbers("points", points),
         checks.check_numbers("axes", axes),
@@ -37,13 +36,16 @@ def smooth_axes(points: npt.ArrayLike, axes: npt.ArrayLike, tolerance: float) ->
         np.linalg.norm(directions, axis=1),
     )
     if not (steps > 0).all() or not (size > 0).all():
-        raise InvalidInput("Smooth axes need points that differ, and directions with a length.")
+        raise InvalidInput(
+            "Smooth axes need neighbouring points that differ, and directions that are not zero."
+        )
     unit: FloatArray = np.asarray(directions / size[:, None])
     if len(positions) < 3 or tolerance == 0:
         return unit
     ends = np.linalg.norm(positions[-1] - positions[0]), np.linalg.norm(unit[-1] - unit[0])
     closed = max(ends) <= SAME
-    # Three rounds; the ends have no influence on the middle one.
+    # A closed path is repeated three times, because the ends then have no influence on the middle
+    # round.
     s = np.append(0.0, np.cumsum(np.tile(steps, 3) if closed else steps)) / steps.mean()
     rounds = np.concatenate([np.tile(unit[:-1], (3, 1)), unit[:1]]) if closed else unit
     first = len(steps) if closed else 0

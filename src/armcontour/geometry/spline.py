@@ -14,12 +14,13 @@ from armcontour.geometry.segments import REPEATED_POINT, Segments
 
 # Fractions of a piece at which its transition is compared with the spline; nodes and weights of the
 # integration of arc length between two of them.
-PLACES = np.linspace(0, 1, 17)
+SAMPLES = np.linspace(0, 1, 17)
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
-# Fraction of the tolerance and of the unevenness allowed there, because both are slightly larger
-# between these fractions.
-SHARE = 0.9
-# Largest number of pieces; more raise an error because the tolerance is too small for the spline.
+# Fraction of the tolerance and of `UNEVEN` that is allowed at these samples, because both errors
+# are slightly larger between samples.
+TOLERANCE_SHARE = 0.9
+# Largest number of pieces. If a spline needs more, an error reports that its tolerance is too
+# small.
 MAX_PIECES = 500_000
 
 
@@ -39,14 +40,16 @@ def fit_spline(
     from scipy.interpolate import CubicSpline
 
     if closed and np.linalg.norm(points[-1] - points[0]) > REPEATED_POINT:
-        raise InvalidInput("A closed spline must end at its first point: repeat it at the end.")
+        raise InvalidInput(
+            "A closed spline must end at its first point. Repeat the first point at the end."
+        )
     if closed:
         points = np.concatenate([points[:-1], points[:1]])
     parameters = np.concatenate([[0.0], np.cumsum(length(np.diff(points, axis=0)))])
     if not (np.diff(parameters) > 0).all():
         raise InvalidInput(
-            f"Points of a spline have coordinates up to {np.abs(points).max():g} m, so rounding "
-            "loses the distances between others: check their units."
+            f"Points of a spline have coordinates up to {np.abs(points).max():g} m, so distances "
+            "between neighbouring points are lost to rounding. Check the units of the points."
         )
     curve = CubicSpline(parameters, points, bc_type="periodic" if closed else ends)
     powers = np.diff(parameters)[:, None, None] ** np.arange(4)[:, None]
@@ -60,26 +63,26 @@ def fit_spline(
 
 
 def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Cut cubics in halves until a transition follows each part."""
-    # Returns coefficients and arc lengths [m] of the parts, and their starts as index of the cubic
-    # plus fraction.
+    """Halve cubics until a transition approximates each part within the tolerance."""
+    # Returns the coefficients and arc lengths [m] of the parts, and the start of each part as index
+    # of the cubic plus fraction.
     begin, size = np.arange(len(cubics), dtype=np.float64), 1.0
     done: list[tuple[FloatArray, FloatArray, FloatArray]] = []
     count = 0
     while len(cubics):
-        lengths, good = _follow(cubics, tolerance)
+        lengths, good = _test_transitions(cubics, tolerance)
         count += len(cubics)
         stuck = ~good & (lengths <= REPEATED_POINT)
         if stuck.any():
             point = tuple(np.round(cubics[stuck, 0][0], 6).tolist())
             raise InvalidInput(
-                f"The spline turns back on the spot near {point} m: move the points apart, or "
+                f"The spline turns back on the spot near {point} m. Move the points apart, or "
                 "split the spline there."
             )
         if count > MAX_PIECES:
             raise InvalidInput(
-                f"A spline would need more than {MAX_PIECES} segments to be within "
-                f"{tolerance:g} m: give it a larger tolerance."
+                f"A spline would need more than {MAX_PIECES} segments for its tolerance of "
+                f"{tolerance:g} m. Specify a larger tolerance."
             )
         done.append((cubics[good], lengths[good], begin[good]))
         halved, begin, size = np.repeat(cubics[~good], 2, axis=0), begin[~good], size / 2
@@ -91,21 +94,23 @@ def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray
     return cubics[order], lengths[order], begin[order]
 
 
-def _follow(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, BoolArray]:
-    """Arc lengths of cubics [m], and the mask of cubics that transitions follow closely enough."""
-    x = (PLACES[:-1, None] + np.diff(PLACES)[:, None] * (NODES + 1) / 2).ravel()
+def _test_transitions(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, BoolArray]:
+    """Arc lengths of cubics [m], and the mask of cubics that one transition can approximate."""
+    x = (SAMPLES[:-1, None] + np.diff(SAMPLES)[:, None] * (NODES + 1) / 2).ravel()
     speed = length(_evaluate(cubics, x, 1)).reshape(len(cubics), -1, len(NODES))
-    steps = speed @ WEIGHTS / 2 * np.diff(PLACES)
+    steps = speed @ WEIGHTS / 2 * np.diff(SAMPLES)
     s = np.concatenate([np.zeros((len(cubics), 1)), np.cumsum(steps, axis=1)], axis=1)
     lengths = s[:, -1]
     start, end = _contact(cubics, 0.0), _contact(cubics, 1.0)
     rise = cubics[:, 1:].sum(axis=1)
     quintics = join_by_quintics((0 * rise, *start), (rise, *end), lengths).quintics
     y = (s / lengths[:, None])[..., None] ** np.arange(6)
-    deviations = length(y @ quintics - (_evaluate(cubics, PLACES, 0) - cubics[:, :1]))
+    deviations = length(y @ quintics - (_evaluate(cubics, SAMPLES, 0) - cubics[:, :1]))
     rate = (y[..., :-1] @ (quintics[:, 1:] * np.arange(1, 6)[:, None])) / lengths[:, None, None]
     uneven = np.abs(length(rate) - 1)
-    return lengths, np.maximum(deviations / tolerance, uneven / UNEVEN).max(axis=1) <= SHARE
+    return lengths, np.maximum(deviations / tolerance, uneven / UNEVEN).max(
+        axis=1
+    ) <= TOLERANCE_SHARE
 
 
 def _contact(cubics: FloatArray, x: float) -> tuple[FloatArray, FloatArray]:

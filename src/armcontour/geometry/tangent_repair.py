@@ -17,9 +17,10 @@ from armcontour.geometry.segments import EVERY, REPEATED_POINT, TANGENT_TOLERANC
 
 # Largest turn of a repaired vertex [rad]; larger turns are corners.
 LARGEST_KINK = 0.05
-# Fractions of the blends of a closing vertex at which they are compared with the path.
+# Fractions of the blends at the closing vertex of a closed path at which they are compared with the
+# path.
 SHARES = np.linspace(0.0, 1.0, 9)
-ALL = np.zeros(len(SHARES), dtype=np.intp)
+FIRST_ROWS = np.zeros(len(SHARES), dtype=np.intp)
 # Largest number of halvings of these blends before the closing vertex stays unchanged.
 MAX_HALVINGS = 20
 
@@ -29,14 +30,14 @@ class RepairedPath:
     """A path with repaired vertices."""
 
     path: Path
-    before: FloatArray  # Arc lengths on the path before [m], increasing, (n,)
-    after: FloatArray  # The arc lengths on this path that correspond to them [m], (n,)
-    count: int
-    kink: float  # Largest turn at one of them [rad]
+    before: FloatArray  # Arc lengths on the path before the repair [m], increasing, (n,)
+    after: FloatArray  # Corresponding arc lengths on the repaired path [m], (n,)
+    count: int  # Number of repaired vertices
+    kink: float  # Largest turn of a repaired vertex before the repair [rad]
     deviation: float  # Largest distance between both paths [m]
 
     def place(self, s: npt.ArrayLike) -> FloatArray:
-        """Arc lengths on this path for arc lengths on the path before [m]."""
+        """Arc lengths on the repaired path that correspond to arc lengths before the repair [m]."""
         return np.asarray(np.interp(np.asarray(s, dtype=np.float64), self.before, self.after))
 
 
@@ -44,10 +45,11 @@ def repair_tangents(
     path: Path, tolerance: float, deviation_limit: float = np.inf
 ) -> RepairedPath | None:
     """Make almost tangent vertices exactly tangent; None without such vertices."""
-    # A vertex is almost tangent if small movements of points explain its turn. Moving both ends of
-    # a line by a distance turns it by up to twice the distance over its length, the ends of an arc
-    # over its length or radius. At most half of each segment changes per vertex. Vertices next to a
-    # segment with tolerance 0 stay. On a closed path the point at which it closes stays.
+    # A vertex is almost tangent if small movements of points explain its turn. If both ends of a
+    # line move by a distance, the line turns by up to twice the distance divided by its length; for
+    # an arc, divided by its length or radius. At most half of each segment changes per vertex.
+    # Vertices next to a segment with tolerance 0 do not change. The closing point of a closed path
+    # does not move.
     # `tolerance`: largest movement of points, and largest distance between both paths [m];
     # `deviation_limit`: largest distance between both paths [m], if it is less.
     rows, turns = path.segments, path.turns
@@ -91,7 +93,8 @@ def repair_tangents(
 
 def _repair_closure(path: Path, largest_turn: float, allowed: float) -> RepairedPath | None:
     """Replace both ends of a closed path by two arcs each, which are tangent where it closes."""
-    # Their lengths start at half of a segment and are halved until the distance is allowed.
+    # The replaced length starts at half of the shorter segment, and is halved until the deviation
+    # is within the tolerance. Returns None if the path has no such vertex, or if this fails.
     rows = path.segments
     first, last = rows[:1], rows[-1:]
     kink = float(angle_between(last.end_tangents, first.tangents)[0])
@@ -114,7 +117,7 @@ def _repair_closure(path: Path, largest_turn: float, allowed: float) -> Repaired
             last.evaluate(EVERY, begin), last.evaluate(EVERY, begin, 1), last.ends, middle
         )
         deviation = max(
-            float(biarc_distance(row.evaluate(ALL, start + size * SHARES)[None], *arcs)[0])
+            float(biarc_distance(row.evaluate(FIRST_ROWS, start + size * SHARES)[None], *arcs)[0])
             for row, start, arcs in ((first, 0.0, leaving), (last, begin, arriving))
         )
         if deviation <= allowed:

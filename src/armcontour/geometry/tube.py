@@ -2,13 +2,13 @@
 
 A path satisfies its tolerance if each of its points is within the tolerance of the part of the
 objective within `reach` of the point's corresponding arc length, and if each corner of the
-objective is within the tolerance of its part of the path. The parts are local, so the path cannot
-switch to a crossing line or to a neighbouring pass.
+objective is within the tolerance of its part of the path. The parts are local, so a path that
+switches to a crossing line or to a neighbouring pass violates the tolerance.
 
 The proof. A part of a path segment with curvature k and length l, and a part of an objective piece
 with curvature k' and length l', are both passed evenly while t runs from 0 to 1. The difference D
-of their points has D'' = k l² n - k' l'² n', where n and n' are the unit normals. The linear
-interpolation of D misses it by |D''| / 8 at most, so that
+of their points has D'' = k l² n - k' l'² n', where n and n' are the unit normals. D differs from
+its linear interpolation by at most max |D''| / 8, so
 
     |D(t)| <= max(|D(0)|, |D(1)|) + max |D''| / 8
     |D''|  <= |k l² - k' l'²| + min(k l², k' l'²) max |n - n'|
@@ -39,8 +39,8 @@ from armcontour.geometry.projection import pack_segments, pad_to_space
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
 from armcontour.geometry.shaped_path import check_correspondence
 
-# Rounding errors of distances and places, in metres plus the same fraction of the path's size:
-# tolerances and reach may be exceeded by this.
+# Rounding errors of distances and arc lengths, in metres plus the same fraction of the path's size.
+# Tolerances and reach may be exceeded by this value.
 SLACK = 1e-12
 
 
@@ -105,8 +105,8 @@ class Tube(Checked):
         rows[:, 11] = self.breaks[:-1]
         # Points beyond the end of a piece with a larger tolerance belong to its neighbour.
         step = np.diff(self.tolerance)
-        given_up = np.stack([np.append(False, step > 0), np.append(step < 0, False)], axis=1)
-        object.__setattr__(self, "_pieces", (rows, np.array(self.tolerance), given_up))
+        excluded_ends = np.stack([np.append(False, step > 0), np.append(step < 0, False)], axis=1)
+        object.__setattr__(self, "_pieces", (rows, np.array(self.tolerance), excluded_ends))
 
     @classmethod
     def around(
@@ -123,12 +123,12 @@ class Tube(Checked):
 
         Args:
             objective: The objective path.
-            tolerance: Largest distance [m]: one number, or one per vertex between segments, each of
-                which holds up to the middle to the next vertex.
+            tolerance: Largest distance [m]: one number, or one per vertex between segments. The
+                tolerance of a vertex applies up to the middle between it and the next vertex.
             line_tolerance: Largest distance outside the zones of the corners [m]; by default the
                 same.
             zone: Distance from a corner along the objective within which the tolerance of the
-                nearest corner holds [m].
+                nearest corner applies [m].
 
         Raises:
             InvalidInput: A tolerance is negative or not a number, their number is wrong, or only
@@ -141,7 +141,7 @@ class Tube(Checked):
             checks.positive("zone", zone, "m")
         values = checks.per_vertex("tolerance", tolerance, len(objective) - 1, "m")
         corner = np.flatnonzero(objective.turns > TANGENT_TOLERANCE)
-        # The vertices around which their tolerances hold.
+        # Vertices whose tolerances apply: all, or with zones only the corners.
         centre = np.arange(len(values)) if zone is None else corner
         centre_s = objective.breaks[1:-1][centre]
         middles = (centre_s[1:] + centre_s[:-1]) / 2
@@ -203,7 +203,7 @@ class Tube(Checked):
     def margin(self, points: FloatArray, windows: IntArray) -> FloatArray:
         """Remaining distance to the boundary of the tube, below 0 outside [m], (n,)."""
         # `points`: the points [m], (n, dimension); `windows`: first and last piece of each point's
-        # part, as from `windows`, (n, 2). The piece with the largest margin counts.
+        # part, as from `windows`, (n, 2). The margin is the largest one of these pieces.
         from armcontour.geometry.kernels import TubePieces, find_excess
 
         everywhere = np.tile([-np.inf, np.inf], (len(points), 1))
@@ -232,14 +232,15 @@ class Tube(Checked):
 
         if path.dimension != self.objective.dimension:
             raise InvalidInput(
-                f"The path has {path.dimension} coordinates, its objective has "
-                f"{self.objective.dimension}."
+                f"The path and its objective must have the same number of coordinates, but have "
+                f"{path.dimension} and {self.objective.dimension}."
             )
         _check_no_transitions(path.segments)
         pairs = check_correspondence(places, self.objective, path)
         size = max(float(np.abs(self.objective.segments.extent).max()), self.breaks[-1])
         slack = SLACK * (1 + float(size))
-        # An arc length that rounding puts beyond the end of its piece still belongs to the piece.
+        # The reach includes rounding errors, so an arc length slightly beyond the end of its piece
+        # still belongs to the piece.
         reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64) + slack, len(pairs))
         segment, parts = self._parts(path, pairs, reaches)
         centre, around = parts[:, 1::3], parts[:, 2::3]
@@ -274,14 +275,14 @@ class Tube(Checked):
     def _parts(
         self, path: Path, pairs: FloatArray, reach: FloatArray
     ) -> tuple[IntArray, FloatArray]:
-        """Parts of a path with linear arc lengths and reach, as `bound_excess` takes them."""
+        """Parts of a path with linear objective arc length and reach, for `bound_excess`."""
         objective_s, along = pairs[:, 0], pairs[:, 1]
         crossed = np.interp(self.breaks, objective_s, along)
         cuts = np.unique(np.clip(np.concatenate([path.breaks, along, crossed]), 0, path.length))
         low, high = cuts[:-1], cuts[1:]
         middle = (low + high) / 2
         segment = path.locate(middle)
-        # Where the arc length on the objective jumps, each part takes the value on its side.
+        # Where the arc length on the objective jumps, each part has the value of its own side.
         k = np.clip(np.searchsorted(along, middle, side="right") - 1, 0, len(along) - 2)
         ends = []
         for s in (low, high):
@@ -320,10 +321,10 @@ def _nearest_in_range(
 
 def _check_no_transitions(segments: Segments) -> None:
     """Raise InvalidInput for a transition, because the proof holds for lines and arcs only."""
-    if segments.bent.any():
-        i = int(np.argmax(segments.bent))
+    if segments.is_transition.any():
+        i = int(np.argmax(segments.is_transition))
         raise InvalidInput(
             f"Segment {i + 1} is a transition between curvatures, but a tube supports lines and "
-            "arcs only: shape the path before its curvature is smoothed.",
+            "arcs only. Shape the path before you smooth its curvature.",
             index=i,
         )

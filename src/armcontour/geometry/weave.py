@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
@@ -11,14 +11,12 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import checked
+from armcontour.core.fields import Checked
 from armcontour.core.frames import log
 from armcontour.core.quantities import (
-    Axes,
     Choice,
     Duration,
     Frequency,
-    Quantity,
     Size,
     Speed,
     Tolerance,
@@ -29,93 +27,113 @@ from armcontour.geometry.path_parts import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
 
 SHAPES = ("sine", "zigzag")
+# Names of the directions to which a weave can be perpendicular, in addition to its seam.
+PLANES = ("tool", "frame")
 UP = checks.frozen_array([0.0, 0.0, 1.0])
 # Initial number of points of a sine per pitch, largest number of doublings, and largest number of
 # points.
 SAMPLES, MAX_DOUBLINGS, MAX_POINTS = 64, 6, 2_000_000
-# Smallest sine of the angle between the tool axis and the tangent; below it a seam has no sides.
+# Smallest sine of the angle between the tool axis and the tangent. Below it, the direction of the
+# weave is undefined.
 PARALLEL = 1e-6
-# Fractions between two samples at which a sine is compared with its spline.
-BETWEEN = np.array([0.25, 0.5, 0.75])
-# A vertex is a corner of the seam if it turns by more than the first angle [rad], or by more than
-# the second angle and by this factor more than both neighbours; others are waypoints of a smooth
+# Fractions between two samples at which the sine is compared with its spline.
+TEST_FRACTIONS = np.array([0.25, 0.5, 0.75])
+# A vertex is a corner of the seam if its turn exceeds CORNER [rad], or exceeds both SMALL_CORNER
+# [rad] and CORNER_RATIO times the turns of its neighbours. Other vertices are waypoints of a smooth
 # seam.
-CORNER, BEND, TIMES = np.radians(30.0), np.radians(5.0), 3.0
-# Waypoints with a distance below this fraction of the pitch are removed if the smooth seam stays
-# within this fraction of the width of them.
-THIN, CLOSE = 0.25, 0.005
+CORNER, SMALL_CORNER, CORNER_RATIO = np.radians(30.0), np.radians(5.0), 3.0
+# Waypoints closer than CLOSE_WAYPOINTS times the pitch are removed if the smooth seam deviates from
+# them by at most SEAM_DEVIATION times the width.
+CLOSE_WAYPOINTS, SEAM_DEVIATION = 0.25, 0.005
 # Largest turn of an arc between two waypoints [rad].
-TURN = np.radians(10.0)
-# Relative rounding errors of lengths.
+MAX_TURN = np.radians(10.0)
+# Relative rounding error of lengths.
 ROUNDING = 1e-12
 # Largest share of the pitch for both dwells of a wave.
 MAX_DWELL = 0.8
 
 
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weave(Checked):
+    """Weaving to both sides of a seam, perpendicular to the seam and to the tool axis.
+
+    Args:
+        width: Distance between the crests on both sides [m].
+        pitch: Length of the seam per wave [m]; specify this or the frequency.
+        frequency: Waves per second at the assigned velocity [1/s].
+        dwell: Time at each edge, during which the tool moves along the seam at its assigned
+            velocity [s].
+        speed: Assigned velocity along the seam [m/s]; by default that of the contour.
+        plane: "tool" weaves perpendicular to the tool axis, "frame" perpendicular to `up` of the
+            process, which is z of `path.frame`.
+        shape: "sine", or "zigzag": lines from crest to crest with rounded corners.
+        tolerance: Largest distance of the arcs from the sine [m].
+    """
+
+    width: Size = field(kw_only=False)
+    pitch: Size | None = None
+    frequency: Frequency | None = None
+    dwell: Duration = 0.0
+    speed: Speed | None = None
+    shape: Annotated[str, Choice(SHAPES)] = "sine"
+    plane: Annotated[str, Choice(PLANES)] = "tool"
+    tolerance: Tolerance = 1e-5
+
+    def _check_together(self) -> None:
+        if (self.pitch is None) == (self.frequency is None):
+            raise InvalidInput("A weave needs either a pitch or a frequency, not both.")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Woven:
-    """Result of weaving along a seam."""
+    """Seam, crests and parameters of a woven path."""
 
     seam: Path
     crests: FloatArray  # Arc lengths of the seam at the crests that have the full width [m], (n,)
     width: float  # Distance between the crests on both sides [m]
     pitch: float  # Length of the seam per wave [m]
-    frequency: float  # Waves per second at the assigned velocity [1/s]; NaN without a single one
-    left_out: float  # Length of the seam in parts that are too short for the weave [m]
+    # Waves per second at the assigned velocity [1/s]; NaN if the velocity changes along the seam
+    frequency: float
+    left_out: float  # Total length of the parts of the seam that are too short for the weave [m]
 
 
-@checked
-def weave_seam(
-    path: Path,
-    *,
-    width: Size,  # Distance between the crests on both sides [m]
-    pitch: Size | None = None,  # Length of the seam per wave [m]; give this or the frequency
-    frequency: Frequency | None = None,
-    dwell: Duration = 0.0,
-    speed: Speed | None = None,
-    shape: Annotated[str, Choice(SHAPES)] = "sine",
-    up: Annotated[npt.ArrayLike, Quantity(""), Axes(3)] | None = None,
-    tolerance: Tolerance = 1e-5,  # Largest distance of the arcs from the sine [m]
-) -> tuple[Path, Woven]:
-    """The path that weaves along a seam, perpendicular to the seam and to the tool axis."""
+def weave_seam(path: Path, weave: Weave, up: FloatArray = UP) -> tuple[Path, Woven]:
+    """Path that weaves perpendicular to a seam and to the tool axis, and its parameters."""
     # Vertices that turn by no more than 30° are waypoints of a smooth seam, a spline through them,
     # unless a vertex turns by more than 5° and three times as much as both of its neighbours. All
-    # others are corners. Each part between two corners starts and ends on the seam: the amplitude
-    # of a sine grows within the first half pitch and fades in the last one, so the sine leaves and
-    # meets the seam along its tangent. A part of less than half a pitch is not woven. Speeds are
-    # along the seam: the assigned velocity of the woven path is greater by the ratio of the
-    # lengths, piece by piece. Tolerances, tags and the tool orientation are those of the seam.
-    # `frequency`: waves per second at the assigned velocity of the seam [1/s]; `dwell`: time at
-    # each edge, during which the tool moves along the seam at its assigned velocity [s]; `speed`:
-    # assigned velocity along the seam [m/s]; by default that of its segments; `shape`: "sine", as
-    # tangent arcs, or "zigzag", as lines from crest to crest; `up`: for a seam in space, the
-    # direction that weaving is perpendicular to, (3,). By default it is the tool axis, or z for a
-    # seam without orientation.
-    if speed is not None:
-        same = path.segments.replace(speeds=np.full(len(path), speed))
+    # others are corners. Each part between two corners starts and ends on the seam. The amplitude
+    # of a sine rises within the first half pitch and decays within the last one, so the sine is
+    # tangent to the seam at both ends. A part of less than half a pitch is not woven. Speeds are
+    # along the seam, so the assigned velocity of each piece of the woven path is greater by the
+    # ratio of the lengths. Tolerances, tags and the tool orientation are those of the seam.
+    # `up`: for a weave with the plane "frame", the direction that weaving is perpendicular to,
+    # (3,). With the plane "tool" and a seam in space without orientation, this direction is z.
+    if weave.speed is not None:
+        same = path.segments.replace(speeds=np.full(len(path), weave.speed))
         path = replace(path, segments=same)
-    pitch, edge = _pitch_and_edge(path, pitch, frequency, dwell)
+    pitch, edge = _pitch_and_edge(path, weave)
     direction = None
-    if up is not None:
+    if weave.plane == "frame":
         length = np.linalg.norm(up)
         checks.raise_if(length == 0, "up must be a direction in space.")
         direction = np.asarray(up) / length
     if path.length / pitch * SAMPLES > MAX_POINTS:
         raise InvalidInput(
             f"A weave with a pitch of {pitch * 1e3:.4g} mm has {path.length / pitch:.3g} waves on "
-            f"a seam of {path.length:.4g} m, more than {MAX_POINTS // SAMPLES}: take a longer "
-            "pitch."
+            f"a seam of {path.length:.4g} m, but at most {MAX_POINTS // SAMPLES} are supported. "
+            "Specify a longer pitch."
         )
     ends = [0.0, *path.breaks[1:-1][_corners(path)].tolist(), path.length]
     parts, seams, crests, left_out, done = [], [], [], 0.0, 0.0
     for begin, end in zip(ends[:-1], ends[1:], strict=True):
         part = path if len(ends) == 2 else cut_path(path, begin, end)
-        seam, matched_s = _smooth_seam(part, pitch, width)
+        seam, matched_s = _smooth_seam(part, pitch, weave.width)
         wave = _Wave(
             part=part,
             seam=seam,
             places=matched_s,
-            width=width,
+            width=weave.width,
             pitch=pitch,
             edge=edge,
             up=direction,
@@ -125,14 +143,14 @@ def weave_seam(
             left_out += part.length
             parts.append(part)
         else:
-            _check_radius(seam, width)
+            _check_radius(seam, weave.width)
             crests.append(done + wave.full_crests())
-            parts.append(_weave_part(wave, shape, tolerance))
+            parts.append(_weave_part(wave, weave.shape, weave.tolerance))
         done += seam.length
     if left_out >= 0.999 * path.length:
         raise InvalidInput(
             f"The seam of {path.length * 1e3:.4g} mm has no part between corners that is as long "
-            f"as half of the weave's pitch of {pitch * 1e3:.4g} mm, so nothing is woven: take a "
+            f"as half of the weave's pitch of {pitch * 1e3:.4g} mm, so nothing is woven. Specify a "
             "shorter pitch, or weave: null for this layer.",
             needed=pitch / 2,
             allowed=path.length,
@@ -141,7 +159,7 @@ def weave_seam(
     woven = Woven(
         seam=join_paths(seams),
         crests=np.concatenate(crests),
-        width=width,
+        width=weave.width,
         pitch=pitch,
         frequency=assigned / pitch,
         left_out=left_out,
@@ -149,18 +167,15 @@ def weave_seam(
     return join_paths(parts), woven
 
 
-def _pitch_and_edge(
-    path: Path, pitch: float | None, frequency: float | None, dwell: float
-) -> tuple[float, float]:
+def _pitch_and_edge(path: Path, weave: Weave) -> tuple[float, float]:
     """Lengths of the seam per wave and per dwell at an edge [m]."""
-    if (pitch is None) == (frequency is None):
-        raise InvalidInput("A weave needs either a pitch or a frequency.")
+    pitch, frequency, dwell = weave.pitch, weave.frequency, weave.dwell
     speed = float(path.speeds[0])
     if (frequency is not None or dwell) and not (path.speeds == speed).all():
         raise InvalidInput(
-            "A weave with a frequency or a dwell needs one assigned velocity along the whole seam "
-            "(weave: {speed: 6 mm/s}, or the velocity of its layer or file), because its waves are "
-            "counted over time."
+            "A weave with a frequency or a dwell needs one assigned velocity along the whole seam, "
+            "because its waves are defined over time. Specify the velocity in the weave, such as "
+            "weave: {speed: 6 mm/s}, or for the layer or file."
         )
     if frequency is not None:
         pitch = speed / frequency
@@ -169,8 +184,8 @@ def _pitch_and_edge(
     if 2 * edge > MAX_DWELL * pitch:
         raise InvalidInput(
             f"Two dwells of {dwell:.4g} s take {2e3 * edge:.4g} mm of the weave's pitch of "
-            f"{pitch * 1e3:.4g} mm at {speed * 1e3:.4g} mm/s: at most {MAX_DWELL:.0%} of the "
-            f"pitch is allowed, a dwell of {MAX_DWELL * pitch / speed / 2:.4g} s.",
+            f"{pitch * 1e3:.4g} mm at {speed * 1e3:.4g} mm/s, but at most {MAX_DWELL:.0%} of the "
+            f"pitch is allowed. The dwell must be at most {MAX_DWELL * pitch / speed / 2:.4g} s.",
             needed=dwell,
             allowed=MAX_DWELL * pitch / speed / 2,
         )
@@ -181,7 +196,7 @@ def _corners(path: Path) -> npt.NDArray[np.bool_]:
     """Mask of the inner vertices that are corners of the seam, (segments - 1,)."""
     turns = np.concatenate([[0.0], path.turns, [0.0]])
     neighbours = np.maximum(turns[:-2], turns[2:])
-    sharp = (turns[1:-1] > BEND) & (turns[1:-1] > TIMES * neighbours)
+    sharp = (turns[1:-1] > SMALL_CORNER) & (turns[1:-1] > CORNER_RATIO * neighbours)
     return np.asarray((turns[1:-1] > CORNER) | sharp)
 
 
@@ -193,29 +208,31 @@ def _smooth_seam(path: Path, pitch: float, width: float) -> tuple[Path, FloatArr
     ends = np.repeat([[0.0], [path.length]], 2, axis=1)
     if not (path.turns > TANGENT_TOLERANCE).any():
         return bare, ends
-    parts = np.maximum(1, np.ceil(path.curvatures * path.lengths / TURN)).astype(int)
+    parts = np.maximum(1, np.ceil(path.curvatures * path.lengths / MAX_TURN)).astype(int)
     steps = np.repeat(path.lengths / parts, parts)
     s = np.append(np.concatenate([[0.0], np.cumsum(steps)])[:-1], path.length)
     points = path(s)
     closed = bool(np.linalg.norm(points[-1] - points[0]) <= REPEATED_POINT)
-    gaps = np.floor(s / (THIN * pitch))
+    gaps = np.floor(s / (CLOSE_WAYPOINTS * pitch))
     mask = np.append(np.diff(gaps, prepend=-1) > 0, True)[: len(s)]
     mask[-1] = True
-    if (path.length - s[:-1][mask[:-1]][-1]) < THIN * pitch / 2 and mask[:-1].sum() > 2:
+    if (path.length - s[:-1][mask[:-1]][-1]) < CLOSE_WAYPOINTS * pitch / 2 and mask[:-1].sum() > 2:
         mask[np.flatnonzero(mask[:-1])[-1]] = False
     while True:
-        table, vertices = fit_spline(points[mask], CLOSE * width / 10, closed, ends="not-a-knot")
+        table, vertices = fit_spline(
+            points[mask], SEAM_DEVIATION * width / 10, closed, ends="not-a-knot"
+        )
         seam = Path(segments=table)
         if mask.all():
             break
         deviations = np.where(mask, 0.0, seam.project(points).distance)
-        if deviations.max() <= CLOSE * width:
+        if deviations.max() <= SEAM_DEVIATION * width:
             break
         # The farthest point of each interval is added to the waypoints of the spline.
         group = np.cumsum(mask)
         order = np.lexsort((-deviations, group))
         first = order[np.unique(group[order], return_index=True)[1]]
-        mask[first[deviations[first] > CLOSE * width]] = True
+        mask[first[deviations[first] > SEAM_DEVIATION * width]] = True
     return seam, np.column_stack([table.breaks[vertices], s[mask]])
 
 
@@ -233,11 +250,11 @@ class _Wave:
     up: FloatArray | None
 
     def on_part(self, s: FloatArray) -> FloatArray:
-        """Arc lengths of the part at arc lengths of the seam [m]."""
+        """Arc lengths on the part that correspond to arc lengths on the seam [m], (n,)."""
         return np.asarray(np.interp(s, *self.places.T))
 
     def offset_points(self, s: FloatArray, offset: FloatArray) -> FloatArray:
-        """Points at distances to the left of the seam [m], (n, dimension)."""
+        """Points at distance `offset` to the left of the seam [m], (n, dimension)."""
         tangents = self.seam(s, 1)
         if self.seam.dimension == 2:
             side = np.column_stack([-tangents[:, 1], tangents[:, 0]])
@@ -251,14 +268,14 @@ class _Wave:
             if size.min() < PARALLEL:
                 k = int(np.argmin(size))
                 raise InvalidInput(
-                    "A seam that is parallel to the tool axis, or to the direction up, has no "
-                    f"sides to weave to: see the point {s[k] * 1e3:.4g} mm along it."
+                    f"The weave has no direction at {s[k] * 1e3:.4g} mm along the seam, because "
+                    "the seam is parallel to the tool axis or to the direction up there."
                 )
             side /= size[:, None]
         return np.asarray(self.seam(s) + offset[:, None] * side)
 
     def turning_points(self) -> FloatArray:
-        """Start and end of the edges of all waves that fit on the seam [m]."""
+        """Arc lengths of start and end of each edge that fits on the seam [m], (edges, 2)."""
         count = int(np.ceil(self.seam.length / self.pitch))
         middle = (2 * np.arange(2 * count) + 1) / 4 * self.pitch
         edges = middle[:, None] + np.array([-0.5, 0.5]) * self.edge
@@ -266,7 +283,7 @@ class _Wave:
         return np.asarray(edges[edges[:, 1] <= room])
 
     def full_crests(self) -> FloatArray:
-        """Middles of the edges at which a sine has its full amplitude [m]."""
+        """Arc lengths of the middles of the edges with the full amplitude of a sine [m]."""
         middle = self.turning_points().mean(axis=1)
         half = (self.pitch + self.edge) / 2
         return np.asarray(middle[(middle >= half) & (middle <= self.seam.length - half)])
@@ -305,7 +322,8 @@ def _weave_part(wave: _Wave, shape: str, tolerance: float) -> Path:
     orientation = part.orientation
     if orientation is None:
         return Path(segments=segments)
-    # In proportion to the length of the woven path: the tool turns evenly, not with each wave.
+    # The orientation follows the fraction of the woven path's length, so the tool turns evenly and
+    # not with each wave.
     seam_s = segments.breaks / segments.breaks[-1] * seam.length
     if orientation.follows:
         orientation = carry_frame(
@@ -324,9 +342,9 @@ def _weave_part(wave: _Wave, shape: str, tolerance: float) -> Path:
 def _fit_sine(
     wave: _Wave, pieces: FloatArray, tolerance: float
 ) -> tuple[Segments, npt.NDArray[np.intp]]:
-    """Tangent arcs along the sine of a part, and the vertex at the end of each piece."""
-    # Where the curvature of the seam jumps, the sine has a slight kink, which a cubic spline
-    # through its points rounds.
+    """Tangent arcs along the sine of a part, and the index of the vertex at each of `pieces`."""
+    # Where the curvature of the seam jumps, the sine has a slight kink. A cubic spline through its
+    # points removes the kink.
     from scipy.interpolate import CubicSpline
 
     from armcontour.geometry.arc_fit import fit_through
@@ -339,12 +357,13 @@ def _fit_sine(
             break
         s = np.linspace(0.0, length, count + 1)
         spline = CubicSpline(s, wave.sine(s), bc_type=((1, ends[0]), (1, ends[1])))
-        midpoints = (s[:-1, None] + BETWEEN * (length / count)).ravel()
+        midpoints = (s[:-1, None] + TEST_FRACTIONS * (length / count)).ravel()
         deviations = np.linalg.norm(spline(midpoints) - wave.sine(midpoints), axis=1)
         if deviations.max() <= tolerance / 2:
             return fit_through(spline, pieces, tolerance / 2)
     raise InvalidInput(
-        f"The tolerance of {tolerance:g} m of a weave is too small for its seam: take a larger one."
+        f"The tolerance of a weave, {tolerance:g} m, is too small for its seam. Specify a larger "
+        "tolerance."
     )
 
 
@@ -355,8 +374,8 @@ def _check_radius(seam: Path, width: float) -> None:
     tightest = float(np.linalg.norm(seam(samples, 2), axis=1).max())
     if tightest * width / 2 >= 1:
         raise InvalidInput(
-            f"A weave of {width * 1e3:.4g} mm is too wide for a seam that has an arc with a radius "
-            f"of {1e3 / tightest:.4g} mm: half of the width must be less.",
+            f"A weave of {width * 1e3:.4g} mm is too wide for its seam. Half of the width must be "
+            f"less than the smallest radius of the seam, {1e3 / tightest:.4g} mm.",
             needed=width / 2,
             allowed=1 / tightest,
         )

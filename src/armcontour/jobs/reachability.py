@@ -14,7 +14,7 @@ from armcontour.core.text import capitalise
 from armcontour.geometry import Path
 from armcontour.jobs.job import Job
 from armcontour.planning import turn_along
-from armcontour.planning.tracing.knots import OUT_OF_REACH, task_dimension, what_helps
+from armcontour.planning.tracing.knots import OUT_OF_REACH, suggest_remedy, task_dimension
 from armcontour.program import Contour, Program, Rapid, contour_called, prepare
 from armcontour.robot import Arm, PlanarTwoLink, SerialArm
 from armcontour.robot.arm import FAR_OUT, unit_hint
@@ -168,7 +168,7 @@ def _remedy(job: Job, points: _PathPoints, away: FloatArray, rapid: bool) -> str
     """Remedy that brings all points into reach, as the end of a sentence."""
     shift = _way(job.arm, points, away)
     lower = "all contours are in reach: take a smaller approach or retract, or " if rapid else ""
-    free = what_helps(points.paths[0][1]).removeprefix("move the path or the arm")
+    free = suggest_remedy(points.paths[0][1]).removeprefix("move the path or the arm")
     if shift is None:
         return f"{lower}move the part or the arm{free}; armcontour place finds a position"
     return (

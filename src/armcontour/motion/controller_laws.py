@@ -22,11 +22,12 @@ from armcontour.motion.execution import check_cycle
 from armcontour.motion.laws import Law
 from armcontour.motion.trajectory import Trajectory
 
-# Intervals of regular points may differ by this fraction: times are printed with 6 to 12 digits.
+# Intervals of regular points may differ by this fraction, because times are printed with 6 to 12
+# digits.
 REGULAR = 1e-4
-# Times this near to a cycle, in cycles, are on the cycle.
+# A time that differs from a cycle by at most this fraction of a cycle counts as on the cycle.
 ON_CYCLE = 1e-6
-# Largest number of commands: half an hour at 1 kHz. A check of more takes gigabytes.
+# Largest number of commands, half an hour at 1 kHz. A check of more commands takes gigabytes.
 MAX_COMMANDS = 2_000_000
 
 
@@ -44,7 +45,7 @@ class InterpolatedLaw(Law):
     coefficients: FloatArray
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """Joint positions or a derivative."""
+        """Joint positions or a derivative at times `t` [s] of intervals `i`, (n, dof)."""
         width = self.breaks[i + 1] - self.breaks[i]
         return evaluate(self.coefficients[i], width, t - self.breaks[i], order)
 
@@ -70,7 +71,7 @@ class CommandCurve(Checked):
     ahead: int = 0
 
     def __call__(self, t: FloatArray, order: int = 0) -> FloatArray:
-        """Positions of the curve or a derivative, (n, dof); constant before and after it.
+        """Positions of the curve or a derivative, (n, dof); at rest before and after the curve.
 
         Args:
             t: Times since the first point is due [s], (n,).
@@ -86,14 +87,14 @@ class CommandCurve(Checked):
     def commands(self, rate: Frequency) -> tuple[FloatArray, FloatArray]:
         """Times at which the controller sends commands [s], (n,), and commands [rad], (n, dof).
 
-        Times count from the start of the trajectory in the controller. The first command and the
-        last two are those of the arm at rest.
+        Times count from the start of the trajectory in the controller. The first and the last two
+        commands are at rest.
 
         Args:
             rate: Rate of the controller [1/s].
 
         Raises:
-            InvalidInput: The cycle is no cycle of a controller, or there are too many commands.
+            InvalidInput: The cycle is too short or too long, or there are too many commands.
         """
         cycle = 1.0 / rate
         check_cycle(cycle)
@@ -101,23 +102,24 @@ class CommandCurve(Checked):
         last = np.ceil((self.curve.duration - self.origin + delay) / cycle - ON_CYCLE)
         if last > MAX_COMMANDS:
             raise InvalidInput(
-                f"At {rate:g} Hz the trajectory has {last:.0f} commands, but {MAX_COMMANDS} are "
-                "the limit: give a lower rate, or a part of the trajectory."
+                f"At {rate:g} Hz the trajectory has {last:.0f} commands, but at most "
+                f"{MAX_COMMANDS} are supported. Specify a lower rate, or a part of the trajectory."
             )
         t = np.arange(-self.ahead - 1, int(last) + 2) * cycle
-        # Controllers have times in ns, so a command at a point is not one before it.
+        # Times are rounded to 1 ns as in controllers, so a command at the time of a point is not
+        # evaluated before this point.
         return np.asarray(t, dtype=np.float64), self(np.round(t - delay, 9))
 
 
 class ControllerLaw(NamedTuple):
-    """A controller: its title, and the function that gives the curve for points."""
+    """Title of a controller, and function from points to the fields of a `CommandCurve`."""
 
     title: str
     interpolate: Callable[[_Points], Mapping[str, Any]]
 
 
 class _Points(NamedTuple):
-    """Times from 0 [s], (n,), positions and known derivatives, (n, dof)."""
+    """Points of a controller: times from 0 [s], (n,), positions and known derivatives, (n, dof)."""
 
     t: FloatArray
     q: FloatArray
@@ -131,10 +133,13 @@ class _Points(NamedTuple):
 
 
 def _jtc(points: _Points) -> Mapping[str, Any]:
-    """Quintics, cubics or lines, as the points have accelerations, velocities or neither."""
+    """Quintics if the points have accelerations, cubics if they have velocities, else lines."""
     q, dq, ddq = points.q, points.dq, points.ddq
     if dq is None and ddq is not None:
-        raise InvalidInput("joint_trajectory_controller takes no accelerations without velocities.")
+        raise InvalidInput(
+            "joint_trajectory_controller takes no accelerations without velocities. Add velocities "
+            "to the points, or remove the accelerations."
+        )
     if dq is None:
         return _fields("lines", points.t, _powers(q[:-1], np.diff(q, axis=0)))
     if ddq is None:
@@ -144,7 +149,7 @@ def _jtc(points: _Points) -> Mapping[str, Any]:
 
 
 def _jtc_spline(points: _Points) -> Mapping[str, Any]:
-    """The clamped cubic spline through positions; points with velocities are not changed."""
+    """Clamped cubic spline through positions; as `_jtc` if the points have velocities."""
     if points.dq is not None:
         return _jtc(points)
     v = _spline_velocities(points.t, points.q)
@@ -152,24 +157,27 @@ def _jtc_spline(points: _Points) -> Mapping[str, Any]:
 
 
 def _jtc_none(points: _Points) -> Mapping[str, Any]:
-    """In every interval its end; the arm rests at the first point before."""
+    """Constant next point in every interval; before the first point, the arm rests there."""
     t = np.append(0.0, points.t + points.interval)
     return {**_fields("next point", t, _powers(points.q)), "origin": points.interval}
 
 
 def _linuxcnc(points: _Points) -> Mapping[str, Any]:
-    """The uniform cubic B-spline whose control points are the points.
+    """Uniform cubic B-spline whose control points are the points.
 
-    A queue of four, filled with the first point and at the end with the last one, starts the
-    interval two points before the newest.
+    The controller has a queue of four points, which is filled with the first point at the start,
+    and with the last point at the end. The current interval starts two points before the newest
+    point.
     """
     intervals = np.diff(points.t)
     irregular = np.abs(intervals - points.interval) > REGULAR * points.interval
-    # The last point of an exported plan may be due earlier; a queue takes it in its next cycle.
+    # The last interval of an exported plan can be shorter; the queue takes the last point in its
+    # next cycle.
     if irregular[:-1].any() or intervals[-1] > (1 + REGULAR) * points.interval:
         raise InvalidInput(
-            "LinuxCNC takes points at regular times, but those of the trajectory are "
-            f"{intervals.min():g} s to {intervals.max():g} s apart."
+            "LinuxCNC takes points at regular times, but the intervals between the points are "
+            f"{intervals.min():g} s to {intervals.max():g} s. Sample the trajectory at a fixed "
+            "cycle."
         )
     x = np.concatenate([points.q[:1], points.q[:1], points.q, points.q[-1:], points.q[-1:]])
     way, step = (x[:-2] + 4 * x[1:-1] + x[2:]) / 6, (x[2:] - x[:-2]) / (2 * points.interval)
@@ -179,7 +187,7 @@ def _linuxcnc(points: _Points) -> Mapping[str, Any]:
 
 
 def _hold(points: _Points) -> Mapping[str, Any]:
-    """The newest point."""
+    """Constant newest point in every interval."""
     t = np.append(points.t, 2 * points.t[-1] - points.t[-2])
     return _fields("held", t, _powers(points.q))
 
@@ -187,8 +195,12 @@ def _hold(points: _Points) -> Mapping[str, Any]:
 CONTROLLERS: Mapping[str, ControllerLaw] = MappingProxyType(
     {
         "jtc": ControllerLaw("joint_trajectory_controller of ROS 2", _jtc),
-        "jtc_spline": ControllerLaw("the same with positions_upsampling", _jtc_spline),
-        "jtc_none": ControllerLaw("the same with interpolation_method: none", _jtc_none),
+        "jtc_spline": ControllerLaw(
+            "joint_trajectory_controller of ROS 2 with positions_upsampling", _jtc_spline
+        ),
+        "jtc_none": ControllerLaw(
+            "joint_trajectory_controller of ROS 2 with interpolation_method: none", _jtc_none
+        ),
         "linuxcnc": ControllerLaw("LinuxCNC's cubic interpolation (cubic.c)", _linuxcnc),
         "hold": ControllerLaw("a controller that holds the newest point", _hold),
     }
@@ -200,8 +212,10 @@ NAMES = tuple(CONTROLLERS)
 def interpolate_points(points: Any, controller: Annotated[str, Choice(NAMES)]) -> CommandCurve:
     """The curve from which a controller takes its commands between points.
 
-    - `jtc`: quintics, cubics or lines, as the points have derivatives; one cycle ahead
-    - `jtc_spline`: of positions the clamped cubic spline, else as `jtc`; one cycle ahead
+    - `jtc`: quintics through points with accelerations, cubics through points with velocities, else
+      lines; one cycle ahead
+    - `jtc_spline`: clamped cubic spline through points without velocities, else as `jtc`; one cycle
+      ahead
     - `jtc_none`: the next point; one cycle ahead
     - `linuxcnc`: the uniform cubic B-spline; two intervals of the points later
     - `hold`: the newest point, when it is due
@@ -215,14 +229,14 @@ def interpolate_points(points: Any, controller: Annotated[str, Choice(NAMES)]) -
         controller: Name of the controller.
 
     Raises:
-        InvalidInput: There are fewer than two points, or the controller does not take them.
+        InvalidInput: There are fewer than two points, or the controller does not support them.
     """
     t = _column(points, "t", (None,))
     q = None if t is None else _column(points, "q", (len(t), None))
     if t is None or q is None:
         raise InvalidInput("Points of a controller must have times t and joint positions q.")
     if len(t) < 2 or not (np.diff(t) > 0).all():
-        raise InvalidInput("A controller interpolates two or more points at increasing times.")
+        raise InvalidInput("A controller needs at least two points at increasing times.")
     derivatives = {x: _column(points, x, q.shape) for x in ("dq", "ddq")}
     given = _Points(t=np.round(t - t[0], 9), q=q, **derivatives)
     law = CONTROLLERS[controller].interpolate(given)
@@ -230,7 +244,7 @@ def interpolate_points(points: Any, controller: Annotated[str, Choice(NAMES)]) -
 
 
 def _column(points: Any, name: str, shape: tuple[int | None, ...]) -> FloatArray | None:
-    """Finite numbers of a shape; None without them."""
+    """Attribute `name` of points as an array of finite numbers; None if it is missing."""
     values = getattr(points, name, None)
     return (
         None if values is None else checks.shaped(name, checks.check_numbers(name, values), shape)
@@ -238,13 +252,13 @@ def _column(points: Any, name: str, shape: tuple[int | None, ...]) -> FloatArray
 
 
 def _fields(law: str, t: FloatArray, coefficients: FloatArray) -> dict[str, Any]:
-    """Fields of `CommandCurve`."""
+    """Fields `law` and `curve` of a `CommandCurve`, from breaks and coefficients, (n, 6, dof)."""
     polynomials = InterpolatedLaw(breaks=t, coefficients=coefficients)
     return {"law": law, "curve": Trajectory(laws=(polynomials,), method=law)}
 
 
 def _powers(*powers: FloatArray) -> FloatArray:
-    """Coefficients of polynomials, (n, 6, dof)."""
+    """Coefficients of polynomials, (n, 6, dof), from coefficients of 1, x, x², ..., (n, dof)."""
     coefficients = np.zeros((len(powers[0]), 6, powers[0].shape[1]))
     for k, x in enumerate(powers):
         coefficients[:, k] = x

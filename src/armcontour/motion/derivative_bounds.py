@@ -10,8 +10,8 @@ from numpy.polynomial.polynomial import polyval
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.motion.laws import PathLaw
 
-# Largest number of halvings of an interval. An interval that is still not proven counts with its
-# bound.
+# Largest number of halvings of an interval. If the limit is then still not proven, the result is
+# the bound of the interval.
 HALVINGS = 40
 
 # A function and its derivatives at n points, each (n,) or (dof, n).
@@ -21,19 +21,20 @@ Derivatives: TypeAlias = list[FloatArray]
 def largest_shares(
     law: PathLaw, limits: FloatArray, speeds: FloatArray, allowed: float
 ) -> FloatArray:
-    """Largest ratios of joint motion and path speed to their limits, over all times of a law."""
-    # A ratio of at most `allowed` is proven for all times of the law, up to rounding errors: an
-    # interval whose bound exceeds it is halved. A larger ratio is that of a point, or a bound.
+    """Largest ratios of joint motion and path speed to their limits over a whole law, (6,)."""
+    # A result of at most `allowed` is proven for all times of the law, up to rounding errors,
+    # because intervals whose bound exceeds `allowed` are halved. A larger result is the ratio at a
+    # point, or a bound.
     # `limits`: lower and upper bounds of acceleration [rad/s²] and of velocity [rad/s] of every
     # joint, infinite without one, (4, dof); `speeds`: two highest path speeds on every interval of
     # the joint path [m/s], (m, 2).
-    # Returns the ratios of the four limits of joints and of both path speeds, (6,).
+    # The result has the ratios to the four limits of joints, then to both path speeds.
     i = np.arange(len(law.breaks) - 1)
     begin, end = law.breaks[:-1], law.breaks[1:]
     largest = np.zeros(6)
     for _ in range(HALVINGS):
         middle = (begin + end) / 2
-        shares = _shares(law, i, (begin, middle, end), limits, speeds)
+        shares = _ratios(law, i, (begin, middle, end), limits, speeds)
         values, bound = shares[:, :6], shares[:, 6:]
         largest = np.maximum(largest, values.max(axis=0))
         unknown = ((bound > allowed) & (values <= allowed)).any(axis=1)
@@ -48,20 +49,20 @@ def largest_shares(
     return np.asarray(largest)
 
 
-def _shares(
+def _ratios(
     law: PathLaw,
     i: IntArray,
     t: tuple[FloatArray, FloatArray, FloatArray],
     limits: FloatArray,
     speeds: FloatArray,
 ) -> FloatArray:
-    """Ratios to the limits in the middle of parts of intervals, and bounds on them, (n, 12)."""
-    # `t` has start, middle and end of each part [s]. A joint's velocity and acceleration, and the
-    # path speed, are quadratics about the middle, plus bounds of the terms of third order.
+    """Ratios to limits in the middle of parts of intervals, then bounds over the parts, (n, 12)."""
+    # `t`: start, middle and end of each part [s]. The bounds of a joint's velocity and acceleration
+    # and of the path speed are those of quadratics about the middle, plus the terms of third order.
     path, (begin, middle, end) = law.joint_path, t
     half = np.maximum(middle - begin, end - middle)
     v = [*law.path_motion(i, middle)[:3], *path_rates(law, i, middle, half)]
-    path_bounds = _bound(v, half)
+    path_bounds = _bound_derivatives(v, half)
     # No break of the joint path lies within an interval of a law.
     first = path.locate(law.s[i], side="right")
     piece = np.clip(path.locate(v[0]), first, path.locate(law.s[i + 1], side="left"))
@@ -72,13 +73,13 @@ def _shares(
     for _ in range(6):
         q.append(polyval(x, c, tensor=False))
         c = np.arange(1, len(c))[:, None, None] * c[1:] / width
-    joint_bounds, cube = _bound(q, half * path_bounds[1]), half**3 / 6
+    joint_bounds, cube = _bound_derivatives(q, half * path_bounds[1]), half**3 / 6
     ds, dds = q[1] * v[1], q[2] * v[1] ** 2 + q[1] * v[2]
     ddds = q[3] * v[1] ** 3 + 3 * q[2] * v[1] * v[2] + q[1] * v[3]
     fourth, acceleration_margin, velocity_margin = (
-        _fourth(q, v),
-        _fifth(joint_bounds, path_bounds) * cube,
-        _fourth(joint_bounds, path_bounds) * cube,
+        _fourth_derivative(q, v),
+        _fifth_derivative(joint_bounds, path_bounds) * cube,
+        _fourth_derivative(joint_bounds, path_bounds) * cube,
     )
     values, ends = [], []
     for f, margin in (
@@ -87,22 +88,22 @@ def _shares(
     ):
         for sign in (-1, 1):
             values.append(f[0])
-            ends.append(sign * (_highest([sign * x for x in f], half) + margin))
+            ends.append(sign * (_bound_quadratics([sign * x for x in f], half) + margin))
     joints = [
         x / y for x, y in zip(values + ends, np.tile(limits, (2, 1))[:, :, None], strict=True)
     ]
     at_middle, bounds = np.maximum([x.max(axis=0) for x in joints], 0.0).reshape(2, 4, -1)
-    along, highest = _highest(v[1:4], half) + path_bounds[4] * cube, speeds[piece].T
+    along, highest = _bound_quadratics(v[1:4], half) + path_bounds[4] * cube, speeds[piece].T
     return np.concatenate([at_middle, v[1] / highest, bounds, along / highest]).T
 
 
 def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> Derivatives:
-    """Third and fourth derivatives of a law's arc length, and a bound of the fifth."""
-    # `i`: intervals, (n,); `t`: times in them [s], (n,); `half`: the bound is valid within this
-    # time before and after each of the times [s], (n,).
+    """Third and fourth derivatives of a law's arc length over time, and a bound of the fifth."""
+    # `i`: indices of intervals, (n,); `t`: times in the intervals [s], (n,); `half`: the bound is
+    # valid within this time before and after each of `t` [s], (n,).
     ds, dds, ddds = law.path_motion(i, t)[1:]
     slope = law.rates.slope[i]
-    # ds is a sum of cosh and sinh, or of cos and sin, which have smaller bounds.
+    # ds is a sum of cosh and sinh, whose bounds are also valid for a sum of cos and sin.
     root = np.sqrt(np.abs(slope))
     with np.errstate(invalid="ignore"):
         growth = np.where(root > 0, np.sinh(root * half) / root, half)
@@ -110,7 +111,7 @@ def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> De
     return [ddds, slope * dds, slope**2 * highest_speed]
 
 
-def _bound(values: Derivatives, reach: FloatArray) -> Derivatives:
+def _bound_derivatives(values: Derivatives, reach: FloatArray) -> Derivatives:
     """The function, and bounds of its derivatives within `reach`, by Taylor polynomials."""
     n = len(values)
     magnitudes, powers = [np.abs(x) for x in values], [np.ones_like(reach)]
@@ -120,16 +121,16 @@ def _bound(values: Derivatives, reach: FloatArray) -> Derivatives:
     return [values[0], *map(np.asarray, bounds)]
 
 
-def _highest(f: Derivatives, half: FloatArray) -> FloatArray:
-    """Largest values of f0 + f1 u + f2 u² / 2 for u from -half to half."""
+def _bound_quadratics(f: Derivatives, half: FloatArray) -> FloatArray:
+    """Largest values of f0 + f1 u + f2 u² / 2 for u from -half to half, of the shape of f0."""
     f0, f1, f2 = f
     ends = f0 + np.abs(f1) * half + f2 * half**2 / 2
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where((f2 < 0) & (np.abs(f1) < -f2 * half), f0 - f1**2 / (2 * f2), ends)
 
 
-def _fifth(q: Derivatives, v: Derivatives) -> FloatArray:
-    """The fifth derivative of q(s(t)), from those of q over s and of s over time."""
+def _fifth_derivative(q: Derivatives, v: Derivatives) -> FloatArray:
+    """Fifth derivative of q(s(t)), from the derivatives of q over s and of s over time."""
     return np.asarray(
         q[5] * v[1] ** 5
         + 10 * q[4] * v[1] ** 3 * v[2]
@@ -139,8 +140,8 @@ def _fifth(q: Derivatives, v: Derivatives) -> FloatArray:
     )
 
 
-def _fourth(q: Derivatives, v: Derivatives) -> FloatArray:
-    """The fourth derivative of q(s(t))."""
+def _fourth_derivative(q: Derivatives, v: Derivatives) -> FloatArray:
+    """Fourth derivative of q(s(t)), from the derivatives of q over s and of s over time."""
     return np.asarray(
         q[4] * v[1] ** 4
         + 6 * q[3] * v[1] ** 2 * v[2]

@@ -18,14 +18,14 @@ from armcontour.core.text import count_noun, draw, format_table, joint_rows, sho
 from armcontour.motion.trajectory import Trajectory, to_columns
 from armcontour.robot import Arm, Limits
 
-# Largest distance at which a plant's motion ends at a sample [rad].
-SAME = 1e-9
+# Largest distance between the end of a plant's motion and the next sample [rad].
+SAME_POSITION = 1e-9
 # Largest distance of a time from a whole number of steps [steps].
-WHOLE = 1e-3
-# The start of the plan equals a set-point's time if they differ by less than this fraction of a
-# cycle.
+WHOLE_STEPS = 1e-3
+# The start of the plan coincides with a set-point if their times differ by less than this fraction
+# of a cycle.
 WHOLE_CYCLES = 1e-9
-# Smallest and largest cycle [s]: shorter cycles approach rounding errors of times; longer cycles do
+# Smallest and largest cycle [s]. Shorter cycles approach rounding errors of times; longer cycles do
 # not determine the motion between set-points.
 INTERVALS = (1e-6, 1.0)
 # Time between samples of an execution made from a plan [s], and their largest number.
@@ -34,11 +34,11 @@ PLANNED_STEP, MAX_PLANNED = 1e-3, 20_000
 LONGEST_CLOCK = 0.1
 
 
-class Between(Protocol):
+class MotionSource(Protocol):
     """A plant that provides the motion between the samples of an execution."""
 
     def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion | None:
-        """The motion from samples `indices` to the next ones; None if it is unknown."""
+        """The motion from samples `indices` to the next samples; None if it is unknown."""
 
 
 @checks.explain_calls
@@ -86,14 +86,14 @@ class Execution(Checked):
     motor_q: FloatArray | None = None
     unsettled: FloatArray | None = None
     model_error: FloatArray | None = None
-    plant: Between | None = None
+    plant: MotionSource | None = None
 
     def _check_together(self) -> None:
         if (self.torque is None) != (self.torque_demand is None):
-            raise InvalidInput("An execution has both torque and torque_demand, or neither.")
+            raise InvalidInput("An execution must have both torque and torque_demand, or neither.")
 
     def __str__(self) -> str:
-        """Motion of every joint: ranges, and largest amounts."""
+        """Table of position range and largest velocity, acceleration and torque per joint."""
         t, step = self.t, float(self.t[-1] - self.t[0]) / max(len(self.t) - 1, 1)
         title = (
             f"Execution of {self.arm.name}: t = {number(t[0], 's')} to {number(t[-1], 's')}, "
@@ -120,7 +120,7 @@ class Execution(Checked):
     figure = draw
 
     def to_dict(self) -> dict[str, FloatArray]:
-        """Samples as columns that `pandas.DataFrame` takes, as from `Trajectory.to_dict`.
+        """Samples as named columns for `pandas.DataFrame`, like `Trajectory.to_dict`.
 
         pandas.DataFrame(executed.to_dict()).plot(x="t", y="q1")
         """
@@ -133,7 +133,7 @@ class Execution(Checked):
 
         Args:
             trajectory: The plan.
-            arm: Its arm.
+            arm: The arm of the plan.
         """
         cycle = max(PLANNED_STEP, trajectory.duration / MAX_PLANNED)
         samples = trajectory.sample(cycle)
@@ -151,13 +151,13 @@ class Execution(Checked):
         )
 
     def between(self, indices: IntArray) -> FineMotion | None:
-        """The motion from samples to the next ones; None if it is unknown.
+        """The motion from samples to the next samples; None if it is unknown.
 
         The plant's motion is used only if the samples are at its steps and the motion ends at the
         next samples, because a cut or changed execution may have other samples.
 
         Args:
-            indices: Indices of the results before, increasing, (m,).
+            indices: Indices of the samples at which the motion starts, increasing, (m,).
         """
         if self.plant is None or not self._are_steps(indices):
             return None
@@ -165,19 +165,19 @@ class Execution(Checked):
         if motion is None:
             return None
         deviation = np.abs(motion(self.t[indices + 1]) - self.q[indices + 1])
-        return motion if deviation.max(initial=0.0) < SAME else None
+        return motion if deviation.max(initial=0.0) < SAME_POSITION else None
 
     def _are_steps(self, indices: IntArray) -> bool:
-        """True if samples and the next ones are at whole steps of the cycle."""
+        """True if each sample and the next one are one step apart, and a cycle has whole steps."""
         step = float(self.t[1] - self.t[0])
-        if not 0 < step < self.set_points.cycle * (1 + WHOLE):
+        if not 0 < step < self.set_points.cycle * (1 + WHOLE_STEPS):
             return False
         steps = self.set_points.cycle / step
         numbers = (self.t[np.stack([indices, indices + 1])] - self.set_points.start_time) / step
         whole = numbers.round()
         return bool(
-            abs(steps - round(steps)) < WHOLE
-            and (abs(numbers - whole) < WHOLE).all()
+            abs(steps - round(steps)) < WHOLE_STEPS
+            and (abs(numbers - whole) < WHOLE_STEPS).all()
             and (whole[1] - whole[0] == 1).all()
         )
 
@@ -215,7 +215,7 @@ class FineMotion:
         q: Joint positions [rad], (n, dof).
         before: Joint velocities before each node [rad/s], (n, dof).
         after: Joint velocities after each node [rad/s], (n, dof).
-        ddq: Joint accelerations, which do not jump [rad/s²], (n, dof): the polynomials are
+        ddq: Joint accelerations, which do not jump [rad/s²], (n, dof), if the polynomials are
             quintics; None for cubics.
     """
 
@@ -248,10 +248,10 @@ class FineMotion:
     def through(
         cls, t: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray | None, indices: IntArray
     ) -> FineMotion:
-        """The motion from each of some samples to the next one, by polynomials."""
-        # `t`: times of all results [s], (n,); `q`: joint positions [rad], (n, dof); `dq`: joint
+        """Polynomial motion from each of the samples `indices` to the next sample."""
+        # `t`: times of all samples [s], (n,); `q`: joint positions [rad], (n, dof); `dq`: joint
         # velocities [rad/s], (n, dof); `ddq`: joint accelerations [rad/s²], (n, dof), or None;
-        # `indices`: indices of the results before, increasing, (m,).
+        # `indices`: indices of the samples, increasing, (m,).
         i = (indices[:, None] + np.arange(2)).ravel()
         rate = dq[i]
         acceleration = None if ddq is None else ddq[i]
@@ -259,12 +259,12 @@ class FineMotion:
 
 
 def check_cycle(cycle: float) -> float:
-    """A checked cycle [s]."""
+    """The cycle [s], after a check that it is within INTERVALS."""
     interval = checks.check_number("cycle", cycle, "s")
     if INTERVALS[1] < interval <= 1e3 * INTERVALS[1]:
         raise InvalidInput(
-            f"cycle is {interval:g} s, but at most {INTERVALS[1]:g} s: a number without "
-            f"a unit is in s, so for {interval:g} ms give {interval:g} ms in a job, or "
+            f"cycle is {interval:g} s, but must be at most {INTERVALS[1]:g} s. A number without a "
+            f"unit is in s. For {interval:g} ms, specify {interval:g} ms in a job, or "
             f"{interval / 1e3:g} in Python.",
             needed=interval,
             allowed=INTERVALS[1],
@@ -288,7 +288,7 @@ class LimitCost(Checked):
     contour_max: float | None = None
 
     def __str__(self) -> str:
-        """Largest change of a set-point, and the contour error."""
+        """Summary: largest change of a set-point, and largest contour error."""
         j = int(np.argmax(self.deviation))
         text = f"up to {number(self.deviation[j], 'rad')} at joint {j + 1}"
         largest = self.contour_max
@@ -336,7 +336,7 @@ class SetPoints(Checked):
             raise InvalidInput("SetPoints need at least one row, with one set-point per joint.")
         if self.start_time > 0:
             raise InvalidInput(
-                "start_time must not be above zero, when the plan starts, but is "
+                "start_time must not be above 0 s, the time at which the plan starts, but is "
                 f"{self.start_time:g} s."
             )
 
@@ -347,12 +347,12 @@ class SetPoints(Checked):
     __repr__ = short_repr
 
     def _title(self, kind: str) -> str:
-        """The kind of data and the number of set-points."""
+        """Title of the summary: kind of data, number of set-points and cycle."""
         return f"{kind}: {count_noun(len(self.q), 'set-point')} every {number(self.cycle, 's')}"
 
     @property
     def _rows(self) -> list[tuple[str, str]]:
-        """Method, times and joint positions as names and values."""
+        """Rows of the summary, (name, value) each: method, times, limits and joint positions."""
         first, last = self.start_time, self.start_time + (len(self.q) - 1) * self.cycle
         return [
             ("compensation", self.method),

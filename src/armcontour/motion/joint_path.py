@@ -19,13 +19,14 @@ from armcontour.core.text import count_noun, format_table, joint_rows, short_rep
 from armcontour.geometry import Path
 from armcontour.motion.kernels import JointDerivatives, examine_pieces, joint_motions, spline_pieces
 
-# Rounding error of differences of arc lengths, over the largest arc length.
-PLAY = 4 * float(np.finfo(np.float64).eps)
-# Largest jump of a position at a break [rad]; no robot resolves it.
+# Rounding error of differences of arc lengths, divided by the largest arc length.
+ROUNDING = 4 * float(np.finfo(np.float64).eps)
+# Largest permitted jump of a position at a break [rad]; no robot resolves it.
 LARGEST_JUMP = 1e-6
-# Largest relative jump of dq_ds at a break without a stop: traced paths have such errors.
+# Largest relative jump of dq_ds at a break without a stop; traced paths have errors of this size.
 LARGEST_KINK = 1e-6
-# A dq_ds below this fraction of the sum of its terms is a rounding error without direction.
+# A dq_ds below this fraction of the sum of its terms is a rounding error, whose direction is
+# random.
 NO_DIRECTION = 1e-12
 NO_STOPS = checks.frozen_array([])
 
@@ -45,8 +46,8 @@ class JointPath(Checked):
         breaks: Arc lengths of the ends of the intervals [m], (n + 1,); without a tool path, values
             of any parameter s.
         coefficients: Coefficients of the quintics [rad], (n, 6, dof).
-        stops: Breaks at which the motion has to stop; breaks at which dq_ds jumps are added.
-        tool_path: The tool path that was traced, if there is one.
+        stops: Breaks at which the motion must stop [m]; breaks at which dq_ds jumps are added.
+        tool_path: The tool path that was traced, or None.
 
     Raises:
         InvalidInput: The arrays have wrong shapes or are not finite, breaks do not increase, a
@@ -61,7 +62,11 @@ class JointPath(Checked):
     def _check_together(self) -> None:
         n = len(self.breaks) - 1
         if n < 1 or len(self.coefficients) != n:
-            raise InvalidInput("coefficients of a joint path must be of shape (intervals, 6, dof).")
+            raise InvalidInput(
+                "coefficients of a joint path must be of shape (intervals, 6, dof), with one "
+                f"interval less than breaks, but there are {len(self.coefficients)} intervals and "
+                f"{len(self.breaks)} breaks."
+            )
         kinks = np.empty(n - 1, dtype=np.bool_)
         sound, jump = examine_pieces(
             self.breaks, self.coefficients, LARGEST_KINK, NO_DIRECTION, kinks
@@ -74,7 +79,7 @@ class JointPath(Checked):
             object.__setattr__(self, "stops", checks.frozen_array(self._all_stops(kinks)))
 
     def __str__(self) -> str:
-        """Length, intervals, stops and joint positions at breaks."""
+        """Summary: length, intervals, stops and joint positions at breaks."""
         ends = np.concatenate([self.coefficients[:, 0], self.coefficients[-1:].sum(axis=1)])
         return format_table(
             f"Joint path: {number(self.length, 'm')}, {count_noun(self.dof, 'joint')}, "
@@ -90,7 +95,7 @@ class JointPath(Checked):
         i, j = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
         s = float(self.breaks[i + 1])
         raise InvalidInput(
-            f"Joint {j + 1} jumps by {jumps[i, j]:.3g} rad at s = {s:g}: a joint path must be "
+            f"Joint {j + 1} jumps by {jumps[i, j]:.3g} rad at s = {s:g}. A joint path must be "
             "continuous.",
             s=s,
             joint=int(j),
@@ -104,7 +109,10 @@ class JointPath(Checked):
         is_break = np.isin(self.stops, inner)
         if not is_break.all():
             stop = self.stops[np.argmin(is_break)]
-            raise InvalidInput(f"A stop at s = {stop:g} is no inner break of the joint path.")
+            raise InvalidInput(
+                f"The stops must be inner breaks of the joint path, but s = {stop:g} is no inner "
+                "break."
+            )
         return np.union1d(self.stops, inner[kinks]) if kinks.any() else self.stops
 
     @classmethod
@@ -123,11 +131,11 @@ class JointPath(Checked):
             breaks: Arc lengths of the ends of the intervals [m], (n + 1,).
             begin: q, dq_ds and d2q_ds2 at the start of every interval, (n, dof) each.
             end: q, dq_ds and d2q_ds2 at the end of every interval, (n, dof) each.
-            stops: Arc lengths at which the motion has to stop [m], (m,).
-            tool_path: The path that the joint path was traced from; None if there is none.
+            stops: Arc lengths at which the motion must stop [m], (m,).
+            tool_path: The tool path that was traced, or None.
 
         Raises:
-            InvalidInput: As of the class, or shapes differ.
+            InvalidInput: As for the class, or the shapes differ.
         """
         knots = checks.shaped("breaks of a joint path", breaks, (None,))
         checks.raise_if(len(knots) < 2, "A joint path needs at least two breaks.")
@@ -135,7 +143,9 @@ class JointPath(Checked):
         last = checks.shaped("end", end, first.shape)
         return cls(
             breaks=knots,
-            coefficients=quintic(np.diff(knots), first, last, PLAY * float(np.abs(knots).max())),
+            coefficients=quintic(
+                np.diff(knots), first, last, ROUNDING * float(np.abs(knots).max())
+            ),
             stops=stops,
             tool_path=tool_path,
         )
@@ -159,7 +169,7 @@ class JointPath(Checked):
 
         Raises:
             InvalidInput: There are fewer than two points, the parameters do not increase, or `ends`
-                is none of these.
+                is not one of these names.
         """
         clamped = ends == "clamped"
         knots = checks.check_numbers("joint positions", points, "rad")
@@ -173,10 +183,10 @@ class JointPath(Checked):
             parameters = checks.check_numbers("spline parameters", s)
         if parameters.shape != (len(knots),) or not (parameters[1:] > parameters[:-1]).all():
             raise InvalidInput(
-                "Spline parameters must be one per point and increase: remove repeated points."
+                "Spline parameters must be one per point and increase. Remove repeated points."
             )
         coefficients = spline_pieces(parameters, np.ascontiguousarray(knots), clamped)
-        # No other code has these arrays, so locking needs no copies.
+        # No other code uses these arrays, so they become read-only without copies.
         for values in (parameters, coefficients):
             values.setflags(write=False)
         return cls(breaks=parameters, coefficients=coefficients)
@@ -252,7 +262,7 @@ class JointPath(Checked):
         arc_lengths = np.require(np.ravel(checks.floats("arc lengths", s, "m")), np.float64, ["W"])
         pieces = np.require(np.ravel(checks.indices("intervals", i)), np.intp, ["W"])
         last = len(self.breaks) - 2
-        # Compiled code would read beyond the end of the arrays.
+        # Without this check, compiled code could read beyond the end of the arrays.
         if pieces.shape != arc_lengths.shape or (
             len(pieces) and not 0 <= pieces.min() <= pieces.max() <= last
         ):
@@ -261,7 +271,7 @@ class JointPath(Checked):
                 f"{len(pieces)} for {len(arc_lengths)}."
             )
         q, first, second = np.empty((3, len(arc_lengths), self.dof))
-        # By the chain rule with s for the time; each piece is a path of its own.
+        # The chain rule is applied with s as the time, and with each piece as a separate path.
         along, end = np.zeros((4, len(arc_lengths))), self.breaks[pieces + 1]
         along[0], along[1] = arc_lengths, 1.0
         end.setflags(write=False)

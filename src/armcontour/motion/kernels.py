@@ -16,7 +16,7 @@ SERIES_BELOW = 1e-4
 
 @compiled(inner=True)
 def interval_time(width: float, begin: float, end: float, slope: float) -> float:
-    """Duration of one interval, see `interval_times`."""
+    """Duration of one interval [s], see `interval_times`."""
     simple = 2 * width / (begin + end)
     z = slope * simple * simple / 4
     if abs(z) < SERIES_BELOW:
@@ -30,7 +30,7 @@ def interval_times(
     width: FloatArray, begin: FloatArray, end: FloatArray, slope: FloatArray
 ) -> FloatArray:
     """Durations of intervals with a path acceleration linear in s [s], (n,)."""
-    # `(2 / k) atanh(k width / (begin + end))` with `k² = slope`.
+    # The duration is `(2 / k) atanh(k width / (begin + end))` with `k² = slope`.
     # `width`: lengths of the intervals [m], (n,); `begin`: path speeds at the starts [m/s], (n,);
     # `end`: path speeds at the ends [m/s], (n,); `slope`: slopes of dds over s [1/s²], (n,).
     times = np.empty(len(width))
@@ -46,7 +46,7 @@ def write_law(
     slope: FloatArray,  # Slopes of dds over s [1/s²], (n,)
     breaks: FloatArray,  # Output: the breaks [s], (n + 1,)
     ds: FloatArray,  # Output: path speeds at the starts of the intervals [m/s], (n,)
-    dds: FloatArray,  # Output: path accelerations there [m/s²], (n,)
+    dds: FloatArray,  # Output: path accelerations at the starts [m/s²], (n,)
 ) -> int:
     """Write the time law from squared path speeds; return the first interval at rest, or -1."""
     stuck, begin, breaks[0] = -1, math.sqrt(x[0]), 0.0
@@ -106,12 +106,12 @@ def spline_pieces(knots: FloatArray, points: FloatArray, clamped: bool) -> Float
     """Coefficients of the cubic spline through points as those of a `JointPath`, (n, 6, dof)."""
     # The second derivatives solve a diagonally dominant tridiagonal system by forward elimination
     # and back substitution.
-    # `knots`: parameters of the points, which increase, (n + 1,); `points`: the points, (n + 1,
-    # dof); `clamped`: true if the slopes are zero at both ends; otherwise the second derivatives
-    # are.
+    # `knots`: increasing parameters of the points, (n + 1,); `points`: the points, (n + 1, dof);
+    # `clamped`: true if the slopes at both ends are zero; otherwise the second derivatives are
+    # zero.
     n, dof = len(knots) - 1, points.shape[1]
     coefficients, second, diagonal = np.zeros((n, 6, dof)), np.zeros((n + 1, dof)), np.empty(n + 1)
-    # The points with unknown second derivatives.
+    # First and last point with an unknown second derivative.
     first, last = (0, n) if clamped else (1, n - 1)
     for i in range(first, last + 1):
         before = knots[i] - knots[i - 1] if i > 0 else 0.0
@@ -140,7 +140,7 @@ def spline_pieces(knots: FloatArray, points: FloatArray, clamped: bool) -> Float
 
 
 # Below this angle, hyperbolic and circular functions are computed by their series.
-SHORT = 1e-2
+SMALL_ANGLE = 1e-2
 
 
 class JointDerivatives(NamedTuple):
@@ -164,17 +164,18 @@ def path_motions(
     jerk: FloatArray,
 ) -> FloatArray:
     """The arc length s and its first three derivatives at times `t` of intervals `i`, (4, n)."""
-    # `breaks` and `s` are those of the law, (m + 1,); `ds`, `dds`, `slope` and `jerk` its `Rates`,
-    # (m,).
+    # `breaks` and `s`: breaks of the law and their arc lengths, (m + 1,); `ds`, `dds`, `slope` and
+    # `jerk`: fields of the law's `Rates`, (m,).
     motions = np.empty((4, len(t)))
     for k in range(len(t)):
         j = i[k]
         u = t[k] - breaks[j]
-        # The solution of `dds = dds_j + slope (s - s_j)` has cosh(w u), sinh(w u) / w and
-        # (cosh(w u) - 1) / w² with `w² = slope`, which are circular functions if it is negative.
+        # The solution of `dds = dds_j + slope (s - s_j)` consists of cosh(w u), sinh(w u) / w and
+        # (cosh(w u) - 1) / w² with `w² = slope`. If the slope is negative, these are circular
+        # functions.
         z = slope[j] * u * u
         size = math.sqrt(abs(z))
-        if size < SHORT:
+        if size < SMALL_ANGLE:
             c = 1 + z / 2 * (1 + z / 12 * (1 + z / 30))
             h = 1 + z / 6 * (1 + z / 20 * (1 + z / 42))
             p = 0.5 * (1 + z / 12 * (1 + z / 30 * (1 + z / 56)))
@@ -199,8 +200,8 @@ def path_motions(
 def value_and_slopes(
     a0: float, a1: float, a2: float, a3: float, a4: float, a5: float, x: float
 ) -> tuple[float, float, float]:
-    """The polynomial with these coefficients at x, and its first and second derivative."""
-    # Horner's rule for all three.
+    """Value, first and second derivative at x of the polynomial with coefficients a0 to a5."""
+    # Horner's rule computes all three together.
     slope, value, second = a5, a5 * x + a4, 0.0
     second, slope, value = second * x + 2 * slope, slope * x + value, value * x + a3
     second, slope, value = second * x + 2 * slope, slope * x + value, value * x + a2
@@ -213,24 +214,24 @@ def value_and_slopes(
 def joint_motions(
     along: FloatArray,  # s and its derivatives over time up to the third, (4, n)
     end: FloatArray,
-    law: IntArray,  # The law of each point, (n,)
+    law: IntArray,  # Index of the law of each point, (n,)
     rows: IntArray,
     breaks: FloatArray,  # Breaks of all joint paths [m], each counted from its own start, (m,)
     coefficients: FloatArray,
     out: JointDerivatives,  # Output; arrays without rows are not computed
 ) -> None:
     """Joint positions and their derivatives over time along joint paths, by the chain rule."""
-    # `end`: end of the law's interval at each point [m], (n,): a break of the joint path there ends
-    # the piece of the point; `rows`: indices of the first breaks of the laws' joint paths, and the
-    # number of all breaks, (laws + 1,); `coefficients`: the coefficients of the interval after each
-    # break, (m, 6, dof); those after the last break of a joint path are not read, and may be
-    # missing.
+    # `end`: arc length at the end of the law's interval of each point [m], (n,). If this is a break
+    # of the joint path, the point belongs to the piece before the break. `rows`: index of the first
+    # break of each law's joint path, and the number of all breaks, (laws + 1,); `coefficients`: the
+    # coefficients after each break, (m, 6, dof). The coefficients after the last break of a joint
+    # path are not read, and may be missing.
     orders = len(out.q) > 0, len(out.dq) > 0, len(out.ddq) > 0, len(out.dddq) > 0
     piece = 0
     for k in range(along.shape[1]):
         s, ds, dds, ddds = along[0, k], along[1, k], along[2, k], along[3, k]
         low, high = rows[law[k]], rows[law[k] + 1] - 2
-        # The last piece that begins before s, usually the piece of the previous point.
+        # Find the last piece that begins before s. It is usually the piece of the previous point.
         if low <= piece <= high and breaks[piece] <= s and breaks[piece] < end[k]:
             low = piece
         if s < breaks[low + 1] or end[k] <= breaks[low + 1]:
@@ -269,13 +270,13 @@ def joint_motions(
 
 
 @compiled()
-def fastest_joints(
+def bound_joint_velocities(
     breaks: FloatArray, coefficients: FloatArray, s: FloatArray, speeds: FloatArray
 ) -> FloatArray:
     """Bounds of the joint velocities between neighbouring arc lengths `s` [rad/s], (n, dof)."""
-    # On each piece dq_ds is a polynomial of degree 4: over an interval it lies between the smallest
-    # and the largest of its Bernstein coefficients. `speeds` bounds the path speed on each interval
-    # [m/s], (n,).
+    # On each piece dq_ds is a polynomial of degree 4, which lies between its smallest and its
+    # largest Bernstein coefficient over an interval. `speeds`: bounds of the path speed on each
+    # interval [m/s], (n,).
     c, last = coefficients, len(breaks) - 2
     n, dof = len(s) - 1, c.shape[2]
     bounds = np.empty((n, dof))
@@ -288,7 +289,7 @@ def fastest_joints(
             piece += 1
         k = piece
         while True:
-            # Laws of uniform speed may lack breaks of their joint path.
+            # An interval of a law of uniform speed can contain breaks of the joint path.
             until = end if k == last else min(end, breaks[k + 1])
             width = breaks[k + 1] - breaks[k]
             x, h = (begin - breaks[k]) / width, (until - begin) / width
@@ -306,7 +307,7 @@ def fastest_joints(
                 e += x * f
                 d += x * e
                 e += x * f
-                # Coefficients over 0 to 1 within it.
+                # Coefficients for a parameter from 0 to 1 over the interval.
                 b, d, e, f = h * b, h * h * d, h * h * h * e, h * h * h * h * f
                 largest = max(abs(a), abs(a + b / 4), abs(a + b / 2 + d / 6))
                 largest = max(largest, abs(a + 3 * b / 4 + d / 2 + e / 4), abs(a + b + d + e + f))

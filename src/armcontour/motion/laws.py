@@ -80,7 +80,7 @@ class LawAlongPath(Law):
         index = np.searchsorted(self.s, s, side=checks.check_side(side)) - 1
         i = np.clip(index, 0, len(self.breaks) - 2)
         t = self.breaks[i]
-        # At breaks the times are known exactly.
+        # The times at breaks are known exactly.
         t = np.where(s >= self.s[i + 1], self.breaks[i + 1], t)
         inside = (s > self.s[i]) & (s < self.s[i + 1])
         if inside.any():
@@ -110,7 +110,7 @@ class LapLaw(Law):
         _check_breaks(self.breaks)
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """q, dq, ddq (21) or dddq, which is zero between breaks."""
+        """Joint positions or a derivative by (21), (n, dof); the third derivative is zero."""
         u = (t - self.breaks[i])[..., None]
         if order == 0:
             return np.asarray(self.q[i] + u * (self.dq[i] + u * self.ddq[i] / 2))
@@ -175,13 +175,13 @@ class LineLaw(LapLaw, LawAlongPath):
     def _check_together(self) -> None:
         # `super` without arguments does not work in a dataclass with slots.
         LapLaw._check_together(self)
-        # The knots of a traced path are on the line, up to rounding errors.
+        # The knots of a traced path are on the line, except for rounding errors.
         s = np.maximum.accumulate(np.clip(self._along(self.q), *self.ends))
         s[0], s[-1] = self.ends
         object.__setattr__(self, "s", checks.frozen_array(s))
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """Arc length or a derivative: the tool's position and its derivatives along the line."""
+        """Arc length or a derivative, from the tool's motion along the line, (n,)."""
         q = self.on_interval(i, t, 0)
         if order == 0:
             return np.clip(self._along(q), self.s[i], self.s[i + 1])
@@ -228,7 +228,7 @@ class Rates(NamedTuple):
 class PathLaw(LawAlongPath):
     """Motion along a joint path with a path acceleration that is linear in s on every interval.
 
-    Next to rests it may be linear in time instead, so it starts and ends at zero.
+    Next to a rest, the path acceleration can be linear in time instead, so it is zero at the rest.
 
     Every break of the joint path between the start and the end of the law must be a break of the
     law.
@@ -266,29 +266,32 @@ class PathLaw(LawAlongPath):
             joint_path: The joint path.
             s: Arc lengths at the breaks [m], (n + 1,).
             x: ds² at the breaks [m²/s²], (n + 1,).
-            slope: Slopes of dds over s on every interval [1/s²], (n,). The law keeps the array,
-                which becomes read-only.
+            slope: Slopes of dds over s on every interval [1/s²], (n,). The array is not copied, and
+                becomes read-only.
 
         Raises:
-            InvalidInput: Two neighbouring breaks are at rest; with the index of the interval.
+            InvalidInput: The path speed is zero at two neighbouring breaks. The error has the index
+                of the interval.
         """
         n = len(slope)
         breaks, ds, dds = np.empty(n + 1), np.empty(n), np.empty(n)
         stuck = write_law(s, x, checks.kernel_array(slope), breaks, ds, dds)
         if stuck >= 0:
             raise InvalidInput(
-                f"From s = {s[stuck]:g} to {s[stuck + 1]:g} m a law would be at rest.", index=stuck
+                f"The path speed is zero at both ends of the interval from s = {s[stuck]:g} to "
+                f"{s[stuck + 1]:g} m, so a law would be at rest there.",
+                index=stuck,
             )
         # Zeros of a new array take no memory until they are written.
         rates = Rates(ds=ds, dds=dds, slope=slope, jerk=np.zeros(len(slope)))
-        # No other code has these arrays, so locking needs no copies.
+        # No other code uses these arrays, so they become read-only without copies.
         for values in (breaks, *rates):
             values.setflags(write=False)
         return cls(joint_path=joint_path, breaks=breaks, s=s, rates=rates)
 
     @classmethod
     def over_time(cls, joint_path: JointPath) -> PathLaw:
-        """The law of a joint path whose parameter is the time from 0 [s]."""
+        """The law of a joint path whose parameter is the time [s], from 0."""
         breaks = joint_path.breaks
         ones, zeros = np.ones(len(breaks) - 1), np.zeros(len(breaks) - 1)
         rates = Rates(ds=ones, dds=zeros, slope=zeros, jerk=zeros)
@@ -302,12 +305,12 @@ class PathLaw(LawAlongPath):
 
     @property
     def passages(self) -> FloatArray:
-        """Times at which the law passes breaks of the joint path that are not its own [s]."""
+        """Times at which the law passes breaks of the joint path between its own breaks [s]."""
         passed = np.setdiff1d(self.joint_path.breaks, self.s)
         return self.reach(passed[(passed > self.s[0]) & (passed < self.s[-1])])[1]
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """Arc length or a derivative at times `t` by the formula of interval `i`."""
+        """Arc length or a derivative at times `t` by the formula of interval `i`, (n,)."""
         return np.asarray(self.path_motion(i, t)[order])
 
     def path_motion(self, i: IntArray, t: FloatArray) -> FloatArray:
@@ -318,36 +321,39 @@ class PathLaw(LawAlongPath):
         return np.asarray(motion.reshape(4, *shape))
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """Joint positions or a derivative by the chain rule."""
-        return join_path(self.joint_path, self.s[i + 1], self.path_motion(i, t), (order,))[0]
+        """Joint positions or a derivative by the chain rule, (n, dof)."""
+        return chain_rule_motion(self.joint_path, self.s[i + 1], self.path_motion(i, t), (order,))[
+            0
+        ]
 
     def motion(self, i: IntArray, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
         """Joint positions and derivatives up to an order by the chain rule, (n, dof) each."""
         orders = tuple(range(order + 1))
-        return join_path(self.joint_path, self.s[i + 1], self.path_motion(i, t), orders)
+        return chain_rule_motion(self.joint_path, self.s[i + 1], self.path_motion(i, t), orders)
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
         """Times at which intervals `i` reach arc lengths inside them, in closed form [s], (n,)."""
         ds, dds, slope, jerk = (x[i] for x in self.rates)
         width = s - self.s[i]
-        # ds² grows by the integral of 2 dds over s, and dds is linear in s.
+        # ds² increases by the integral of 2 dds over s, and dds is linear in s.
         end = np.sqrt(np.maximum(ds * ds + width * (2 * dds + slope * width), 0.0))
         with np.errstate(divide="ignore", invalid="ignore"):
             times = self.breaks[i] + interval_times(width, ds, end, slope)
-            # Uniform jerk: s grows with the third power of the time from or to the rest.
+            # With uniform jerk, s changes with the third power of the time from or to the rest.
             since = dds / jerk
             rests = self.breaks[i] + np.cbrt(since**3 + 6 * width / jerk) - since
         return np.asarray(np.where(jerk != 0, rests, times))
 
 
-def join_path(
+def chain_rule_motion(
     joint_path: JointPath, end: FloatArray, along: FloatArray, orders: tuple[int, ...]
 ) -> tuple[FloatArray, ...]:
     """Derivatives of joint positions over time along a joint path, by the chain rule."""
-    # `end`: arc length of the end of the law's interval at each point [m]: a point at a break of
-    # the joint path is before the break if the interval ends there; `along`: s and its derivatives
-    # over time up to the third, (4, n); `orders`: the requested orders; 0 for the positions.
-    # Returns (n, dof) for each order.
+    # `end`: arc length at the end of the law's interval of each point [m]. If a point is at a break
+    # of the joint path and the interval ends there, the value before the break is returned.
+    # `along`: s and its derivatives over time up to the third, (4, n); `orders`: the requested
+    # orders, 0 for the positions.
+    # Returns an array (n, dof) for each order.
     shape, dof = np.shape(along)[1:], joint_path.dof
     count = along[0].size
     motion = JointDerivatives(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))
@@ -355,14 +361,14 @@ def join_path(
     rows = np.array([0, len(joint_path.breaks)])
     tables = rows, joint_path.breaks, joint_path.coefficients
     joint_motions(along.reshape(4, count), flatten(end, shape), only, *tables, motion)
-    # No views of other arrays where possible, so `frozen_array` makes no copies.
+    # The results are no views of other arrays where possible, so `frozen_array` makes no copies.
     return tuple(motion[k] if len(shape) == 1 else motion[k].reshape((*shape, dof)) for k in orders)
 
 
 def flatten(
     values: npt.ArrayLike, shape: tuple[int, ...], dtype: npt.DTypeLike = np.float64
 ) -> npt.NDArray[Any]:
-    """Values broadcast to one read-only row, the type for which the kernels are compiled."""
+    """Broadcast values to a shape, as one contiguous read-only row for compiled functions."""
     array = np.asarray(values, dtype=dtype)
     if array.shape != shape:
         array = np.broadcast_to(array, shape)

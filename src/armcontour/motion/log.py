@@ -21,9 +21,9 @@ from armcontour.core.text import clock, count_noun, format_table, joint_rows, sh
 # Interpolation of the command between two samples of a log.
 INTERPOLATIONS = ("linear", "step")
 POSITIONS = ("command", "measured")
-# Fewer samples cannot separate four parameters and the noise.
+# Smallest number of samples; fewer samples cannot separate four parameters and the noise.
 FEWEST = 50
-# A jump this close to a whole turn is a wrapped angle [rad].
+# A jump that differs from a whole turn by less than this angle [rad] indicates a wrapped angle.
 NEAR_A_TURN = 0.6
 
 
@@ -49,7 +49,7 @@ class Log(Checked):
         notes: Notes of a reader on recognised and ignored parts of the file.
 
     Raises:
-        InvalidInput: Times that do not increase or are too near to each other; angles that wrap;
+        InvalidInput: Times do not increase or are too near to each other, angles wrap, or there are
             too few samples.
     """
 
@@ -64,8 +64,8 @@ class Log(Checked):
     def _check_together(self) -> None:
         if len(self.t) < FEWEST:
             raise InvalidInput(
-                f"{self.source} has {len(self.t)} samples, but at least {FEWEST} are needed: "
-                "record more."
+                f"{self.source} has {len(self.t)} samples, but at least {FEWEST} are needed. "
+                "Record a longer motion."
             )
         for name in POSITIONS:
             object.__setattr__(self, name, self._check_rows(name))
@@ -73,7 +73,7 @@ class Log(Checked):
         if self.measured.shape[1] != dof:
             raise InvalidInput(
                 f"{self.source} has commands for {dof} joints, but measured positions of "
-                f"{self.measured.shape[1]}."
+                f"{self.measured.shape[1]} joints. Both need the same joints."
             )
         names = self.joint_names or tuple(f"joint {j + 1}" for j in range(dof))
         if len(names) != dof or len(set(names)) != dof:
@@ -81,12 +81,12 @@ class Log(Checked):
                 f"{self.source} needs {dof} different joint names, not {', '.join(names)}."
             )
         object.__setattr__(self, "joint_names", names)
-        check_samples(self.t, {x: getattr(self, x) for x in POSITIONS}, self._place)
+        check_samples(self.t, {x: getattr(self, x) for x in POSITIONS}, self._name_value)
         for j, name in product(range(dof), POSITIONS):
-            self._check_turns(name, j)
+            self._check_wrapping(name, j)
 
     def __str__(self) -> str:
-        """Origin, times and joint positions."""
+        """Summary: origin, times and joint positions."""
         return format_table(
             f"Log of {count_noun(self.dof, 'joint')}: {count_noun(len(self.t), 'sample')}, "
             f"t = {number(self.t[0], 's')} to {number(self.t[-1], 's')}",
@@ -116,10 +116,10 @@ class Log(Checked):
         return np.flatnonzero(np.diff(self.t) > GAP * self.interval)
 
     def check_gaps(self) -> None:
-        """Refuse a log with gaps.
+        """Check that the log has no gaps.
 
         Raises:
-            InvalidInput: There is one.
+            InvalidInput: The log has a gap.
         """
         if len(self.gaps):
             i = int(self.gaps[0])
@@ -128,8 +128,8 @@ class Log(Checked):
                 raise InvalidInput(bursts, index=i, t=float(self.t[i]))
             raise InvalidInput(
                 f"{self.source} has a gap of {step:g} s at t = {clock(self.t[i])} s, where samples "
-                f"usually come every {self.interval:g} s, and the commands in it are unknown: use "
-                "the part before or after it.",
+                f"usually come every {self.interval:g} s, and the commands in it are unknown. Use "
+                "the part before or after the gap.",
                 index=i,
                 t=float(self.t[i]),
                 needed=step,
@@ -149,7 +149,7 @@ class Log(Checked):
         )
 
     def _check_rows(self, name: str) -> FloatArray:
-        """Positions as a locked array with one row for each time."""
+        """Positions as a read-only array, (n, dof); raise InvalidInput for another shape."""
         values = getattr(self, name)
         values = values[:, None] if values.ndim == 1 else values
         if values.ndim != 2 or len(values) != len(self.t) or values.shape[1] == 0:
@@ -159,23 +159,24 @@ class Log(Checked):
             )
         return checks.frozen_array(np.ascontiguousarray(values))
 
-    def _place(self, name: str, i: int, j: int) -> str:
+    def _name_value(self, name: str, i: int, j: int) -> str:
         """Name of a time or a position for messages."""
         if name == "t":
             return f"{self.source}: the time of sample {i + 1}"
         moment = f"at t = {clock(self.t[i])} s"
         return f"{self.source}: the {name} position of {self.joint_names[j]} {moment}"
 
-    def _check_turns(self, name: str, j: int) -> None:
+    def _check_wrapping(self, name: str, j: int) -> None:
+        """Raise InvalidInput if positions of joint j jump by a whole turn."""
         values = getattr(self, name)[:, j]
         steps = np.diff(values)
         i = int(np.argmax(np.abs(steps)))
-        # A joint that really moves by a turn in one sample has a range above one turn.
+        # A joint that really moves by a turn between two samples has a range above one turn.
         if abs(abs(steps[i]) - 2 * math.pi) < NEAR_A_TURN and np.ptp(values) < 2 * math.pi + 1e-3:
             raise InvalidInput(
                 f"{self.source}: the {name} position of {self.joint_names[j]} jumps by "
-                f"{steps[i]:.4g} rad at t = {clock(self.t[i])} s, which is a wrapped angle: unwrap "
-                "it first.",
+                f"{steps[i]:.4g} rad at t = {clock(self.t[i])} s, which is a wrapped angle. Unwrap "
+                "the positions first.",
                 index=i,
                 t=float(self.t[i]),
                 joint=j,
@@ -192,7 +193,8 @@ def cut_log(
     unwrap: bool = False,
     **fields: Any,
 ) -> Log:
-    """Part of a log, from arrays that need not be a valid log as a whole; `fields` as of `Log`."""
+    """Make a log of a part of arrays, which need not be a valid log as a whole."""
+    # `unwrap`: true to remove jumps of whole turns; `fields`: other fields of `Log`.
     used = _time_mask(t, *window, source)
     command, measured = np.asarray(command)[used], np.asarray(measured)[used]
     if unwrap:
@@ -201,7 +203,7 @@ def cut_log(
 
 
 def _time_mask(t: FloatArray, start: float, end: float, source: str) -> BoolArray:
-    """Mask of the samples from `start` to `end`."""
+    """Mask of the samples from `start` to `end`, (n,); raise InvalidInput if there are none."""
     for name, value in (("first", start), ("last", end)):
         if not isinstance(value, int | float | np.number):
             raise InvalidInput(
@@ -215,15 +217,15 @@ def _time_mask(t: FloatArray, start: float, end: float, source: str) -> BoolArra
     used = (np.asarray(t) >= start) & (np.asarray(t) <= end)
     if len(t) and not used.any():
         raise InvalidInput(
-            f"{source} has no sample from {start:g} s to {end:g} s: its times go from "
+            f"{source} has no sample from {start:g} s to {end:g} s. Its times are from "
             f"{clock(np.min(t))} s to {clock(np.max(t))} s."
         )
     return np.asarray(used)
 
 
 def _unwrap(command: FloatArray, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Set-points and positions without jumps of whole turns, starting in the same turn."""
-    # `Log` refuses numbers that no joint has, so their jumps stay.
+    """Remove jumps of whole turns, so that set-points and positions start in the same turn."""
+    # Positions that no joint can have are not changed, because `Log` reports them.
     if max(np.abs(x).max() for x in (command, measured)) > LARGEST["q"]:
         return command, measured
     command, measured = np.unwrap(command, axis=0), np.unwrap(measured, axis=0)

@@ -18,44 +18,46 @@ from armcontour.robot import Arm
 
 # Largest number of names in one message.
 MAX_NAMED = 8
-# Shortest log [s] and longest sample interval [s] for identification: between samples farther apart
-# the command is too uncertain.
+# Shortest log [s] and longest sample interval [s] for identification. With a longer interval, the
+# command between samples is too uncertain.
 SHORTEST = 2.0
 COARSEST = 20e-3
-# Longest time of all logs together [s], for memory: derivatives take 2 kB per time and joint.
+# Longest total time of all logs [s]. The limit saves memory, because derivatives take 2 kB per
+# sample and joint.
 LONGEST = 240.0
 # Largest distance of a measured position from the range of its joint [rad].
-BEYOND = 0.1
-# Largest speed of a joint [rad/s]: the last joint of a fast delta robot turns at 60.
+RANGE_MARGIN = 0.1
+# Largest speed of a joint [rad/s]. The last joint of a fast delta robot turns at 60 rad/s.
 FASTEST = 100.0
-# Velocities are averaged over the number of samples at which noise causes this fraction of FASTEST,
-NOISY = 0.05
-# and over at least this number.
-FEWEST = 5
-# Smallest range of a joint that moves [rad].
-MOVES = 1e-3
-# Fraction of the variance of a position that a command with a lag explains, if the joint follows
-# it.
-FOLLOWS = 0.5
+# Velocities are averaged over so many samples that noise causes at most this fraction of FASTEST.
+NOISE_SHARE = 0.05
+# Smallest number of sample intervals over which velocities are averaged.
+MIN_INTERVALS = 5
+# Smallest range of positions of a joint that moves [rad].
+MIN_MOTION = 1e-3
+# A joint follows its command if the command with a lag explains at least this fraction of the
+# variance of its position.
+MIN_EXPLAINED = 0.5
 # Longest dead time of a joint that follows the command of another joint [s].
 LONGEST_DEAD_TIME = 0.25
 
-# Another unit, sign or order explains the columns if it leaves at most this fraction of the
-# difference
-BETTER = 0.3
-# and at most this fraction of the variance, because a joint differs from a pure lag.
-UNEXPLAINED = 0.2
+# Another unit, sign or order explains the columns only if the remaining difference is at most this
+# fraction of the original difference.
+MAX_REMAINING = 0.3
+# The remaining difference must also be at most this fraction of the variance, which allows for the
+# difference between a joint and a pure lag.
+MAX_UNEXPLAINED = 0.2
 # Candidates for the lag of a joint after its dead time [s].
 LAGS = (0.0, 0.01, 0.014, 0.02, 0.028, 0.04, 0.056, 0.08, 0.11, 0.16)
-# Number of candidates for the dead time, and of consecutive samples that are compared.
+# Number of candidates for the dead time, and number of consecutive samples that are compared.
 DEAD_TIMES = 26
 SAMPLES = 8000
-# Fraction by which the order of the file is preferred over an equally good order of columns.
-AS_GOOD = 1e-6
+# Fraction by which another order of columns must be better than the order of the file.
+ORDER_PREFERENCE = 1e-6
 
 
 def match_joints(names: Sequence[str], requested: Sequence[str], source: str) -> list[int] | None:
-    """Indices of requested joints by equal names or names with a prefix; None without a match."""
+    """Index in `names` of each requested joint, by equal or prefixed name; None if not found."""
     if set(requested) <= set(names):
         return [names.index(x) for x in requested]
     indices = []
@@ -65,8 +67,8 @@ def match_joints(names: Sequence[str], requested: Sequence[str], source: str) ->
         if len(alike) > 1:
             other = names[alike[1]].removesuffix(joint)
             raise InvalidInput(
-                f"{source}: {' and '.join(show(names[i]) for i in alike[:2])} both may be the "
-                f"joint {joint}: ignore the other with --columns '-=*{other}*'."
+                f"{source}: {' and '.join(show(names[i]) for i in alike[:2])} can both be the "
+                f"joint {joint}. Ignore the other one with --columns '-=*{other}*'."
             )
         indices += alike
     return indices if len(set(indices)) == len(requested) and requested else None
@@ -92,8 +94,8 @@ def describe_match(
 
 
 def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
-    """The log with its joints in the order of an arm, by equal names or by names with a prefix."""
-    # Otherwise joints stay in their order, also those with numbers.
+    """Sort the joints of a log in the order of an arm, by equal names or names with a prefix."""
+    # If the names do not match but the number of joints does, the order remains unchanged.
     names, source = log.joint_names, log.source
     numbered = all(re.fullmatch(r"joint \d+", x) for x in names)
     order = match_joints(names, joint_names, source)
@@ -102,15 +104,15 @@ def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
         if len(names) != len(joint_names):
             raise InvalidInput(
                 f"{source} has {count_noun(len(names), 'joint')} ({log_names}), but the arm has "
-                f"{len(joint_names)} ({other}): name its columns as the arm's joints, or give "
+                f"{len(joint_names)} ({other}). Name the columns like the arm's joints, or specify "
                 f"the arm of the log. {' '.join(log.notes)}".rstrip()
             )
         pairs = zip(names, joint_names, strict=True)
         if not numbered and any(x != y and x in joint_names for x, y in pairs):
             unknown = next(x for x in names if x not in joint_names)
             raise InvalidInput(
-                f"{source} has a joint {unknown}, but the joints of the arm are {other}: name all "
-                "joints as the arm does, or give the arm of the log."
+                f"{source} has a joint {unknown}, but the joints of the arm are {other}. Name all "
+                "joints like those of the arm, or specify the arm of the log."
             )
         return log
     notes = describe_match(names, joint_names, order)
@@ -127,38 +129,38 @@ def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
 
 
 def check_logs(logs: Sequence[Log], arm: Arm) -> None:
-    """Refuse logs from which the arm cannot be identified."""
+    """Raise InvalidInput for logs from which the arm cannot be identified."""
     # `logs`: logs with as many joints as the arm.
     for log in logs:
         duration = float(log.t[-1] - log.t[0])
         if duration < SHORTEST:
             raise InvalidInput(
-                f"{log.source} covers {duration:.3g} s, but a robot is identified only from "
-                f"{SHORTEST:g} s or more: record more.",
+                f"{log.source} covers {duration:.3g} s, but identification needs at least "
+                f"{SHORTEST:g} s. Record a longer motion.",
                 needed=SHORTEST,
                 allowed=duration,
             )
         if log.interval > COARSEST * (1 + 1e-6):
             raise InvalidInput(
-                f"{log.source} has a sample every {log.interval * 1e3:.3g} ms, but a robot is "
-                f"identified only from samples every {COARSEST * 1e3:g} ms or less: record faster.",
+                f"{log.source} has a sample every {log.interval * 1e3:.3g} ms, but identification "
+                f"needs a sample at least every {COARSEST * 1e3:g} ms. Record at a higher rate.",
                 needed=log.interval,
                 allowed=COARSEST,
             )
         check_distance(log, arm)
-        check_leading_rest(log)
+        check_columns(log)
     total = sum(float(x.t[-1] - x.t[0]) for x in logs)
     if total > LONGEST:
         raise InvalidInput(
-            f"The logs cover {total:.4g} s, but at most {LONGEST:g} s are used: choose a part, by "
-            "--from and --to or Log.between.",
+            f"The logs cover {total:.4g} s, but at most {LONGEST:g} s are supported. Select a part "
+            "with --from and --to, or with Log.between.",
             needed=total,
             allowed=LONGEST,
         )
 
 
 def check_distance(log: Log, arm: Arm) -> None:
-    """Refuse a log with positions outside the joint ranges."""
+    """Raise InvalidInput if positions of a log are outside the joint ranges."""
     # `log`: the log, with as many joints as the arm.
     both = {"set-point": log.command, "measured position": log.measured}
     check_range_of_log(log.source, log.t, both, log.joint_names, arm)
@@ -171,47 +173,49 @@ def check_range_of_log(
     joint_names: Sequence[str],
     arm: Arm,
     *,
-    margin: float = BEYOND,  # Allowed distance from the range of a joint [rad]
+    margin: float = RANGE_MARGIN,  # Allowed distance from the range of a joint [rad]
     degrees_only: bool = False,
 ) -> None:
-    """Refuse positions outside the joint ranges."""
-    # `degrees_only`: true to refuse only positions that are within all ranges as degrees.
+    """Raise InvalidInput if positions are outside the joint ranges."""
+    # `degrees_only`: true to raise only if all positions are within the ranges as degrees.
     low, high = arm.limits.joint_range(arm.dof)
     for name, values in positions.items():
         beyond = np.maximum(low - values, values - high)
         i, j = map(int, np.unravel_index(np.argmax(beyond), beyond.shape))
         turned = np.radians(values)
-        degrees = bool((turned >= low - BEYOND).all() and (turned <= high + BEYOND).all())
+        degrees = bool(
+            (turned >= low - RANGE_MARGIN).all() and (turned <= high + RANGE_MARGIN).all()
+        )
         if beyond[i, j] <= margin or (degrees_only and not degrees):
             continue
-        hint = "correct the number, or give the arm of the file"
+        hint = "Correct the number, or specify the arm of the file"
         if degrees:
             hint = (
-                "all joints are within their ranges if the positions are in degrees. If they are, "
-                "give all positions and rates that unit, such as q1 [deg] and dq1 [deg/s]"
+                "All joints are within their ranges if the positions are in degrees. If they are, "
+                "specify this unit for all positions and rates, such as q1 [deg] and dq1 [deg/s]"
             )
         raise InvalidInput(
             f"{source}: the {name} of {joint_names[j]} is {values[i, j]:.4g} rad at "
             f"t = {clock(t[i])} s, outside the range of {arm.name} from {low[j]:.4g} to "
-            f"{high[j]:.4g} rad: {hint}.",
+            f"{high[j]:.4g} rad. {hint}.",
             t=float(t[i]),
             joint=j,
         )
 
 
 def check_speeds(log: Log) -> None:
-    """Refuse a log in which a joint moves faster than any robot."""
+    """Raise InvalidInput if a joint of a log is faster than any robot."""
     noise = white_noise(log.measured)
     for j, y in enumerate(log.measured.T):
-        window = math.ceil(2 * float(noise[j]) / (NOISY * FASTEST * log.interval))
-        k = min(max(window, FEWEST), len(y) - 1)
+        window = math.ceil(2 * float(noise[j]) / (NOISE_SHARE * FASTEST * log.interval))
+        k = min(max(window, MIN_INTERVALS), len(y) - 1)
         speeds = np.abs(y[k:] - y[:-k]) / (log.t[k:] - log.t[:-k])
         i = int(np.argmax(speeds))
         if speeds[i] > FASTEST:
             raise InvalidInput(
                 f"{log.source}: {log.joint_names[j]} moves at {speeds[i]:.3g} rad/s at t = "
-                f"{clock(log.t[i])} s, but no joint is faster than {FASTEST:g} rad/s: give the "
-                "columns the units that they have, such as t [s].",
+                f"{clock(log.t[i])} s, but no joint is faster than {FASTEST:g} rad/s. Specify the "
+                "units of the columns, such as t [s].",
                 joint=j,
                 t=float(log.t[i]),
                 needed=float(speeds[i]),
@@ -219,14 +223,14 @@ def check_speeds(log: Log) -> None:
             )
 
 
-def check_leading_rest(log: Log) -> None:
-    """Refuse a log that only another order, unit or direction of its columns explains."""
+def check_columns(log: Log) -> None:
+    """Raise InvalidInput if only another order, unit or sign of the columns explains a log."""
     for j, (command, measured) in enumerate(zip(log.command.T, log.measured.T, strict=True)):
         rate, residual = np.gradient(command), measured - command
         a = np.stack([rate, np.ones_like(rate)], axis=1)
         residual = residual - a @ np.linalg.lstsq(a, residual, rcond=None)[0]
-        moves = max(np.ptp(command), np.ptp(measured)) >= MOVES
-        if not moves or np.sum(residual**2) < (1 - FOLLOWS) * np.sum(
+        moves = max(np.ptp(command), np.ptp(measured)) >= MIN_MOTION
+        if not moves or np.sum(residual**2) < (1 - MIN_EXPLAINED) * np.sum(
             (measured - measured.mean()) ** 2
         ):
             continue
@@ -234,27 +238,28 @@ def check_leading_rest(log: Log) -> None:
 
 
 def check_units(log: Log, longest: float, j: int, *, single: bool = True) -> None:
-    """Refuse a log whose joint j does not follow its command, if another reading explains it."""
-    # `longest`: largest dead time [s]; `single`: true to consider also other units and directions
-    # of this joint only.
+    """Raise InvalidInput if another order, unit or sign of columns explains joint j."""
+    # `longest`: largest dead time [s]; `single`: true to consider also other units and signs of
+    # this joint only.
     for some in (slice(None), slice(j, j + 1))[: 1 + single]:
         q, u, names = log.measured[:, some], log.command[:, some], log.joint_names[some]
         if reading := find_misreading(log.t, q, u, names=names, longest_delay=longest):
             raise InvalidInput(
-                f"{log.source}: {log.joint_names[j]} does not follow its commands: {reading}.",
+                f"{log.source}: {log.joint_names[j]} does not follow its commands, because "
+                f"{reading}.",
                 joint=j,
             )
 
 
-def check_is_whole(source: str, t: FloatArray, duration: float, slack: float) -> None:
-    """Refuse a recording that does not cover a whole motion."""
-    # `source`: origin of the recording, for messages; `t`: its times from the start of the motion
-    # [s], (n,); `duration`: duration of the motion [s]; `slack`: time that may be missing at either
-    # end [s].
+def check_completeness(source: str, t: FloatArray, duration: float, slack: float) -> None:
+    """Raise InvalidInput if a recording does not cover a whole motion."""
+    # `source`: origin of the recording, for messages; `t`: times of the recording from the start of
+    # the motion [s], (n,); `duration`: duration of the motion [s]; `slack`: time that may be
+    # missing at either end [s].
     if t[0] > slack or t[-1] < duration - slack:
         raise InvalidInput(
             f"{source} covers the plan from {t[0]:.4g} s to {t[-1]:.4g} s, but the plan lasts from "
-            f"0 to {duration:.4g} s: record the whole run, from before its first set-point until "
+            f"0 to {duration:.4g} s. Record the whole run, from before its first set-point until "
             "the arm rests."
         )
 
@@ -267,52 +272,60 @@ def find_misreading(
     names: Sequence[str] = (),  # Names of the joints; their numbers by default
     longest_delay: float | None = None,
 ) -> str:
-    """Error in the columns of measured positions that explains them, and its correction."""
-    # Candidates are other units, signs and orders of the columns. A candidate is reported only if
-    # its differences are much smaller.
+    """Clause on the error in the columns that explains measured positions, with its correction."""
+    # The clause is empty if no error explains the positions. Candidates are other units, signs and
+    # orders of the columns. A candidate is reported only if its differences are much smaller.
     # `reference`: reference positions [rad], or, with `longest_delay`, commands [rad], (n, dof);
     # `longest_delay`: largest dead time with which joints follow commands, with any lag and offset
     # [s]; without it positions are compared directly.
-    # Returns the error as a part of a sentence; empty if no candidate explains the positions.
     names = names or [str(j + 1) for j in range(reference.shape[1])]
     if longest_delay is not None:
-        piece = _find_liveliest(reference)
+        piece = _find_most_motion(reference)
         t, measured, reference = t[piece], measured[piece], reference[piece]
     comparison = _Comparison(t, measured, reference, longest_delay)
-    plain = comparison.apart()
+    plain = comparison.differences()
     plain_errors, turn = np.diag(plain), 180 / math.pi
-    enough = np.minimum(BETTER**2 * plain_errors.mean(), UNEXPLAINED * comparison.power.mean())
+    enough = np.minimum(
+        MAX_REMAINING**2 * plain_errors.mean(), MAX_UNEXPLAINED * comparison.power.mean()
+    )
     for factor, description in (
         (1 / turn, "the measured positions look like degrees"),
-        (turn, "the measured positions look like radians, but those they belong to like degrees"),
+        (turn, "the measured positions look like radians, but the expected ones like degrees"),
     ):
-        # Relative to the measured positions, so the unit does not matter.
-        residual = np.diag(comparison.apart(factor)).mean() / factor**2
-        if residual < min(BETTER * plain_errors.mean(), UNEXPLAINED * comparison.power.mean()):
-            return f"{description}, so give their columns the right unit"
+        # The residual is relative to the measured positions, so it does not depend on their unit.
+        residual = np.diag(comparison.differences(factor)).mean() / factor**2
+        if residual < min(
+            MAX_REMAINING * plain_errors.mean(), MAX_UNEXPLAINED * comparison.power.mean()
+        ):
+            return f"{description}, so specify the unit of their columns"
     order = _assign_columns(plain)
     if plain[order, np.arange(len(order))].mean() < enough:
         return (
             f"its columns fit the joints in the order {', '.join(names[k] for k in order)}, so "
-            "name them, or put them in that order"
+            "name the columns, or sort them in this order"
         )
-    mirrored = np.diag(comparison.apart(-1.0))
-    turned = mirrored < np.minimum(BETTER**2 * plain_errors, UNEXPLAINED * comparison.power)
+    mirrored = np.diag(comparison.differences(-1.0))
+    turned = mirrored < np.minimum(
+        MAX_REMAINING**2 * plain_errors, MAX_UNEXPLAINED * comparison.power
+    )
     if np.where(turned, mirrored, plain_errors).mean() < enough:
         joints = ", ".join(x for x, y in zip(names, turned, strict=True) if y)
         return (
-            f"commands and measured positions of {joints} have opposite signs, so turn one of them"
+            f"commands and measured positions of {joints} have opposite signs, so change the sign "
+            "of one of them"
         )
     if longest_delay is not None:
         back = _Comparison(t, reference, measured, longest_delay)
-        residual = np.diag(back.apart()).mean()
-        if residual < min(BETTER**2 * plain_errors.mean(), UNEXPLAINED * back.power.mean()):
+        residual = np.diag(back.differences()).mean()
+        if residual < min(
+            MAX_REMAINING**2 * plain_errors.mean(), MAX_UNEXPLAINED * back.power.mean()
+        ):
             return "commands and measured positions are exchanged, so exchange their names"
     return ""
 
 
 class _Comparison:
-    """Second moments of measured and reference positions, for all lags and dead times."""
+    """Second moments of measured and reference positions, for all candidate lags and dead times."""
 
     def __init__(
         self, t: FloatArray, y: FloatArray, u: FloatArray, longest_delay: float | None
@@ -324,8 +337,8 @@ class _Comparison:
         self._yu = np.array([a.T @ b / len(a) for a, b in pairs])
         self.power = self._yy[0, :, 0]
 
-    def apart(self, factor: float = 1.0) -> FloatArray:
-        """Mean squared differences of each measured column, scaled, and each reference column."""
+    def differences(self, factor: float = 1.0) -> FloatArray:
+        """Mean squared difference of each scaled measured and each reference column, (dof, dof)."""
         deviations = factor**2 * self._yy - 2 * factor * self._yu + self._uu
         return np.asarray(np.maximum(deviations, 0.0).min(axis=0))
 
@@ -345,13 +358,13 @@ def _candidate_responses(
 
 
 def _apply_lag(t: FloatArray, u: FloatArray, lag: float) -> FloatArray:
-    """Commands after a first-order lag [s], at rest before, (n, dof)."""
+    """Response of a first-order lag [s] to commands, from rest, (n, dof)."""
     from scipy.linalg import solve_banded
 
     if lag == 0.0:
         return u
     share = np.exp(-np.diff(t) / lag)
-    # Row by row: the decayed previous position, and the remaining part of the command.
+    # Each row is the decayed previous position plus the remaining part of the command.
     matrix = np.ones((2, len(u)))
     matrix[1, :-1] = -share
     driven = np.array(u)
@@ -359,17 +372,17 @@ def _apply_lag(t: FloatArray, u: FloatArray, lag: float) -> FloatArray:
     return np.asarray(solve_banded((1, 0), matrix, driven))
 
 
-def _find_liveliest(u: FloatArray) -> slice:
-    """The slice of SAMPLES samples with the most motion of commands."""
+def _find_most_motion(u: FloatArray) -> slice:
+    """Slice of the SAMPLES consecutive samples in which the commands move most."""
     moved = np.concatenate([[0.0], np.cumsum(np.sum(np.diff(u, axis=0) ** 2, axis=1))])
     count = min(SAMPLES, len(u))
     first = int(np.argmax(moved[count - 1 :] - moved[: len(moved) - count + 1]))
     return slice(first, first + count)
 
 
-def _assign_columns(apart: FloatArray) -> list[int]:
-    """Assignment of columns to joints with the smallest total difference."""
+def _assign_columns(differences: FloatArray) -> list[int]:
+    """Index of the measured column for each joint with the smallest total difference, (dof,)."""
     from scipy.optimize import linear_sum_assignment
 
-    other = AS_GOOD * apart.max() * (1 - np.eye(len(apart)))
-    return [int(k) for k in linear_sum_assignment((apart + other).T)[1]]
+    other = ORDER_PREFERENCE * differences.max() * (1 - np.eye(len(differences)))
+    return [int(k) for k in linear_sum_assignment((differences + other).T)[1]]

@@ -12,10 +12,11 @@ from armcontour.robot import Limits
 from armcontour.robot.limit_use import use_of
 from armcontour.robot.limits import JOINT_RANGE, UNITS
 
-# Limits of commands by the order of the differences that they bound; order 0 has two.
+# Limits of commands by the order of the differences that they bound. Order 0 has two limits, the
+# ends of the joint range.
 BY_ORDER = ("", "joint_velocity", "joint_acceleration", "joint_jerk")
 COMMAND_LIMITS = (*BY_ORDER[1:], *JOINT_RANGE)
-# Decimals of set-points within limits [rad], which are those of written files.
+# Number of decimals of set-points within limits [rad], the same as in written files.
 DECIMALS = 12
 
 
@@ -24,8 +25,8 @@ def check_command_limits(limits: Limits, dof: int) -> Limits:
     names = [x for x in UNITS if getattr(limits, x) is not None]
     if others := [x for x in names if x not in COMMAND_LIMITS]:
         raise InvalidInput(
-            f"command_limits has {others[0]}, but supports only {', '.join(COMMAND_LIMITS)}: give "
-            f"{others[0]} in limits."
+            f"command_limits has {others[0]}, but supports only {', '.join(COMMAND_LIMITS)}. "
+            f"Specify {others[0]} in limits."
         )
     return limits.for_joints(dof)
 
@@ -36,8 +37,8 @@ def command_bounds(limits: Limits, dof: int) -> FloatArray:
 
 
 def command_use(q: FloatArray, cycle: float, limits: Limits) -> dict[str, FloatArray]:
-    """Largest ratio of set-points to each limit, per joint, by names of `BY_ORDER`."""
-    # `q`: set-points [rad], (n, dof); constant before and after; `cycle`: cycle [s].
+    """Largest ratio of set-points to each limit, {name of `BY_ORDER`: ratio per joint, (dof,)}."""
+    # `q`: set-points [rad], (n, dof), constant before and after; `cycle`: cycle [s].
     return {
         name: use_of(name, limits, differences(q, order) / cycle**order).largest
         for order, name in enumerate(BY_ORDER)
@@ -48,11 +49,11 @@ def command_use(q: FloatArray, cycle: float, limits: Limits) -> dict[str, FloatA
 def find_excess(
     q: FloatArray, cycle: float, bounds: FloatArray
 ) -> tuple[int, int, int, float] | None:
-    """Order, row and joint of the set-point farthest beyond its bound, and its value."""
+    """Order, row, joint and value of the difference that most exceeds its bound, or None."""
     # `q`: set-points [rad], (n, dof); `cycle`: cycle [s]; `bounds`: as from `command_bounds`, or
     # its first orders.
-    # The row is that of the last set-point of the difference. Returns None if all bounds are
-    # satisfied.
+    # The row is the row of the last set-point of the difference. The result is None if all bounds
+    # are satisfied.
     worst, violation = COMMAND_SLACK, None
     for order, (low, high) in enumerate(bounds):
         if not (np.isfinite(low).any() or np.isfinite(high).any()):
@@ -70,9 +71,9 @@ def find_excess(
 def nearest_commands(
     q: FloatArray, cycle: float, bounds: FloatArray, otherwise: FloatArray | None = None
 ) -> tuple[FloatArray, int | None]:
-    """The set-points nearest to specified ones, in the mean square, within bounds."""
-    # Joints within their bounds keep their set-points to the last bit. Others get set-points that
-    # are rounded to DECIMALS, and satisfy the bounds with this rounding.
+    """Set-points within bounds that are nearest to `q` in the mean square."""
+    # The set-points of joints within their bounds are not changed. Other set-points are rounded to
+    # DECIMALS, and satisfy the bounds after this rounding.
     # `q`: set-points [rad], (n, dof), at rest before and after; `cycle`: cycle [s]; `bounds`: as
     # from `command_bounds`; `otherwise`: set-points of joints whose bounds cannot be satisfied.
     # Returns set-points [rad], (n, dof), and the first joint whose bounds cannot be satisfied, or

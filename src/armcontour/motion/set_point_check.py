@@ -13,7 +13,7 @@ from armcontour.robot.limit_use import use_of
 
 
 def check_set_points(set_points: SetPoints, limits: Limits | None = None) -> None:
-    """Refuse set-points outside a joint range, or faster than a velocity limit."""
+    """Raise CompensationError for set-points outside a joint range or faster than a limit."""
     # A compensated command leads the joint by approximately `dq / K_p`, so it can exceed the limits
     # that the plan satisfies. A controller that checks its set-points would then stop.
     # `limits`: limits instead of those of the plan; by default the limits of commands.
@@ -33,7 +33,7 @@ def check_set_points(set_points: SetPoints, limits: Limits | None = None) -> Non
     needed = float(amounts[k, j])
     raise CompensationError(
         f"The set-points of joint {j + 1} move at {needed:.6g} rad/s from t = {t:.6g} s on, above "
-        f"its joint_velocity of {allowed:.6g} rad/s: plan with a joint_velocity lower by "
+        f"its joint_velocity of {allowed:.6g} rad/s. Plan with a joint_velocity lower by "
         f"{needed - allowed:.2g} rad/s, with smoother accelerations, or with slower poles.",
         t=t,
         joint=j,
@@ -55,8 +55,8 @@ def describe_excess(set_points: SetPoints) -> str:
 def _check_joint_range(
     set_points: SetPoints, name: str, values: FloatArray, bound: FloatArray
 ) -> None:
-    """Raise CompensationError if set-points exceed the end `name` of the joint range."""
-    # Values and bound have the opposite sign for "joint_lower".
+    """Raise CompensationError if set-points exceed the limit `name` of the joint range."""
+    # For "joint_lower", values and bound are negated.
     worst = _worst(values, bound)
     if worst is None:
         return
@@ -65,7 +65,8 @@ def _check_joint_range(
     needed, allowed, t = sign * float(values[k, j]), sign * float(bound[j]), float(set_points.t[k])
     raise CompensationError(
         f"The set-point of joint {j + 1} at t = {t:.6g} s is {needed:.6g} rad, beyond its {name} "
-        f"of {allowed:.6g} rad: plan {abs(needed - allowed):.2g} rad from it, or slower there.",
+        f"of {allowed:.6g} rad. Plan a motion that stays {abs(needed - allowed):.2g} rad away from "
+        "this limit, or is slower there.",
         t=t,
         joint=j,
         limit=name,

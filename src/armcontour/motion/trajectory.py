@@ -26,20 +26,20 @@ from armcontour.robot import Arm, Limits
 
 # Default cycle [s].
 DEFAULT_CYCLE = 4e-3
-# Largest number of times that are computed together, to save memory.
+# Largest number of times that are computed together, which limits the memory.
 AT_ONCE = 50_000
-# Smallest number of laws along joint paths whose times are computed together.
-MANY = 4
+# Smallest number of laws along joint paths that are joined into one table to compute their times.
+MIN_JOINED = 4
 # Largest number of laws in the cached table (a few MB), and number of laws before and after the
-# requested range that the table includes.
-KEPT, MORE = 100, 3
+# requested laws that the table also includes.
+MAX_CACHED, EXTRA_LAWS = 100, 3
 # Arc lengths and times may be outside by this fraction of the range, due to rounding errors.
 SLACK = 1e-12
 # A set-point may exceed a limit by this fraction of the limit, or by this much [rad, rad/s], due to
 # rounding errors.
 COMMAND_SLACK = 1e-9
 # Along one path, the end of a law and the start of the next differ by less than this [m].
-SAME_PLACE = 1e-9
+SAME_ARC_LENGTH = 1e-9
 
 
 class Method(StrEnum):
@@ -83,7 +83,7 @@ class Span:
         name: Name of the contour; may be empty.
         t: Times of start and end [s].
         s: Arc lengths of start and end, over all contours of the program [m].
-        work: For a contour, times at which the process goes on and off [s].
+        work: For a contour, times at which the process is switched on and off [s].
         trajectory: Trajectory of the move, from time 0; None if the tool is at rest.
     """
 
@@ -117,7 +117,7 @@ class TimedEvent:
     point: tuple[float, ...]
 
     def shifted(self, by: float) -> TimedEvent:
-        """The event later by a time [s]."""
+        """The event delayed by a time [s]."""
         return replace(self, t=self.t + by, due=self.due + by) if by else self
 
 
@@ -149,7 +149,7 @@ def to_columns(samples: Any) -> dict[str, FloatArray]:
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Trajectory(Checked):
-    """Joint positions over time, made of consecutive time laws; two-sided at breaks.
+    """Joint positions over time, made of consecutive time laws; derivatives can jump at breaks.
 
     >>> q, dq = planned(0.1), planned(0.1, 1)
     >>> planned.sample(0.01).q.shape[1]
@@ -163,13 +163,13 @@ class Trajectory(Checked):
         spans: Parts of the trajectory by the moves of the program, in order; empty for a single
             path.
         events: Outputs that are switched during the motion, by time.
-        limits: Limits with which it was planned, without the reserve; None if it was not planned
-            with limits.
+        limits: Limits with which the trajectory was planned, without the reserve; None if it was
+            not planned with limits.
         reserve: Fraction of the limits of joint acceleration and torque reserved for the servo.
-        arm: The arm that it was planned for; None if unknown.
+        arm: The arm for which the trajectory was planned; None if unknown.
 
     Attributes:
-        starts: Start times of the laws, and the end of the last [s], (laws + 1,).
+        starts: Start times of the laws, and end time of the last law [s], (laws + 1,).
 
     Raises:
         InvalidInput: There is no law, or the laws of the spans are not those of the trajectory.
@@ -208,7 +208,7 @@ class Trajectory(Checked):
         return f"{number(self.duration, 's')}, {count_noun(self.dof, 'joint')}"
 
     def __str__(self) -> str:
-        """Method, duration, length, moves and outputs."""
+        """Summary: method, duration, length, moves and outputs."""
         path, moves = self.path, Counter(x.kind for x in self.spans)
         return format_table(
             f"Trajectory: {self._size}",
@@ -225,7 +225,7 @@ class Trajectory(Checked):
     figure = draw
 
     def to_dict(self, cycle: float = DEFAULT_CYCLE) -> dict[str, FloatArray]:
-        """Samples as columns that `pandas.DataFrame` takes, by name.
+        """Samples as named columns for `pandas.DataFrame`.
 
             pandas.DataFrame(trajectory.to_dict(cycle=8e-3)).plot(x="t", y="dq1")
 
@@ -242,12 +242,12 @@ class Trajectory(Checked):
 
     @checked
     def limited(self, limits: Limits, reserve: float = 0.0, arm: Arm | None = None) -> Trajectory:
-        """The trajectory with the limits of its plan; rapids have the limits of the joints only.
+        """Attach limits to the trajectory; its rapids get the limits of the joints only.
 
         Args:
             limits: The limits, without the reserve.
             reserve: Fraction of the limits reserved for the servo.
-            arm: Its arm; by default that of the trajectory.
+            arm: The arm; by default the arm of the trajectory.
         """
         joints = limits.of_joints
         spans = tuple(
@@ -263,18 +263,18 @@ class Trajectory(Checked):
         return replace(self, spans=spans, limits=limits, reserve=reserve, arm=plan_arm)
 
     def require_arm(self) -> Arm:
-        """The arm.
+        """The arm of the trajectory.
 
         Raises:
             InvalidInput: The trajectory has no arm.
         """
         if self.arm is None:
-            raise InvalidInput("This trajectory has no arm: plan it with an arm.")
+            raise InvalidInput("This trajectory has no arm. Plan it with an arm.")
         return self.arm
 
     @checked
     def limits_for(self, limits: Limits | None) -> Limits:
-        """The specified limits, completed by those of the plan, one value per joint.
+        """The specified limits, completed by the limits of the plan, with one value per joint.
 
         Args:
             limits: The specified limits, or None.
@@ -304,7 +304,8 @@ class Trajectory(Checked):
     def paths_at(self, t: FloatArray) -> list[tuple[Path, IntArray]]:
         """Paths of the contours with the indices of their times; empty if a contour has no path.
 
-        A path has all times, a contour of a program those at which the process works on it.
+        The trajectory of a single path has all times. A contour of a program has the times at which
+        the process is on.
 
         Args:
             t: Times [s], (n,).
@@ -341,7 +342,7 @@ class Trajectory(Checked):
 
     @property
     def switching_points(self) -> FloatArray:
-        """Times of the paper's switching points P0, P1, ...: the ends of the stretches [s]."""
+        """Times of the paper's switching points P0, P1, ..., the ends of the stretches [s]."""
         return np.array([0.0, *(x.t[1] for x in self.stretches)])
 
     def __call__(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
@@ -382,7 +383,7 @@ class Trajectory(Checked):
         outputs: tuple[FloatArray, ...] = ()
         for indices, values in self._values(flat, side, orders):
             if len(indices) == t.size:
-                # The times are in order; laws of users may return arrays of other types.
+                # One group has all times, in order. Laws of users may return arrays of other types.
                 outputs = tuple(np.require(x, np.float64, ("O", "W")) for x in values)
                 break
             if not outputs:
@@ -391,24 +392,25 @@ class Trajectory(Checked):
                 whole[indices] = part
         if not outputs:
             outputs = tuple(np.empty((0, self.dof)) for _ in orders)
-        # No views of other arrays where possible, so `frozen_array` makes no copies.
+        # The results are no views of other arrays where possible, so `frozen_array` makes no
+        # copies.
         return outputs if t.ndim == 1 else tuple(x.reshape((*t.shape, x.shape[1])) for x in outputs)
 
     def _values(
         self, t: FloatArray, side: str, orders: tuple[int, ...]
     ) -> Iterator[tuple[IntArray, tuple[FloatArray, ...]]]:
-        """Indices of times and values of laws there, for each law or for many laws together."""
+        """Groups of times, of one law or of many: indices in `t`, and values for each order."""
         law_index = self._law_at(t, side)
-        touched = np.unique(law_index) if len(self.laws) >= MANY else law_index[:0]
+        touched = np.unique(law_index) if len(self.laws) >= MIN_JOINED else law_index[:0]
         many = [k for k in touched.tolist() if type(self.laws[k]) is PathLaw]
         separate = np.arange(len(t))
-        if len(many) >= MANY:
+        if len(many) >= MIN_JOINED:
             together = np.zeros(len(self.laws), dtype=bool)
             together[many] = True
             indices = np.flatnonzero(together[law_index])
             for begin in range(0, len(indices), AT_ONCE):
                 batch = indices[begin : begin + AT_ONCE]
-                law, joined = self._join(law_index[batch])
+                law, joined = self._join_laws(law_index[batch])
                 yield batch, joined.motion(law, t[batch], side, orders)
             separate = np.flatnonzero(~together[law_index])
         for k, indices, i, local in self.locate(t[separate], side):
@@ -417,19 +419,18 @@ class Trajectory(Checked):
             else:
                 yield separate[indices], self.laws[k].motion(i, local, orders[-1])
 
-    def _join(self, law_index: IntArray) -> tuple[IntArray, JoinedLaws]:
-        """A table of the laws of some times, and the rows of these laws in it, (n,)."""
-        # The last table of few laws is cached, because the check of clearance requests it
-        # repeatedly.
+    def _join_laws(self, law_index: IntArray) -> tuple[IntArray, JoinedLaws]:
+        """Index of the law of each time within a table of joined laws, (n,), and the table."""
+        # The last table of few laws is cached, because the clearance check requests it repeatedly.
         first, last = int(law_index.min()), int(law_index.max()) + 1
         for begin, end, joined in self._joined[:]:
             if begin <= first and last <= end:
                 return law_index - begin, joined
-        if last - first <= KEPT:
+        if last - first <= MAX_CACHED:
             begin, end = first, last
-            while begin > max(first - MORE, 0) and type(self.laws[begin - 1]) is PathLaw:
+            while begin > max(first - EXTRA_LAWS, 0) and type(self.laws[begin - 1]) is PathLaw:
                 begin -= 1
-            while end < min(last + MORE, len(self.laws)) and type(self.laws[end]) is PathLaw:
+            while end < min(last + EXTRA_LAWS, len(self.laws)) and type(self.laws[end]) is PathLaw:
                 end += 1
             path_laws = [x for x in self.laws[begin:end] if type(x) is PathLaw]
             if len(path_laws) == end - begin:
@@ -440,7 +441,7 @@ class Trajectory(Checked):
         return law, JoinedLaws.from_laws([self.laws[k] for k in laws.tolist()], self.starts[laws])
 
     def with_rests(self, t: FloatArray, order: int = 0) -> FloatArray:
-        """The motion at any times, with rest before and after it, (n, dof).
+        """Joint positions or a derivative at any times, with rest before and after, (n, dof).
 
         Args:
             t: Times [s], (n,).
@@ -453,7 +454,7 @@ class Trajectory(Checked):
         return values
 
     def motion_with_rests(self, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
-        """The motion at any times up to an order, with rest before and after it, (n, dof) each.
+        """Joint positions and derivatives at any times, with rest before and after, (n, dof) each.
 
         This is faster than `with_rests` for every order.
 
@@ -538,7 +539,8 @@ class Trajectory(Checked):
         t = np.append(np.arange(0, self.duration - 1e-9 * cycle, cycle), self.duration)
         orders = self.motion(t)
         for values in orders:
-            # Lock without copies, because a long motion has gigabytes of samples.
+            # The arrays become read-only without a copy, because a long motion has gigabytes of
+            # samples.
             values.setflags(write=False)
         return Samples(t=t, q=orders[0], dq=orders[1], ddq=orders[2])
 
@@ -557,8 +559,8 @@ class Trajectory(Checked):
         """
         for k, indices in _group_by_law(self._law_at(t, side)):
             start, breaks = self.starts[k], self.laws[k].breaks
-            # A time minus the start is rounded to either side of the law's break. Therefore times
-            # are compared with the same sums as in `breaks`.
+            # The difference of a time and the start can be rounded to either side of a break of the
+            # law. Therefore times are compared with the same sums as in `breaks`.
             i = np.searchsorted(start + breaks, t[indices], side=checks.check_side(side)) - 1
             i = np.clip(i, 0, len(breaks) - 2)
             yield k, indices, i, np.clip(t[indices] - start, breaks[i], breaks[i + 1])
@@ -569,7 +571,8 @@ class Trajectory(Checked):
         return np.clip(index, 0, len(self.laws) - 1)
 
     def _clip_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
-        """Times clipped to the trajectory; times outside and invalid orders are refused."""
+        """Times clipped to the trajectory [s]; raise InvalidInput for times outside."""
+        # Rounding errors at both ends are allowed. An invalid order also raises InvalidInput.
         times = checks.floats("t", t, "s")
         checks.derivative(order, 3)
         slack = SLACK * self.duration
@@ -585,7 +588,7 @@ class Trajectory(Checked):
         return np.asarray(np.clip(times, 0, self.duration))
 
     def _clip_arc_lengths(self, s: npt.ArrayLike) -> FloatArray:
-        """Arc lengths clipped to the motion; those outside are refused."""
+        """Arc lengths clipped to the motion [m]; raise InvalidInput for arc lengths outside."""
         self._check_arc_length()
         arc_lengths = checks.check_numbers("s", s, "m")
         low, high = float(self._ends[0, 0]), float(self._ends[-1, 1])
@@ -604,7 +607,7 @@ class Trajectory(Checked):
     def _by_length(
         self, s: FloatArray, side: str
     ) -> Iterator[tuple[int, IntArray, IntArray, FloatArray]]:
-        """Group arc lengths by law, with the times in the law, as `locate` groups times."""
+        """Group arc lengths by law, with their times in the law, like `locate`."""
         ends = self._ends
         if checks.check_side(side) == "left":
             law_index = np.searchsorted(ends[:, 1], s, side="left")
@@ -624,26 +627,26 @@ class Trajectory(Checked):
                 yield k, indices, *part.law.reach(s[indices] - part.offset, side)
 
     def _check_arc_length(self) -> None:
-        """Raise InvalidInput for laws that do not follow each other along one path."""
+        """Raise InvalidInput unless the laws follow each other along one path."""
         unknown = np.isnan(self._ends[:, 0])
         if unknown.any():
             raise InvalidInput(
                 f"Law {int(np.argmax(unknown)) + 1} of the trajectory does not run along a path, "
-                "so the trajectory has no arc length: plan it along a path."
+                "so the trajectory has no arc length. Plan it along a path."
             )
         gaps = np.abs(self._ends[1:, 0] - self._ends[:-1, 1])
-        if (gaps > SAME_PLACE).any():
-            k = int(np.argmax(gaps > SAME_PLACE)) + 1
+        if (gaps > SAME_ARC_LENGTH).any():
+            k = int(np.argmax(gaps > SAME_ARC_LENGTH)) + 1
             raise InvalidInput(
                 f"Law {k + 1} of the trajectory starts {gaps[k - 1]:.3g} m along the path away "
-                f"from the end of law {k}, so the trajectory has no single arc length: use the "
+                f"from the end of law {k}, so the trajectory has no single arc length. Use the "
                 "motions along its paths separately."
             )
 
 
 @dataclass(frozen=True, slots=True)
 class _LawRange:
-    """Arc lengths of one law in its trajectory."""
+    """Range of arc lengths of one law in its trajectory."""
 
     law: LawAlongPath | None  # The law; None if s is constant
     s: tuple[float, float]  # Arc lengths at the start and end of the law [m]; NaN if it has none
@@ -651,7 +654,7 @@ class _LawRange:
 
 
 def _law_ranges(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> tuple[_LawRange, ...]:
-    """Arc lengths of every law of a trajectory."""
+    """Range of arc lengths of every law of a trajectory."""
     if not spans:
         return tuple(_law_range(law, 0.0) for law in laws)
     parts: list[_LawRange] = []
@@ -661,24 +664,26 @@ def _law_ranges(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> tuple[_LawRan
         if len(span_laws) < count or (
             span.trajectory is not None and span_laws != span.trajectory.laws
         ):
-            raise InvalidInput("The spans of a trajectory must have its laws, in the same order.")
+            raise InvalidInput(
+                "The spans of a trajectory must have the laws of the trajectory in the same order."
+            )
         counts = span.kind == "contour"
         still = _LawRange(None, span.s, span.s[0])
         parts += [_law_range(law, span.s[0]) if counts else still for law in span_laws]
     if len(parts) < len(laws):
-        raise InvalidInput("The spans of a trajectory must have all of its laws.")
+        raise InvalidInput("The spans of a trajectory must have all laws of the trajectory.")
     return tuple(parts)
 
 
 def _law_range(law: Law, offset: float) -> _LawRange:
-    """Arc lengths of a law, with an offset [m]."""
+    """Range of arc lengths of a law plus an offset [m]; NaN if it has none."""
     if not isinstance(law, LawAlongPath):
         return _LawRange(None, (np.nan, np.nan), np.nan)
     return _LawRange(law, (offset + float(law.s[0]), offset + float(law.s[-1])), offset)
 
 
 def _group_by_law(law_index: IntArray) -> Iterator[tuple[int, IntArray]]:
-    """Group indices by law, in groups of limited size to save memory."""
+    """Group indices by law, in groups of limited size to save memory; yields (law, indices)."""
     if (np.diff(law_index) < 0).any():
         order = np.argsort(law_index, kind="stable")
         law_index = law_index[order]
@@ -694,24 +699,26 @@ def _group_by_law(law_index: IntArray) -> Iterator[tuple[int, IntArray]]:
 
 @dataclass(frozen=True, slots=True)
 class JoinedLaws:
-    """Several laws as one table, with a row for every break, also for the last one of a law."""
+    """Several laws as one table with n rows, one for every break of every law."""
 
     starts: FloatArray  # Start times of the laws [s], (laws,)
-    rows: IntArray  # Rows of the laws' first breaks, and the number of all rows, (laws + 1,)
+    rows: IntArray  # Row of the first break of each law, and the number of rows, (laws + 1,)
     breaks: FloatArray  # Breaks, counted from the start of each law [s], (n,)
-    # Breaks, counted from the start of the trajectory and rounded as those of the trajectory are
+    # Breaks, counted from the start of the trajectory and rounded like the breaks of the trajectory
     # [s], (n,)
     times: FloatArray
-    s: FloatArray  # Arc lengths there [m], (n,)
+    s: FloatArray  # Arc lengths at the breaks [m], (n,)
     # The columns of `Rates` for the interval after each break, (n,) each
     rates: tuple[FloatArray, ...]
-    path_rows: IntArray  # Rows of the first breaks of the laws' joint paths, (laws + 1,)
+    # Row of the first break of each law's joint path in `path_breaks`, and their number m,
+    # (laws + 1,)
+    path_rows: IntArray
     path_breaks: FloatArray  # Breaks of the joint paths [m], (m,)
-    coefficients: FloatArray  # Their coefficients after each break, (m, 6, dof)
+    coefficients: FloatArray  # Coefficients of the joint paths after each break, (m, 6, dof)
 
     @classmethod
     def from_laws(cls, laws: Sequence[PathLaw], starts: FloatArray) -> JoinedLaws:
-        """The table of some laws with their start times [s]."""
+        """Make the table of laws with given start times [s]."""
         paths = [x.joint_path for x in laws]
         return cls(
             starts=starts,
@@ -729,8 +736,9 @@ class JoinedLaws:
         self, law: IntArray, t: FloatArray, side: str, orders: tuple[int, ...]
     ) -> tuple[FloatArray, ...]:
         """Joint positions or derivatives over time, (n, dof) for each order."""
-        # `law`: the law of each time, (n,); `t`: times [s], (n,); `side`: "right" or "left": the
-        # interval to which a break belongs; `orders`: the orders, from 0 to 3.
+        # `law`: index of the law of each time, (n,); `t`: times in the trajectory [s], (n,);
+        # `side`: "right" or "left", the interval to which a break belongs; `orders`: the orders,
+        # from 0 to 3.
         row = np.searchsorted(self.times, t, side=checks.check_side(side)) - 1
         row = np.clip(row, self.rows[law], self.rows[law + 1] - 2)
         local = np.clip(t - self.starts[law], self.breaks[row], self.breaks[row + 1])
@@ -747,22 +755,22 @@ class JoinedLaws:
 
 
 def _locked(values: FloatArray) -> FloatArray:
-    """An array made read-only: all that a kernel is compiled for."""
+    """Make an array read-only, because the kernels are compiled for read-only arrays."""
     values.setflags(write=False)
     return values
 
 
 def _join(parts: list[FloatArray]) -> FloatArray:
-    """Arrays one after the other."""
+    """Concatenate arrays; the result is read-only."""
     return _locked(np.concatenate(parts))
 
 
 def _join_padded(parts: list[FloatArray]) -> FloatArray:
-    """Arrays one after the other, with a row of zeros after each."""
+    """Concatenate arrays with a row of zeros after each; the result is read-only."""
     zero = np.zeros((1, *parts[0].shape[1:]))
     return _join([x for part in parts for x in (part, zero)])
 
 
 def _first_rows(parts: list[FloatArray]) -> IntArray:
-    """The row at which each of several arrays begins, and the number of all rows."""
+    """Row at which each of several concatenated arrays starts, and the number of all rows."""
     return np.cumsum([0, *(len(x) for x in parts)], dtype=np.intp)

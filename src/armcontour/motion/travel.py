@@ -20,14 +20,13 @@ ROUNDING = 1e-12
 
 
 def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray, FloatArray]:
-    """Upper bound of each joint's travel since the start; back and forth counts twice."""
-    # Between the times the bound grows linearly and is valid there, too: between any two times a
-    # joint moves no farther than the bound grows.
-    # `motion`: A planned or an executed motion, or a joint path, for which arc length replaces
+    """Times [s], and upper bounds of each joint's travel from the start to these times [rad]."""
+    # Motion in both directions adds to the travel. The bound is linear between the times. A joint
+    # moves at most by the increase of the bound between any two times.
+    # `motion`: a planned or an executed motion, or a joint path, for which arc length replaces
     # time. Between its samples, the accelerations of an executed motion are assumed to be at most
     # the largest demand.
-    # Returns times from the start to the end [s], (n,), and the bounds at these times [rad], (n,
-    # dof).
+    # Returns times from the start to the end, (n,), and the bounds, (n, dof).
     parts: Iterable[FloatArray]
     if isinstance(motion, Execution):
         t, dof, rate = motion.t, motion.q.shape[1], np.abs(motion.dq)
@@ -35,12 +34,12 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
         parts = [np.maximum(rate[:-1], rate[1:]) + gained]
     elif isinstance(motion, JointPath):
         t, dof = motion.breaks, motion.dof
-        parts = [_along(motion, t, np.ones(len(t) - 1))]
+        parts = [_bound_along(motion, t, np.ones(len(t) - 1))]
     else:
         inner = [a + x.breaks[:-1] for a, x in zip(motion.starts, motion.laws, strict=False)]
         t = np.append(np.concatenate(inner), motion.starts[-1])
-        dof, parts = motion.dof, map(fastest_joints, motion.laws)
-    # A single array, because a long motion has millions of intervals.
+        dof, parts = motion.dof, map(bound_joint_velocities, motion.laws)
+    # A single array saves memory, because a long motion has millions of intervals.
     travel, done = np.zeros((len(t), dof)), 1
     for fastest in parts:
         travel[done : done + len(fastest)] = fastest
@@ -57,37 +56,40 @@ def largest_accelerations(motion: Execution) -> FloatArray:
 
 
 @singledispatch
-def fastest_joints(law: Law) -> FloatArray:
+def bound_joint_velocities(law: Law) -> FloatArray:
     """Bounds of the joint velocities within every interval of a law [rad/s], (n, dof)."""
     raise InvalidInput(
-        f"A law of the kind {type(law).__name__} has no bound of joint velocities; laws of plans "
-        "have one."
+        f"The joint velocities of a law of the kind {type(law).__name__} have no known bound. Use "
+        "the law of a plan."
     )
 
 
-@fastest_joints.register
+@bound_joint_velocities.register
 def _(law: LapLaw) -> FloatArray:
-    """Velocities are linear between breaks."""
+    """Bounds for a `LapLaw`, whose velocities are linear between breaks."""
     end = law.dq + law.ddq * np.diff(law.breaks)[:, None]
     return np.asarray(np.maximum(np.abs(law.dq), np.abs(end)))
 
 
-@fastest_joints.register
+@bound_joint_velocities.register
 def _(law: PathLaw) -> FloatArray:
-    """The product of the bounds of dq_ds and of ds."""
-    return _along(law.joint_path, law.s, _fastest_along(law))
+    """Bounds for a `PathLaw`: products of the bounds of dq_ds and of ds."""
+    return _bound_along(law.joint_path, law.s, _bound_path_speeds(law))
 
 
-def _fastest_along(law: PathLaw) -> FloatArray:
+def _bound_path_speeds(law: PathLaw) -> FloatArray:
     """Bounds of the path speed within every interval [m/s], (n,)."""
     (ds, dds, slope, jerk), speeds = law.rates, law.speeds
-    # ds² is a parabola over s, or ds one over time, with a peak where the acceleration is 0.
+    # ds² is a parabola over s, or, with jerk, ds is a parabola over time. The peak is where the
+    # path acceleration is 0.
     with np.errstate(divide="ignore", invalid="ignore"):
         over_s = np.where(slope < 0, np.sqrt(ds**2 - dds**2 / slope), 0.0)
         peaks = np.where(jerk < 0, ds - dds**2 / (2 * jerk), over_s)
     return np.maximum(np.maximum(speeds[:-1], speeds[1:]), np.where(dds > 0, peaks, 0.0))
 
 
-def _along(joint_path: JointPath, s: FloatArray, speeds: FloatArray) -> FloatArray:
+def _bound_along(joint_path: JointPath, s: FloatArray, speeds: FloatArray) -> FloatArray:
     """Bounds of the joint velocities between neighbouring arc lengths [rad/s], (n, dof)."""
-    return np.asarray(kernels.fastest_joints(joint_path.breaks, joint_path.coefficients, s, speeds))
+    return np.asarray(
+        kernels.bound_joint_velocities(joint_path.breaks, joint_path.coefficients, s, speeds)
+    )

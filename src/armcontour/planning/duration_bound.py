@@ -11,15 +11,15 @@ from armcontour.core.kernels import compiled
 from armcontour.motion import JointPath
 from armcontour.robot import Limits
 
-# Approximate number of equal samples of a joint path, and change of its direction between samples
-# [rad].
+# Approximate number of equal samples of a joint path, and largest change of its direction between
+# samples [rad]
 EVEN_PARTS = 100
 TURN = 0.1
 
 
 @compiled(inner=True, allocates=True)
 def _count_parts(breaks: FloatArray, coefficients: FloatArray) -> IntArray:
-    """Number of equal parts of each piece, whose ends satisfy the limits, (n,)."""
+    """Number of equal parts of each piece, at whose ends the limits are evaluated, (n,)."""
     n, dof = len(coefficients), coefficients.shape[2]
     parts = np.empty(n, dtype=np.intp)
     previous, direction = np.empty(dof), np.empty(dof)
@@ -68,7 +68,7 @@ def _ceiling(b: FloatArray, c: FloatArray, i: int, low: FloatArray, high: FloatA
 def _largest_u(
     b: FloatArray, c: FloatArray, i: int, low: FloatArray, high: FloatArray, x: float, sign: float
 ) -> float:
-    """Largest u = dds at x = ds² within the joint accelerations; of `-u` with sign -1."""
+    """Largest u = dds that joint limits allow at x = ds²; with sign -1 the largest -u."""
     largest = math.inf
     for j in range(len(low)):
         slope = sign * b[i, j]
@@ -79,11 +79,12 @@ def _largest_u(
 
 
 @compiled(inner=True)
-def _time_on(
+def _shortest_time(
     width: float, first: float, last: float, up: float, down: float, ceiling: float
 ) -> float:
-    """Shortest time from x = first to x = last over `width` [s]: x rises, stays, and falls."""
-    # `up` and `down` are the largest acceleration and deceleration [m/s²].
+    """Shortest time [s] along `width` [m] from x = first to x = last."""
+    # x rises, is constant, and falls. `first`, `last`, `ceiling`: x at the ends and its upper bound
+    # [m²/s²]; `up`, `down`: largest acceleration and deceleration [m/s²].
     top = max(first, last)
     if up > 0.0 and down > 0.0:
         met = (up * last + down * first + 2.0 * up * down * width) / (up + down)
@@ -109,8 +110,8 @@ def least_duration(
     bounds: FloatArray,
 ) -> float:
     """Lower bound of the duration of any motion along a joint path [s]; 0 if it is not limited."""
-    # Limits are satisfied at points only, and between two points ds² may grow at the larger of both
-    # rates, so every plan takes longer.
+    # The result is a lower bound, because limits are evaluated at points only, and between two
+    # points ds² may change at the larger of the rates at both points.
     # `bounds`: lower and upper bounds of the velocities [rad/s] and accelerations [rad/s²] of the
     # joints, (4, dof).
     n, dof = len(coefficients), coefficients.shape[2]
@@ -165,7 +166,9 @@ def least_duration(
             x[finish] = min(x[finish], max(x[begin] + 2.0 * widths[i] * u, 0.0))
     duration = 0.0
     for i in range(size):
-        duration += _time_on(widths[i], x[i], x[i + 1], steepest[i, 0], steepest[i, 1], tops[i])
+        duration += _shortest_time(
+            widths[i], x[i], x[i + 1], steepest[i, 0], steepest[i, 1], tops[i]
+        )
     return duration if math.isfinite(duration) else 0.0
 
 
@@ -183,7 +186,7 @@ def bound_duration(joint_path: JointPath, limits: Limits) -> float:
         speed = np.inf if limits.speed is None else limits.speed
         tool_limits = [limits.centripetal_acceleration, limits.tool_acceleration]
         acceleration = min((x for x in tool_limits if x is not None), default=np.inf)
-        curvature = np.where(path.segments.bent, 0.0, path.curvatures)
+        curvature = np.where(path.segments.is_transition, 0.0, path.curvatures)
         with np.errstate(divide="ignore"):
             ceilings = np.minimum(np.fmin(path.speeds, speed) ** 2, acceleration / curvature)[
                 segment

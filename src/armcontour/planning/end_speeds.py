@@ -16,66 +16,68 @@ import numpy as np
 from armcontour.core.errors import NotRealizable
 
 START, END = "start speed", "end speed"
-# Digits of the reported speed, which is planned with these digits.
+# Significant digits of the reported speed; the speed is planned after rounding.
 DIGITS = 6
-# Largest number of estimates; each failed one is reduced by at least the share LOWER.
+# Largest number of estimates. After a failed estimate, the speed is reduced by at least the share
+# MIN_REDUCTION.
 MAX_ESTIMATES = 8
-# Relative rounding error of a feasible speed; it counts as feasible, see `PLAY`.
+# Relative rounding error of a speed; the planner tolerates it, see END_TOLERANCE in
+# `topp/kernels.py`.
 ROUNDING = 1e-9
-LOWER = 1e-3
+MIN_REDUCTION = 1e-3
 # Number of bisections of the speed if the estimates fail.
-HALVINGS = 12
+BISECTIONS = 12
 
 
 @dataclass(frozen=True, slots=True)
 class EndSpeeds:
-    """Speeds at the ends of a path."""
+    """Requested speeds at both ends of a path, and the planner that tests other speeds."""
 
-    # Plans with a start and an end speed [m/s]; raises NotRealizable
+    # Function that plans with a start and an end speed [m/s]; raises NotRealizable if infeasible
     plan: Callable[[float, float], object]
     start: float  # The requested start speed [m/s]
     end: float  # The requested end speed [m/s]
 
     def refuse(self, error: NotRealizable) -> NotRealizable:
-        """Return the error for these speeds, with a feasible speed."""
-        # The feasible speed is that of the blamed end with the requested speed at the other end, or
-        # of the other end with the requested speed at the blamed end. If neither exists, it is that
-        # of the blamed end with rest at the other end.
+        """Return an error that states a feasible speed, or `error` if no speed is feasible."""
+        # The feasible speed is searched in three steps: first at the end that the error names, with
+        # the requested speed at the other end; then at the other end, with the requested speed at
+        # the named end; then at the named end, with rest at the other end.
         blamed = START if error.limit == START else END
         other = END if blamed == START else START
         for name in (blamed, other):
-            if (allowed := self._allowed(name, at_rest=False)) is not None:
-                return self._refusal(name, allowed, error, "")
-        allowed = self._allowed(blamed, at_rest=True)
+            if (allowed := self._find_feasible(name, at_rest=False)) is not None:
+                return self._make_error(name, allowed, error, "")
+        allowed = self._find_feasible(blamed, at_rest=True)
         if allowed is None:
             return error
         requested = self.end if blamed == START else self.start
-        condition = f" and rest at the other end, where {requested:.6g} m/s is too high as well"
-        return self._refusal(blamed, allowed, error, condition)
+        condition = f" with rest at the other end, where {requested:.6g} m/s is also too high"
+        return self._make_error(blamed, allowed, error, condition)
 
-    def _allowed(self, name: str, *, at_rest: bool) -> float | None:
-        """Feasible speed close to the largest at one end; None if no lower speed is feasible."""
+    def _find_feasible(self, name: str, *, at_rest: bool) -> float | None:
+        """Feasible speed at one end [m/s], close to the largest; None if no speed is feasible."""
         # `at_rest` means that the speed at the other end is zero instead of the requested one.
         requested = self.start if name == START else self.end
         speed = requested
         for _ in range(MAX_ESTIMATES):
-            failed = self._failure(name, speed, at_rest)
+            failed = self._plan_error(name, speed, at_rest)
             if failed is None:
                 return speed
             if failed.limit != name or failed.allowed is None:
                 break
-            speed = _round_down(min(float(failed.allowed), speed * (1 - LOWER)))
-        if requested == 0 or self._failure(name, 0.0, at_rest) is not None:
+            speed = _round_down(min(float(failed.allowed), speed * (1 - MIN_REDUCTION)))
+        if requested == 0 or self._plan_error(name, 0.0, at_rest) is not None:
             return None
         low, high = 0.0, requested
-        for _ in range(HALVINGS):
+        for _ in range(BISECTIONS):
             middle = _round_down((low + high) / 2)
             low, high = (
-                (middle, high) if self._failure(name, middle, at_rest) is None else (low, middle)
+                (middle, high) if self._plan_error(name, middle, at_rest) is None else (low, middle)
             )
         return low
 
-    def _failure(self, name: str, speed: float, at_rest: bool) -> NotRealizable | None:
+    def _plan_error(self, name: str, speed: float, at_rest: bool) -> NotRealizable | None:
         """Error of the planner for a speed at one end; None if the speed is feasible."""
         start = speed if name == START else 0.0 if at_rest else self.start
         end = speed if name == END else 0.0 if at_rest else self.end
@@ -85,7 +87,7 @@ class EndSpeeds:
             return error
         return None
 
-    def _refusal(
+    def _make_error(
         self, name: str, allowed: float, error: NotRealizable, condition: str
     ) -> NotRealizable:
         requested = self.start if name == START else self.end
@@ -114,7 +116,7 @@ def raise_too_fast(name: str, x: float, allowed: float, s: float) -> NoReturn:
 
 
 def _round_down(speed: float) -> float:
-    """Round a speed down to DIGITS digits, with a tolerance of the rounding error."""
+    """Round a speed, increased by its rounding error, down to DIGITS significant digits."""
     if speed <= 0:
         return 0.0
     speed *= 1 + ROUNDING

@@ -23,26 +23,27 @@ from armcontour.planning.path_grid import Grid
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.limits import JOINT_LIMITS
 
-# A limit is active on an interval from this used share on. Margins may take the remainder; below
-# this share the plan is in transition between two limits.
-BINDS = 0.99
-# Margins of wide intervals are larger. Next to an interval with an active limit, the limit is
-# active from this share on while it is the most used limit, and on more intervals than a transition
-# takes.
-BINDS_BESIDE, PASSES = 0.9, 2
-# Threshold with limits of jerk: intervals are longer, and the share of a limit changes more along
-# one.
-BINDS_WITH_JERK = 0.9
-# Share from which the assigned velocity counts as reached.
+# A limit is active on an interval if its used share is at least this. Margins of the planner may
+# use the remainder. Below this share, the plan is in transition between two limits.
+ACTIVE = 0.99
+# Margins are larger on wide intervals. Next to an interval with an active limit, the same limit is
+# active from the share ACTIVE_ADJACENT on, if it is the most used limit on more than MAX_TRANSITION
+# intervals in a row. A transition takes at most MAX_TRANSITION intervals.
+ACTIVE_ADJACENT, MAX_TRANSITION = 0.9, 2
+# Value of ACTIVE for plans with limits of jerk. Their intervals are longer, so the used share of a
+# limit changes more along an interval.
+ACTIVE_WITH_JERK = 0.9
+# The assigned velocity counts as reached from this share of it on.
 REACHED = 0.999
 # An extreme of the speed is confirmed once the speed differs from it by this share.
 FLAT = 0.01
-# Label of "nothing".
+# Label of the parts with the limit "nothing".
 BETWEEN = "between two limits"
-# Labels of the time outside contours, by the kinds of moves.
+# Labels of the time outside contours, by kind of move
 RAPIDS, DWELLS = "rapids between contours", "dwells"
 IDLE = {"rapid": RAPIDS, "dwell": DWELLS}
-# Labels of limits, in the order that decides between equal shares.
+# Labels of limits. If the used shares of two limits are equal, the first limit in this order is
+# active.
 NAMES = {
     **{f"joint_{x}": x for x in ("torque", "velocity", "acceleration")},
     "speed": "assigned velocity",
@@ -89,9 +90,9 @@ class Shortfall:
         kind: "slowest" at a minimum of the speed, "fastest" at a maximum below the assigned
             velocity.
         s: Arc length of the extreme [m].
-        speed: Tool speed there [m/s].
-        assigned: The assigned velocity there [m/s].
-        reason: The active limit there, such as "joint 2 acceleration".
+        speed: Tool speed at the extreme [m/s].
+        assigned: Assigned velocity at the extreme [m/s].
+        reason: Active limit at the extreme, such as "joint 2 acceleration".
     """
 
     kind: str
@@ -186,7 +187,7 @@ class Explanation(Result):
 
     @property
     def time_table(self) -> Table:
-        """Table of the time by limits and moves, for report, page, print and files."""
+        """Table of time, length and count for each active limit and each kind of move."""
         return Table(
             "time",
             (
@@ -204,7 +205,7 @@ class Explanation(Result):
 
     @property
     def kinds(self) -> dict[str, float]:
-        """Share of the duration by the kinds of `shares`, summed over the joints."""
+        """Share of the duration by kind of `shares`, summed over the joints, largest first."""
         shares: defaultdict[str, float] = defaultdict(float)
         for share in self.shares:
             shares[share.kind] += share.of_time
@@ -212,12 +213,12 @@ class Explanation(Result):
 
     @property
     def longest(self) -> tuple[str, float] | None:
-        """Limit or move with the longest time, and its share; None if unknown."""
+        """Limit or kind of move with the longest time, and its share; None if unknown."""
         return next(((x.name, x.of_time) for x in self.shares if x.name != BETWEEN), None)
 
     @property
     def shares(self) -> tuple[LimitShare, ...]:
-        """Time by limits and moves, the longest first; the sum is the duration."""
+        """Time of each limit and each kind of move, the longest first; the sum is the duration."""
         sums: dict[tuple[str, str], FloatArray] = {}
         for binding in self.bindings:
             key = (
@@ -264,7 +265,7 @@ def explain(
         constraints: Additional constraints that the plan was made for.
 
     Raises:
-        InvalidInput: The plan was made by another method, or is none.
+        InvalidInput: The trajectory is not a plan of the method "optimal" or "shaped".
     """
     reduced = trajectory.limits
     if reduced is not None:
@@ -274,7 +275,7 @@ def explain(
     laws: list[tuple[float, float, PathLaw]] = []
     stops: list[float] = []
     for x in trajectory.contour_spans:
-        # Only the law of the method "optimal" has the grid intervals of the limits.
+        # Only laws of the methods "optimal" and "shaped" have the grid intervals of the limits.
         law = None if x.trajectory is None else x.trajectory.laws[0]
         planned = trajectory.method in (Method.OPTIMAL, Method.SHAPED)
         if not planned or x.trajectory is None or not isinstance(law, PathLaw):
@@ -346,26 +347,26 @@ def _explain_law(
         used.append(constraint.usage(ends))
         names += constraint.names
     shares = np.concatenate(used, axis=1)
-    limit_index = _find_binding(shares, BINDS_WITH_JERK if bounds.jerk_limits else BINDS)
+    limit_index = _find_active(shares, ACTIVE_WITH_JERK if bounds.jerk_limits else ACTIVE)
     shortfalls = _shortfalls(law, assigned, reached, limit_index, names)
     return _LawExplanation(
         _bindings(law, shares.max(axis=1), limit_index, names, offsets),
         tuple(replace(x, s=offsets[1] + x.s) for x in shortfalls),
-        _extent(law, np.isfinite(assigned)),
-        _extent(law, reached),
+        _measure_extent(law, np.isfinite(assigned)),
+        _measure_extent(law, reached),
     )
 
 
-def _find_binding(shares: FloatArray, threshold: float) -> IntArray:
+def _find_active(shares: FloatArray, threshold: float) -> IntArray:
     """Column of the active limit on each interval, or -1, (n,), from used shares, (n, limits)."""
     # A limit is active from the share `threshold` on, regardless of neighbouring intervals.
     share, most_used = shares.max(axis=1), shares.argmax(axis=1)
     certain = share >= threshold
-    candidates = np.where(share >= min(threshold, BINDS_BESIDE), most_used, -1)
+    candidates = np.where(share >= min(threshold, ACTIVE_ADJACENT), most_used, -1)
     starts, count = _runs(candidates)
     binds = np.repeat(np.maximum.reduceat(certain, starts), count)
     starts, count = _runs(2 * candidates + certain)
-    return np.where(certain | (binds & (np.repeat(count, count) > PASSES)), candidates, -1)
+    return np.where(certain | (binds & (np.repeat(count, count) > MAX_TRANSITION)), candidates, -1)
 
 
 def _runs(values: IntArray) -> tuple[IntArray, IntArray]:
@@ -375,7 +376,7 @@ def _runs(values: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def find_jerk_stops(joint_path: JointPath, trajectory: Trajectory) -> FloatArray:
-    """Arc lengths of breaks without a stop at which limits of jerk require one [m]."""
+    """Arc lengths of the full stops that limits of jerk add to the stops of the joint path [m]."""
     breaks = np.setdiff1d(joint_path.breaks[1:-1], joint_path.stops)
     return np.asarray(breaks[trajectory.speed_at(breaks) == 0])
 
@@ -400,7 +401,7 @@ def _bindings(
     return tuple(bindings)
 
 
-def _extent(law: PathLaw, mask: BoolArray) -> tuple[float, float]:
+def _measure_extent(law: PathLaw, mask: BoolArray) -> tuple[float, float]:
     """Length [m] and time [s] of the selected intervals."""
     return float(np.diff(law.s)[mask].sum()), float(np.diff(law.breaks)[mask].sum())
 
@@ -424,7 +425,8 @@ def _shortfalls(
         for i, k, kind in _turning_points(speed, int(first), [*inner.tolist(), int(last)]):
             if speed[i] == 0:
                 continue
-            # The limit that is active on most intervals at the extreme and next to it.
+            # The reason is the limit that is active on most intervals at the extreme and next to
+            # it.
             neighbours = limit_index[max(i - 2, 0) : k + 2]
             neighbours = neighbours[neighbours >= 0]
             reason = "the transition between two limits"

@@ -26,10 +26,11 @@ from armcontour.planning.program_timing import JoinedMoves, Timing
 from armcontour.planning.program_tracing import Tracing
 from armcontour.planning.topp.limit_forms import Ceiling, Form
 
-# Relative rounding error of a duration.
+# Durations that differ by less than this share are equal.
 SAME_DURATION = 1e-9
-# Largest share of the time of a contour that is spent at rest at its end, if it is planned again.
-LONGEST_WAIT = 1e-3
+# Largest share of a contour's duration that may be spent at rest at its end, if the contour is
+# planned again.
+MAX_WAIT = 1e-3
 MAX_PLANS = 20
 
 
@@ -41,10 +42,10 @@ def slow_down(
     # `duration`: duration from start to end [s]; `traced`: the tracing or joint path of the motion;
     # `timing`: the timing of the fastest motion with the method "optimal".
     if isinstance(traced, JointPath):
-        factor = _factor(duration, fastest.duration, 0.0)
+        factor = _slowing_factor(duration, fastest.duration, 0.0)
         return _slow_down(fastest, factor, timing)
     contours = sum(x.t[1] - x.t[0] for x in fastest.contour_spans)
-    factor = _factor(duration, contours, fastest.duration - contours)
+    factor = _slowing_factor(duration, contours, fastest.duration - contours)
     move_trajectories = (x.trajectory for x in fastest.spans if x.trajectory is not None)
     joined = JoinedMoves(traced, timing.arm)
     for step in traced.steps:
@@ -56,13 +57,13 @@ def slow_down(
     return joined.trajectory()
 
 
-def _factor(duration: float, contours: float, others: float) -> float:
-    """Factor for the contours, from the durations of contours and other moves [s]."""
+def _slowing_factor(duration: float, contours: float, others: float) -> float:
+    """Factor that slows contours down, from the durations of contours and other moves [s]."""
     shortest = contours + others
     if duration < shortest * (1 - SAME_DURATION):
         raise NotRealizable(
-            f"The motion cannot take {duration:.9g} s: the fastest motion takes "
-            f"{shortest:.9g} s; give a longer duration, or raise the active limits.",
+            f"The motion cannot take {duration:.9g} s, because the fastest motion takes "
+            f"{shortest:.9g} s: give a longer duration, or raise the active limits.",
             limit="duration",
             needed=shortest,
             allowed=duration,
@@ -109,24 +110,25 @@ def _plan_slower(fastest: Trajectory, target: float, timing: Timing) -> Trajecto
     joint_path = _laws(fastest)[0].joint_path
     share = (fastest.duration / target) ** 2
     for _ in range(MAX_PLANS):
-        slower = (*options.constraints, _Slower(fastest, share))
+        slower = (*options.constraints, _ReducedSpeed(fastest, share))
         trajectory = plan_optimal(
             joint_path, timing.arm, timing.limits, replace(options, constraints=slower)
         )
-        if target * (1 - LONGEST_WAIT) <= trajectory.duration < target:
+        if target * (1 - MAX_WAIT) <= trajectory.duration < target:
             return trajectory
-        share *= (trajectory.duration / (target * (1 - LONGEST_WAIT / 2))) ** 2
+        share *= (trajectory.duration / (target * (1 - MAX_WAIT / 2))) ** 2
     raise NotRealizable(
-        f"No motion that takes {target:.9g} s was found: the limits of torque and viscous friction "
-        f"allow none close to it; the last one took {trajectory.duration:.9g} s.",
+        f"No motion that takes {target:.9g} s was found, because the limits of torque and viscous "
+        f"friction allow no duration close to it. The last motion takes {trajectory.duration:.9g} "
+        "s: give another duration.",
         limit="duration",
         needed=trajectory.duration,
         allowed=target,
     )
 
 
-class _Slower(Constraint):
-    """Upper bound of x: a share of the x of another plan along the same joint path."""
+class _ReducedSpeed(Constraint):
+    """Upper bound of ds²: a share of the ds² of another plan along the same joint path."""
 
     name = "given duration"
 

@@ -18,10 +18,10 @@ from armcontour.robot.limits import UNITS
 # Samples per smooth piece of a law. A piece turns by half a radian at most, so the sampled peak is
 # less than 1e-4 below the true peak.
 PEAK_SAMPLES = 33
-# Relative rounding error by which a law may exceed a limit.
+# Rounding error by which a law may exceed a limit, as a share of the limit
 ROUNDING = 1e-6
-# Words after units that are ambiguous.
-OF = {"angular_speed": " of turning", "angular_acceleration": " of turning"}
+# Words that follow a unit in messages if the unit alone is ambiguous, by field of `Limits`
+UNIT_SUFFIXES = {"angular_speed": " of turning", "angular_acceleration": " of turning"}
 # Limits that a reserve reduces.
 RESERVED = ("joint_acceleration", "joint_torque")
 
@@ -39,19 +39,21 @@ def with_reserve(limits: Limits, reserve: float) -> Limits:
 
 
 def tool_path_of(joint_path: JointPath, method: str) -> Path:
-    """Return the tool path of a joint path."""
+    """Return the tool path of a joint path, which the method requires."""
     if joint_path.tool_path is None:
         raise InvalidInput(
-            f"The method {method} plans along a tool path: give it a Path, or a traced one."
+            f"The method {method} plans along a tool path, but this joint path has none: give "
+            "plan a Path, or the joint path that trace returns for it."
         )
     return joint_path.tool_path
 
 
 def require_speed(limits: Limits, method: str) -> float:
-    """Return the assigned velocity [m/s]."""
+    """Return the assigned velocity [m/s], which the method requires."""
     if limits.speed is None:
         raise InvalidInput(
-            f"The method {method} needs an assigned velocity: give the limit speed [m/s]."
+            f"The method {method} needs an assigned velocity, but no limit speed is given: give "
+            "the limit speed [m/s]."
         )
     return limits.speed
 
@@ -70,7 +72,7 @@ def path_law(joint_path: JointPath, s: FloatArray, start: FloatArray, end: Float
 
 
 def law_peaks(laws: Sequence[Law], arm: Arm) -> dict[str, Any]:
-    """Peak joint accelerations, (dof,), and peak tool speed along laws, as fields of `LawPhase`."""
+    """Peak joint accelerations, (dof,), and peak tool speed of laws, as fields of `LawPhase`."""
     states = [law_states(x, arm) for x in laws]
     return {
         "demand": np.max([np.abs(x.ddq).max(axis=0) for x in states], axis=0),
@@ -85,7 +87,7 @@ def law_states(law: Law, arm: Arm) -> States:
 
 
 def sample_times(law: Law) -> tuple[IntArray, FloatArray]:
-    """Sample times that include the peaks of a law."""
+    """Sample times of a law, dense enough to include its peaks."""
     # Returns the interval of each sample, (n,), and its time [s], (n,).
     knots = law.breaks
     if isinstance(law, PathLaw):
@@ -96,17 +98,17 @@ def sample_times(law: Law) -> tuple[IntArray, FloatArray]:
     return np.broadcast_to(interval, grid.shape).ravel(), grid.ravel()
 
 
-def check_kept(
+def check_limits(
     laws: Sequence[LawAlongPath],
     arm: Arm,
-    limits: Limits,  # The limits. A named limit that is None is not checked.
+    limits: Limits,  # Limits; named limits that are None are not checked
     names: Sequence[str],  # Fields of `Limits` to check
     *,
     location: str,  # First words of the error message; the arc length follows
     t: float,  # Start time of the first law [s]
-    remedy: str,  # Last words of the error message
+    remedy: str,  # Last sentence of the error message, without a period
 ) -> None:
-    """Check that laws satisfy the named limits at all samples."""
+    """Raise NotRealizable if a law exceeds one of the named limits at a sample."""
     limited = [name for name in names if getattr(limits, name) is not None]
     start = t
     for law in laws if limited else ():
@@ -124,7 +126,8 @@ def check_kept(
             s = float(law.path_position(intervals[index[0]], times[index[0]]))
             raise NotRealizable(
                 f"{location}, at {s:.4g} m, {subject} would need {needed:.4g} {UNITS[name]}"
-                f"{OF.get(name, '')}, but its limit is {limit:.4g} {UNITS[name]}: {remedy}.",
+                f"{UNIT_SUFFIXES.get(name, '')}, but its limit is {limit:.4g} {UNITS[name]}. "
+                f"{remedy}.",
                 s=s,
                 t=start + float(times[index[0]]),
                 joint=joint,

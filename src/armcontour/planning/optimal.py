@@ -50,21 +50,23 @@ from armcontour.planning.vanishing import reparametrize, rests_at_breaks
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import TOOL_LIMITS
 
-# The grid is refined while the margin for maxima inside intervals exceeds this share of a limit, at
-# most MAX_REFINEMENTS times. The share grows each time, up to LARGEST_MARGIN_EVER, because a finer
-# grid is expensive with thousands of corners. With fewer intervals than COARSE, margins up to
-# FIRST_MARGIN are accepted, to save time.
+# The grid is refined while the margin for maxima inside intervals exceeds the share LARGEST_MARGIN
+# of a limit, at most MAX_REFINEMENTS times. The share grows by the factor MARGIN_GROWTH with each
+# refinement, up to LAST_MARGIN, because a finer grid is expensive with thousands of
+# corners. With fewer intervals than COARSE, the first share is FIRST_MARGIN, to save time.
 LARGEST_MARGIN = 3e-3
 FIRST_MARGIN, COARSE = 1e-2, 500
-MORE_EACH_TIME = 2.0
-LARGEST_MARGIN_EVER = 0.2
+MARGIN_GROWTH = 2.0
+LAST_MARGIN = 0.2
 MAX_REFINEMENTS = 12
-# The grid is also refined while the estimated loss exceeds this share of the duration. The estimate
-# is within a factor of about three; more intervals than DEFAULT_INTERVALS lose less.
+# The grid is also refined while the estimated loss of time exceeds this share of the duration. This
+# is the share for DEFAULT_INTERVALS; it is smaller if more intervals are requested. The estimate is
+# accurate within a factor of about three.
 LARGEST_LOSS = 1e-4
 MAX_PARTS_AT_ONCE = 8
-# Largest number of refined intervals, about 1 GB, unless twice the first grid is more. Close to it,
-# a refinement for loss must add at least the factor LEAST_GROWTH.
+# Largest number of intervals of a refined grid (about 1 GB), unless twice the number of the first
+# grid is larger. Close to this number, a refinement for loss must increase the number of intervals
+# at least by the factor LEAST_GROWTH.
 MAX_REFINED, LEAST_GROWTH = 300_000, 1.1
 
 
@@ -72,8 +74,8 @@ def plan_optimal(
     joint_path: JointPath, arm: Arm, limits: Limits, options: Optimal = FASTEST
 ) -> Trajectory:
     """Plan the fastest motion along a path, without a given duration."""
-    # `joint_path`: A traced path, or a joint path without a tool path (then without tool limits);
-    # `limits`: the limits. Joint ranges are ignored; the speed of each path segment applies too;
+    # `joint_path`: a traced path, or a joint path without a tool path (then without limits of the
+    # tool). `limits`: joint ranges are ignored; the speed of each path segment applies, too.
     # `options`: grid, speeds at the ends, and additional constraints. If a joint path needs another
     # parameter than s, grid points keep their relative positions in the pieces.
     points, intervals, constraints = options.grid, options.intervals, options.constraints
@@ -82,7 +84,7 @@ def plan_optimal(
     reparametrized, new_breaks = reparametrize(joint_path)
     at_rest = joint_path.breaks[:0]
     if constraints or limits.path_jerk is not None:
-        # Constraints and path jerk are functions of s.
+        # Constraints and path jerk are functions of s, so the parameter s must not be replaced.
         at_rest = (
             at_rest
             if reparametrized is joint_path
@@ -128,7 +130,7 @@ def plan_optimal(
 def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Constraint]:
     """Make the constraints of the planner from the limits of an arm and a path."""
     active: list[Constraint] = []
-    # Rows with viscous friction must come first.
+    # The planner requires the rows with viscous friction first.
     if limits.joint_torque is not None:
         active.append(JointTorque(arm, limits.joint_torque))
     dof = joint_path.dof
@@ -162,8 +164,9 @@ def assigned_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
         tool = [x for x in TOOL_LIMITS if x != "path_jerk" and getattr(limits, x) is not None]
         if tool:
             raise InvalidInput(
-                "Limits of the tool need a tool path: plan a Path or a traced one, or lift them "
-                f"with limits.replace({', '.join(f'{x}=math.inf' for x in tool)})."
+                "Limits of the tool need a tool path, but this joint path has none: plan a Path "
+                "or a traced joint path, or lift the limits with "
+                f"limits.replace({', '.join(f'{x}=math.inf' for x in tool)})."
             )
         return np.full(len(breaks) - 1, np.inf)
     speed = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
@@ -182,21 +185,21 @@ def time_optimal(
     largest_loss: float = math.inf,  # Share of the duration that the grid may lose
 ) -> PathLaw:
     """Plan on a grid and refine it where margins or the estimated loss of time are too large."""
-    # Where dq_ds vanishes, the joints rest at any ds.
-    stands = rests_at_breaks(grid.joint_path)
-    start = np.inf if start_speed == 0 and stands[0] else start_speed**2
-    end = np.inf if end_speed == 0 and stands[-1] else end_speed**2
+    # At an end at which dq_ds vanishes, the joints rest at any ds.
+    rests = rests_at_breaks(grid.joint_path)
+    start = np.inf if start_speed == 0 and rests[0] else start_speed**2
+    end = np.inf if end_speed == 0 and rests[-1] else end_speed**2
     max_margin = FIRST_MARGIN if len(grid) < COARSE else LARGEST_MARGIN
     rules, s = Rules(float(start), float(end), max_margin), 0.0
     best: tuple[Grid, GridPlan] | None = None
     shortest, max_intervals = math.inf, max(MAX_REFINED, 2 * len(grid))
     for k in range(MAX_REFINEMENTS):
         path = OnGrid(grid)
-        limits = _with_stops(limits_on(path, active), grid)
+        limits = _add_stops(limits_on(path, active), grid)
         grid_plan = plan_on_grid(path.intervals, limits, rules)
         if grid_plan.outcome == kernels.FOUND:
             if math.isinf(largest_loss):
-                return _law(grid, grid_plan)
+                return _make_law(grid, grid_plan)
             duration, loss, points = estimate_losses(path.intervals, limits, grid_plan)
             gained = shortest - duration
             if duration < shortest:
@@ -213,18 +216,18 @@ def time_optimal(
             if best is not None:
                 break
             _refuse(grid, grid_plan, arm, rules)
-        parts = _whole(np.sqrt(grid_plan.lost / LARGEST_MARGIN), max_intervals)
+        parts = _round_parts(np.sqrt(grid_plan.lost / LARGEST_MARGIN), max_intervals)
         crowded = parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MAX_REFINED / 2
-        if crowded and max_margin == LARGEST_MARGIN_EVER:
+        if crowded and max_margin == LAST_MARGIN:
             break
         grid = split(grid, parts)
-        max_margin = min(MORE_EACH_TIME ** (k + 1) * LARGEST_MARGIN, LARGEST_MARGIN_EVER)
+        max_margin = min(MARGIN_GROWTH ** (k + 1) * LARGEST_MARGIN, LAST_MARGIN)
         rules = rules._replace(max_margin=max_margin, steady=0.0)
     if best is not None:
-        return _law(*best)
+        return _make_law(*best)
     raise NotRealizable(
         f"At {s:.6g} m along the path the limits cannot be satisfied between grid points on any "
-        "grid: the joint path is too uneven there; smooth it or trace it more exactly.",
+        "grid, because the joint path is too uneven there: smooth it or trace it more accurately.",
         s=s,
     )
 
@@ -232,10 +235,10 @@ def time_optimal(
 def _parts_by_loss(loss: FloatArray, max_loss: float) -> FloatArray:
     """Number of parts of each interval for a total loss of at most `max_loss`."""
     parts = np.sqrt(np.minimum(np.nan_to_num(loss) * len(loss) / max_loss, MAX_PARTS_AT_ONCE**2))
-    return _whole(parts, max(MAX_REFINED, len(loss)))
+    return _round_parts(parts, max(MAX_REFINED, len(loss)))
 
 
-def _whole(parts: FloatArray, max_parts: int) -> FloatArray:
+def _round_parts(parts: FloatArray, max_parts: int) -> FloatArray:
     """Round numbers of parts up, after halving them until their sum is at most `max_parts`."""
     while True:
         counts = np.maximum(np.ceil(parts), 1.0)
@@ -244,8 +247,8 @@ def _whole(parts: FloatArray, max_parts: int) -> FloatArray:
         parts = parts / 2
 
 
-def _with_stops(limits: GridLimits, grid: Grid) -> GridLimits:
-    """Add x = 0 at the stops of the joint path."""
+def _add_stops(limits: GridLimits, grid: Grid) -> GridLimits:
+    """Add the bound x = 0 at the stops of the joint path."""
     stops = grid.joint_path.stops
     if not len(stops):
         return limits
@@ -254,8 +257,8 @@ def _with_stops(limits: GridLimits, grid: Grid) -> GridLimits:
     return limits._replace(ceiling=ceiling)
 
 
-def _law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
-    """Make the time law, with path acceleration linear in s on every interval."""
+def _make_law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
+    """Make the time law of a grid plan, with path acceleration linear in s on every interval."""
     try:
         return PathLaw.from_squares(grid.joint_path, grid.s, grid_plan.x, grid_plan.k)
     except InvalidInput as error:
@@ -274,8 +277,8 @@ def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn
         _refuse_stuck(grid, i)
     if not OnGrid(grid).derivatives[0][0, i].any():
         raise InvalidInput(
-            f"No joint moves from s = {grid.s[i]:.6g} to {grid.s[i + 1]:.6g}, where nothing "
-            "limits dds: remove this piece of the joint path."
+            f"No joint moves from s = {grid.s[i]:.6g} to {grid.s[i + 1]:.6g} m, so no limit "
+            "restricts dds there: remove this piece of the joint path."
         )
     hint = arm.limits_hint
     raise InvalidInput(
@@ -285,11 +288,11 @@ def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn
 
 
 def _refuse_standing(s: float) -> NoReturn:
-    """Refuse constraints in s along a path on which the joints rest at some s."""
+    """Raise the error for constraints in s on a path that has a point without joint motion."""
     raise NotRealizable(
-        f"At {s:.6g} m along the path no joint moves with s, so that nothing bounds ds there, and "
-        "constraints that are functions of s cannot be satisfied: remove them, or give the joint "
-        "path a parameter along which the joints keep moving.",
+        f"At {s:.6g} m along the path no joint moves with s, so ds is not limited there, and "
+        "constraints that are functions of s cannot be satisfied. Remove the constraints, or "
+        "give the joint path a parameter along which the joints keep moving.",
         s=s,
     )
 
@@ -297,7 +300,7 @@ def _refuse_standing(s: float) -> NoReturn:
 def _refuse_stuck(grid: Grid, i: int) -> NoReturn:
     s = float(grid.s[i])
     raise NotRealizable(
-        f"At {s:.6g} m along the path the limits allow no motion at all: check the limits, or move "
-        "the path away from the singularity.",
+        f"At {s:.6g} m along the path the limits allow no motion: raise the limits, or move the "
+        "path away from singularities of the arm.",
         s=s,
     )

@@ -30,15 +30,17 @@ from armcontour.planning.path_grid import FEWEST_PER_PIECE, MAX_INTERVALS
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
-# Largest duration [s], eleven days: longer ones are mistakes; times are rounded to a nanosecond.
+# Largest duration [s], about eleven days. Longer durations are mistakes, and times are rounded to a
+# nanosecond.
 LONGEST_MOTION = 1e6
 MotionTime = Annotated[float, Quantity("s", "6.5 s", within=(checks.SMALLEST, LONGEST_MOTION))]
 Intervals = Annotated[int, AtLeast(FEWEST_PER_PIECE, MAX_INTERVALS)]
-# Marks fields that are keys of a job; other options have keys elsewhere or none.
+# Marks a field that is a key of a job; the other fields have a key elsewhere, or no key.
 KEY = About()
 PathSpeed = Annotated[float, Quantity("m/s", "0.15 m/s", "not negative")]
-# Laps per line of the paper's method. With fewer laps a short line from rest to rest has no lap to
-# move in; more laps need several GB for an arm with six joints.
+# Smallest and largest number of laps per line of the paper's method. With fewer laps, a short line
+# from rest to rest has no lap left for its motion. More laps need several GB for an arm with six
+# joints.
 FEWEST_LAPS, MAX_LAPS = 8, 5_000_000
 # Largest number of iterations of each pass with limits of jerk.
 MAX_ITERATIONS = 150
@@ -115,8 +117,8 @@ class Optimal(PlanOptions):
         for name in ("start_speed", "end_speed"):
             if self.duration is not None and getattr(self, name):
                 raise InvalidInput(
-                    f"A motion of a given duration starts and ends at rest: remove {name}, or "
-                    "duration."
+                    f"A motion with a given duration starts and ends at rest, but {name} is "
+                    f"{number(getattr(self, name), 'm/s')}: remove {name} or duration."
                 )
 
 
@@ -161,23 +163,23 @@ class Shaped(PlanOptions):
         if (self.line_tolerance is None) != (self.zone is None):
             specified, missing = ("line_tolerance", "zone")[:: 1 if self.zone is None else -1]
             raise InvalidInput(
-                f"{specified} is given without {missing}: line_tolerance holds farther from the "
-                "vertices than zone, so give both or neither."
+                f"{specified} is given without {missing}. line_tolerance applies farther from the "
+                "vertices than zone: give both or neither."
             )
         if self.line_tolerance is None or self.zone is None:
             return
         if self.line_tolerance > self.tolerance:
             raise InvalidInput(
-                f"line_tolerance of {number(self.line_tolerance, 'm')} is above the tolerance of "
-                f"{number(self.tolerance, 'm')}: lines may not be less exact than corners.",
+                f"line_tolerance is {number(self.line_tolerance, 'm')}, but must be at most the "
+                f"tolerance of {number(self.tolerance, 'm')}.",
                 needed=self.line_tolerance,
                 allowed=self.tolerance,
             )
         if self.zone < self.tolerance:
             raise InvalidInput(
-                f"zone of {number(self.zone, 'm')} is below the tolerance of "
-                f"{number(self.tolerance, 'm')}, which reaches that far from a vertex: give at "
-                "least the tolerance.",
+                f"zone is {number(self.zone, 'm')}, but must be at least the tolerance of "
+                f"{number(self.tolerance, 'm')}, because the tolerance reaches that far from a "
+                "vertex.",
                 needed=self.tolerance,
                 allowed=self.zone,
             )
@@ -213,7 +215,7 @@ class Paper(PlanOptions):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Conventional(PlanOptions):
-    """Options of uniform speed along the raw path, as in the paper; those of `PlanOptions`.
+    """Options of the method "conventional", uniform tool speed: those of `PlanOptions`.
 
     >>> straight = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20)])
     >>> ac.plan(straight, arm, limits, ac.Conventional()).method
@@ -255,8 +257,8 @@ class Task:
     arm: Arm
     active: tuple[Constraint, ...]  # The constraints of the planner without jerk
     jerk: JerkLimits
-    start_speed: float = 0.0  # start_speed, end_speed: Path speeds at the start and the end [m/s]
-    end_speed: float = 0.0
+    start_speed: float = 0.0  # Path speed at the start [m/s]
+    end_speed: float = 0.0  # Path speed at the end [m/s]
     cells: int | None = None  # Approximate number of cells; None for the default
     # Largest number of iterations of each pass. Every iterate satisfies all limits.
     iterations: int = MAX_ITERATIONS

@@ -16,7 +16,7 @@ from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, LawAlongPath, LawPhase, Method, Trajectory
 from armcontour.planning.law_checks import (
-    check_kept,
+    check_limits,
     law_peaks,
     path_law,
     require_speed,
@@ -26,8 +26,8 @@ from armcontour.planning.options import FEWEST_LAPS, MAX_LAPS, Paper
 from armcontour.planning.paper_line import PaperLine, RulePart, parts_by_rule
 from armcontour.robot import Arm, Limits
 
-# Parts of the lap next to a rest, where the speed changes by a large factor.
-LAPS_AT_REST = 10
+# A lap next to a rest is divided into this many parts, because the speed changes much in it.
+PARTS_AT_REST = 10
 # Limits that are checked on every part, because the method does not guarantee them.
 CHECKED = (
     "joint_velocity",
@@ -49,18 +49,18 @@ class Junction:
 
 def plan_paper(joint_path: JointPath, arm: Arm, limits: Limits, options: Paper) -> Trajectory:
     """Plan a path of lines and arcs by the paper's method."""
-    # `joint_path`: A traced path of lines and arcs; `limits`: limits with joint accelerations and
-    # an assigned velocity; the centripetal acceleration sets the corner speed (16).
+    # `joint_path`: a traced path of lines and arcs; `limits`: limits with joint accelerations and
+    # an assigned velocity. The centripetal acceleration determines the corner speed (16).
     path = tool_path_of(joint_path, "paper")
     assigned = np.fmin(path.speeds, require_speed(limits, "paper"))
     _refuse_limits(limits)
-    junctions = _junctions(path, _straight(path), assigned, limits)
+    junctions = _find_junctions(path, _find_lines(path), assigned, limits)
     lines = _make_lines(joint_path, arm, limits, assigned, junctions, options)
     _match_speeds(lines, junctions)
     return _join(lines, junctions, arm, limits)
 
 
-def _straight(path: Path) -> list[int]:
+def _find_lines(path: Path) -> list[int]:
     return list(np.flatnonzero(path.curvatures == 0).tolist())
 
 
@@ -74,10 +74,10 @@ def _make_lines(
 ) -> list[PaperLine]:
     path = tool_path_of(joint_path, "paper")
     lines = []
-    for number, i in enumerate(_straight(path)):
+    for number, i in enumerate(_find_lines(path)):
         count = options.knots
         if count is None:
-            count = _usual_knots(path.lengths[i], assigned[i], options.cycle, number)
+            count = _default_laps(path.lengths[i], assigned[i], options.cycle, number)
         at_rest = (junctions[number].speed == 0, junctions[number + 1].speed == 0)
         lines.append(
             PaperLine(
@@ -85,7 +85,7 @@ def _make_lines(
                 joint_path=joint_path,
                 arm=arm,
                 limit=limits.acceleration_bounds(arm.dof)[1],
-                s=_knots(path.breaks[i], path.breaks[i + 1], count, at_rest),
+                s=_place_knots(path.breaks[i], path.breaks[i + 1], count, at_rest),
                 assigned=float(assigned[i]),
             )
         )
@@ -95,12 +95,13 @@ def _make_lines(
 def _refuse_limits(limits: Limits) -> None:
     if limits.joint_acceleration is None:
         raise InvalidInput(
-            "The method paper needs joint acceleration limits: give joint_acceleration [rad/s²]."
+            "The method paper needs limits of joint acceleration, but none are given: give "
+            "joint_acceleration [rad/s²]."
         )
     if limits.tool_acceleration is not None:
         raise InvalidInput(
-            "The method paper does not limit the tool's acceleration: remove tool_acceleration, "
-            "or plan by the method optimal."
+            "The method paper does not support a limit of tool acceleration: remove "
+            "tool_acceleration, or plan by the method optimal."
         )
     if not limits.same_both_ways():
         raise InvalidInput(
@@ -109,13 +110,13 @@ def _refuse_limits(limits: Limits) -> None:
         )
 
 
-def _usual_knots(length: float, speed: float, cycle: float, number: int) -> int:
-    """Number of laps of a line that take one cycle each at the assigned velocity."""
+def _default_laps(length: float, speed: float, cycle: float, number: int) -> int:
+    """Number of laps of a line, so that a lap takes at most one cycle at the assigned velocity."""
     count = length / (speed * cycle)
     if not count <= MAX_LAPS:
         raise InvalidInput(
-            f"Line {number + 1} would have {count:.3g} knots at {speed:g} m/s and a "
-            f"cycle of {cycle:g} s: give knots."
+            f"Line {number + 1} would have {count:.3g} laps at {speed:g} m/s and a cycle of "
+            f"{cycle:g} s, but at most {MAX_LAPS} are supported: give knots."
         )
     return max(FEWEST_LAPS, int(np.ceil(count)))
 
@@ -137,13 +138,13 @@ def _join(
             laws += parts[-1].laws
         for part in parts:
             start = stretches[-1].t[1] if stretches else 0.0
-            stretches.append(_stretch(part, start, arm, limits))
+            stretches.append(_check_part(part, start, arm, limits))
     return Trajectory(
         laws=tuple(laws), method=Method.PAPER, path=joint_path.tool_path, stretches=tuple(stretches)
     )
 
 
-def _junctions(
+def _find_junctions(
     path: Path, lines: list[int], assigned: FloatArray, limits: Limits
 ) -> list[Junction]:
     """Junctions of a path with their largest speeds: before the first line and after each line."""
@@ -159,9 +160,9 @@ def _junctions(
         if at_rest and len(arcs):
             s = float(path.breaks[arcs[0]])
             raise NotRealizable(
-                f"At {s:.4g} m along the path the tool is at rest next to an arc: the method paper "
-                "runs arcs at one speed and has no rule for that; start and end on lines, or "
-                "plan by the method optimal.",
+                f"At {s:.4g} m along the path the tool is at rest next to an arc, but the method "
+                "paper moves along arcs only at constant speed: start and end the path on lines, "
+                "or plan by the method optimal.",
                 s=s,
                 point=path(s).tolist(),
             )
@@ -174,11 +175,11 @@ def _junctions(
     return result
 
 
-def _knots(start: float, end: float, count: int, at_rest: tuple[bool, bool]) -> FloatArray:
-    """Knots of a line from `start` to `end` [m] with `count` laps of equal length."""
-    # A lap next to a rest is divided into parts that take equal times from rest.
+def _place_knots(start: float, end: float, count: int, at_rest: tuple[bool, bool]) -> FloatArray:
+    """Arc lengths [m] of the knots of a line from `start` to `end` with `count` equal laps."""
+    # A lap next to a rest is divided into parts of equal duration at constant acceleration.
     shares = np.arange(count + 1) / count
-    parts = (np.arange(1, LAPS_AT_REST) / LAPS_AT_REST) ** 2 / count
+    parts = (np.arange(1, PARTS_AT_REST) / PARTS_AT_REST) ** 2 / count
     if at_rest[0]:
         shares = np.concatenate([shares[:1], parts, shares[1:]])
     if at_rest[1]:
@@ -189,7 +190,7 @@ def _knots(start: float, end: float, count: int, at_rest: tuple[bool, bool]) -> 
 
 
 def _match_speeds(lines: list[PaperLine], junctions: list[Junction]) -> None:
-    """Reduce the speeds of junctions to reachable ones, forwards and then backwards."""
+    """Reduce the speeds of junctions to speeds that the lines can reach."""
     for number, line in enumerate(lines):
         run = line.forward(junctions[number].speed)
         if run.joint < 0 and run.last_within(line.assigned) == len(line.s) - 1:
@@ -212,11 +213,11 @@ def _arc_part(name: str, joint_path: JointPath, segment: int, speed: float) -> R
     return RulePart(name, "corner", float(law.breaks[-1]), ends, [law])
 
 
-def _stretch(part: RulePart, start: float, arm: Arm, limits: Limits) -> LawPhase:
-    """Check a part that starts at the time `start` [s], and find its peaks."""
-    # MAC does not check the middle part, the corners, joint velocities, torques or the angular
-    # motion of the tool.
-    check_kept(
+def _check_part(part: RulePart, start: float, arm: Arm, limits: Limits) -> LawPhase:
+    """Check the limits of a part that starts at the time `start` [s]; returns it with its peaks."""
+    # The rules of the method do not include these limits: joint acceleration on the middle part and
+    # on corners, joint velocities, torques, and the angular motion of the tool.
+    check_limits(
         part.laws,
         arm,
         limits,
@@ -224,8 +225,8 @@ def _stretch(part: RulePart, start: float, arm: Arm, limits: Limits) -> LawPhase
         location=f"On {part.name} ({part.kind}), between {part.s[0]:.4g} and {part.s[1]:.4g} m "
         "along the path",
         t=start,
-        remedy="the method paper does not plan for this limit there; a lower assigned velocity or "
-        "centripetal acceleration, or the method optimal, helps",
+        remedy="The method paper does not plan for this limit there: reduce the assigned "
+        "velocity or the centripetal acceleration, or plan by the method optimal",
     )
     return LawPhase(
         name=part.name,
@@ -244,14 +245,14 @@ def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajec
     path = tool_path_of(joint_path, "conventional")
     speeds = np.fmin(path.speeds, require_speed(limits, "conventional"))
     law = path_law(joint_path, path.breaks, speeds, speeds)
-    check_kept(
+    check_limits(
         [law],
         arm,
         limits,
         ("joint_torque", "angular_speed", "angular_acceleration"),
         location="At uniform speed along the path",
         t=0.0,
-        remedy="a lower assigned velocity or the method optimal helps",
+        remedy="Reduce the assigned velocity, or plan by the method optimal",
     )
     stretch = LawPhase(
         name="whole path",

@@ -1,5 +1,6 @@
-"""One straight line by the paper's criteria: MAC from its start, MDC to its end, AVC between.
+"""One straight line by the paper's rules: MAC from its start, AVC in the middle, MDC to its end.
 
+MAC is the maximum joint acceleration, AVC the assigned velocity, MDC the maximum deceleration.
 Two passes run along the line, one from each end, until a joint limit would be violated. Each pass
 is used up to the knot at which it reaches the assigned velocity, (23). Between those knots the tool
 moves with uniform acceleration, (24)-(25). If the passes meet below the assigned velocity, one lap
@@ -20,27 +21,27 @@ from armcontour.motion import JointPath, LawAlongPath, LineLaw
 from armcontour.planning.law_checks import law_states, path_law, tool_path_of
 from armcontour.robot import Arm
 
-# Smallest speed of a joint, as a share of the fastest joint, from which the tool speed is computed.
-HARDLY_MOVING = 0.01
+# The tool speed is not computed from a joint that is slower than this share of the fastest joint.
+MIN_JOINT_SPEED = 0.01
 
 
 @compiled()
 def run_laps(
     q: FloatArray, dq_ds: FloatArray, speed: float, limit: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, int, float]:
-    """Run from the first knot towards the last, as fast as (18)-(20) allow."""
-    # The paper does not state the velocity at the start of a lap. Plain `dq + ddq h` is not damped:
-    # a velocity error of a joint that does not determine the lap time alternates from lap to lap,
-    # and the acceleration it causes grows as 1 / h. Therefore the joint that determines the lap
-    # time keeps its velocity, and the other joints take theirs from the path, (28); the step in
-    # their velocity is of second order in h.
+    """Move from the first knot towards the last as fast as (18)-(20) of the paper allow."""
+    # The paper does not state the velocity at the start of a lap. If every joint continued with `dq
+    # + ddq h`, a velocity error of a joint that does not determine the lap time would alternate
+    # from lap to lap, and the acceleration that it causes would grow as 1 / h. Therefore only the
+    # joint that determines the lap time continues with its velocity. The other joints get their
+    # velocities from the path by (28); the step in these velocities is of second order in h.
     # `q`: joint positions at the knots [rad], (n + 1, dof); `dq_ds`: derivatives of q along the
     # path, of the same shape; `speed`: tool speed at the first knot [m/s]; `limit`: largest joint
     # accelerations [rad/s²], (dof,).
-    # Returns lap times (n,); tool speed at the knots (n + 1,), NaN beyond the last valid lap; joint
-    # velocities at the start of the laps and joint accelerations in them, (n, dof); the number of
-    # valid laps; and for the first invalid lap the joint (from 0; -1 if none) and the acceleration
-    # that it would need.
+    # Returns lap times [s], (n,); tool speeds at the knots [m/s], (n + 1,), NaN beyond the last
+    # valid lap; joint velocities at the start of the laps and joint accelerations in them, (n, dof)
+    # each; the number of valid laps; and for the first invalid lap the joint, from 0 (-1 if none),
+    # and the acceleration that this joint would need.
     n = len(q) - 1
     dof = q.shape[1]
     h = np.empty(n)
@@ -61,7 +62,7 @@ def run_laps(
                 if step < 0.0:
                     w = -w
                 root = math.sqrt(w * w + 2.0 * limit[j] * abs(step))
-                # (18), or 2 d / (w + root) if its printed form would cancel.
+                # (18), or for w > 0 its equivalent 2 d / (w + root), which has no cancellation.
                 time = 2.0 * abs(step) / (w + root) if w > 0.0 else (root - w) / limit[j]
             if time > longest:
                 longest = time
@@ -79,7 +80,7 @@ def run_laps(
             acceleration[k, j] = needed
             fastest = max(fastest, abs(dq_ds[k + 1, j]))
         lead = slowest
-        if abs(dq_ds[k + 1, lead]) < HARDLY_MOVING * fastest:
+        if abs(dq_ds[k + 1, lead]) < MIN_JOINT_SPEED * fastest:
             for j in range(dof):
                 if abs(dq_ds[k + 1, j]) == fastest:
                     lead = j
@@ -101,17 +102,17 @@ class Pass:
     needed: float  # Acceleration that this joint would need [rad/s²]
 
     def last_within(self, speed: float) -> int:
-        """Last knot before the tool speed first exceeds `speed` [m/s]."""
+        """Index of the last knot before the tool speed first exceeds `speed` [m/s]."""
         faster = np.flatnonzero(self.speed[: self.done + 1] > speed * (1 + 1e-12))
         return max(int(faster[0]) - 1, 0) if len(faster) else self.done
 
 
 @dataclass(frozen=True, slots=True)
 class LinePhase:
-    """A time law and the rule that made it."""
+    """Time law on a part of a line, and the rule of the paper that made it."""
 
     law: LawAlongPath
-    kind: str  # "MAC", "AVC" or "MDC"; "meeting" for the lap between MAC and MDC
+    kind: str  # Rule: "MAC", "AVC" or "MDC"; "meeting" for the lap between MAC and MDC
     s: tuple[float, float]  # Arc lengths of start and end on the path [m]
     # For a meeting lap, time [s] and arc length [m] from its start to the point where both passes
     # have the same speed
@@ -120,10 +121,10 @@ class LinePhase:
 
 @dataclass(frozen=True, slots=True)
 class RulePart:
-    """Part of a line or a corner that one rule made."""
+    """Part of a line, or a corner, that one rule of the paper made."""
 
     name: str  # Name of the line or corner, such as "line 1"
-    kind: str
+    kind: str  # Rule: "MAC", "AVC", "MDC" or "corner"
     duration: float  # Duration [s]
     s: tuple[float, float]  # Arc lengths of start and end on the path [m]
     laws: list[LawAlongPath]  # The complete laws that contain the part
@@ -174,7 +175,7 @@ class PaperLine:
         path = tool_path_of(joint_path, "paper")
         self.point, self.direction = path(s[0]), path(s[0], 1)
         self.q = joint_path(s)
-        # One-sided at both ends: the path may turn there.
+        # The derivatives at both ends are one-sided, because the path may turn there.
         before, after = joint_path(s[-1:], 1, side="left"), joint_path(s[:-1], 1)
         self.dq_ds = np.concatenate([after, before])
 
@@ -190,42 +191,44 @@ class PaperLine:
         """Plan the line from the tool speed `start` to the tool speed `end` [m/s]."""
         forward, reverse = self.forward(start), self.reverse(end)
         n = len(self.s) - 1
-        backward = reverse.speed[::-1]  # the reverse pass in the order of the path
+        backward = reverse.speed[::-1]  # Speed of the reverse pass in the order of the path
         last = forward.last_within(self.assigned)
         first = n - reverse.last_within(self.assigned)
         if first <= last:
-            # The passes overlap: leave the forward pass at the last knot where it is slower.
+            # The passes overlap: the forward pass is used up to the last knot at which it is
+            # slower.
             both = np.arange(first, last + 1)
             slower = both[forward.speed[both] <= backward[both]]
             last = int(slower[-1]) if len(slower) else first - 1
             if first == 0 and forward.speed[0] >= backward[0]:
-                last = -1  # the start speed is that from which the line can brake: MDC throughout
+                # The start speed is the largest from which the line can brake: MDC throughout.
+                last = -1
             first = last + 1
             meeting = 0 <= last and first <= n
             if meeting:
-                last, first = self._meeting(last, first, forward.speed, backward)
+                last, first = self._find_meeting(last, first, forward.speed, backward)
         else:
             self._refuse_broken(forward, last, reverse, n - first)
             meeting = False
         pieces = []
         if last > 0:
             run = forward.h[:last], forward.dq[:last], forward.ddq[:last]
-            pieces.append(self._piece("MAC", 0, last, *run))
+            pieces.append(self._make_phase("MAC", 0, last, *run))
         low, high = max(last, 0), first
         if low < high <= n:
-            pieces.append(self._middle(low, high, forward.speed, backward, meeting))
+            pieces.append(self._make_middle(low, high, forward.speed, backward, meeting))
         if first < n:
-            pieces.append(self._mdc(reverse, first))
+            pieces.append(self._make_mdc(reverse, first))
         return pieces
 
-    def _mdc(self, run: Pass, first: int) -> LinePhase:
-        """Reverse pass from the knot `first` on, in the order of time."""
+    def _make_mdc(self, run: Pass, first: int) -> LinePhase:
+        """Phase of the reverse pass from the knot `first` to the end, in the order of time."""
         count = len(self.s) - 1 - first
         ends = run.dq[:count] + run.ddq[:count] * run.h[:count, None]
         h, dq, ddq = run.h[:count][::-1], -ends[::-1], run.ddq[:count][::-1]
-        return self._piece("MDC", first, len(self.s) - 1, h, dq, ddq)
+        return self._make_phase("MDC", first, len(self.s) - 1, h, dq, ddq)
 
-    def _piece(
+    def _make_phase(
         self, kind: str, first: int, last: int, h: FloatArray, dq: FloatArray, ddq: FloatArray
     ) -> LinePhase:
         ends = (float(self.s[first]), float(self.s[last]))
@@ -241,12 +244,13 @@ class PaperLine:
         )
         return LinePhase(law, kind, ends)
 
-    def _meeting(
+    def _find_meeting(
         self, low: int, high: int, forward: FloatArray, backward: FloatArray
     ) -> tuple[int, int]:
-        """Knots around the meeting point of the passes, between which the limit is satisfied."""
-        # One lap is usual. If the passes meet close to an end of the lap, uniform acceleration of
-        # the tool would need slightly more joint acceleration than the limit, so two laps are used.
+        """Indices of the knots at which the passes are joined, so that the limit is satisfied."""
+        # Usually one lap joins the passes. If they meet close to an end of the lap, uniform
+        # acceleration of the tool would need slightly more joint acceleration than the limit, so
+        # two laps join them.
         for start, end in ((low, high), (low - 1, high), (low, high + 1)):
             if start < 0 or end >= len(self.s) or np.isnan([forward[start], backward[end]]).any():
                 continue
@@ -255,10 +259,10 @@ class PaperLine:
                 return start, end
         return low, high
 
-    def _middle(
+    def _make_middle(
         self, low: int, high: int, forward: FloatArray, backward: FloatArray, meeting: bool
     ) -> LinePhase:
-        """Piece with uniform tool acceleration between the passes; arguments as in `_meeting`."""
+        """Phase with uniform tool acceleration between both passes, see `_find_meeting`."""
         s = self.s[[low, high]]
         start, end = forward[low], backward[high]
         law = path_law(self.joint_path, s, np.array([start]), np.array([end]))
@@ -272,7 +276,7 @@ class PaperLine:
         return LinePhase(law, "meeting", ends, (float(time), length))
 
     def _refuse_broken(self, forward: Pass, last: int, reverse: Pass, count: int) -> None:
-        """Refuse a line on which a pass ended at a joint limit before the assigned velocity."""
+        """Raise NotRealizable if a pass ended at a joint limit before the assigned velocity."""
         broken = [
             (run, place)
             for run, end, place in (
@@ -288,9 +292,9 @@ class PaperLine:
         allowed = float(self.limit[run.joint])
         raise NotRealizable(
             f"On {self.name} at {s:.4g} m along the path, joint {run.joint + 1} would need "
-            f"{run.needed:.4g} rad/s² within one lap, but its limit is {allowed:g}: it "
-            "cannot reverse in time, because the method does not look ahead; a lower assigned "
-            "velocity or the method optimal helps.",
+            f"{run.needed:.4g} rad/s² within one lap, but its limit is {allowed:g} rad/s². The "
+            "joint cannot reverse in time, because the method does not look ahead: reduce the "
+            "assigned velocity, or plan by the method optimal.",
             point=point,
             s=s,
             joint=run.joint,

@@ -18,12 +18,12 @@ from armcontour.motion.kernels import value_and_slopes
 # Default number of intervals of a grid, and smallest number per piece of the joint path.
 DEFAULT_INTERVALS = 4000
 FEWEST_PER_PIECE = 2
-# Several GB for an arm with six joints.
+# Largest number of intervals of a grid, which needs several GB for an arm with six joints.
 MAX_INTERVALS = 5_000_000
-# Share of the intervals that is distributed evenly over the length; the others follow the turning
-# of the joint path.
+# Share of the intervals that is distributed evenly over the length. The other intervals are
+# distributed in proportion to the change of direction in joint space.
 EVEN_SHARE = 0.5
-# Share of the largest dq_ds below which no joint moves.
+# Points with a dq_ds below this share of the largest dq_ds have no direction.
 AT_REST = 1e-9
 
 
@@ -54,7 +54,7 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
 
 def cut_pieces(joint_path: JointPath, count: IntArray) -> Grid:
     """Make a grid with `count` equal intervals on each piece of a joint path, (pieces,)."""
-    return _locked(joint_path, *divide_intervals(joint_path.breaks, count))
+    return _make_grid(joint_path, *divide_intervals(joint_path.breaks, count))
 
 
 def distribute_intervals(joint_path: JointPath, intervals: int | None = None) -> IntArray:
@@ -67,7 +67,7 @@ def distribute_intervals(joint_path: JointPath, intervals: int | None = None) ->
     width = breaks[1:] - breaks[:-1]
     turning = turning_rates(breaks, joint_path.coefficients, AT_REST)
     if not len(turning):
-        raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
+        raise InvalidInput("No joint moves along the joint path, so there is nothing to plan.")
     turn = width * turning
     share, turns = EVEN_SHARE * width / width.sum(), turn.sum()
     if turns > 0:
@@ -77,50 +77,52 @@ def distribute_intervals(joint_path: JointPath, intervals: int | None = None) ->
 
 
 def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
-    """Make a grid of given points [m] and of the breaks of the joint path."""
+    """Make a grid from given points [m] and the breaks of the joint path."""
     breaks = joint_path.breaks
     if points.ndim == 1 and not (points[1:] >= points[:-1]).all():
         points = np.sort(points)
     if points.ndim != 1 or not len(points) or points[0] < breaks[0] or points[-1] > breaks[-1]:
         raise InvalidInput(
-            f"Grid points must be one row of arc lengths from {breaks[0]:g} to {breaks[-1]:g} m."
+            f"Grid points must be a one-dimensional array of arc lengths from {breaks[0]:g} to "
+            f"{breaks[-1]:g} m."
         )
     # Points that differ from a break or from the previous point by rounding only are dropped.
     s, piece, fewest = merge_breaks(points, breaks, 1e-12 * (breaks[-1] - breaks[0]))
-    grid = _locked(joint_path, s, piece)
-    # From rest to rest within one interval there is no motion, so every piece gets at least two.
+    grid = _make_grid(joint_path, s, piece)
+    # A motion from rest to rest needs two intervals, so every piece gets at least two.
     return grid if fewest > 1 else split(grid, np.where(np.bincount(piece)[piece] == 1, 2, 1))
 
 
 def split(grid: Grid, parts: FloatArray | IntArray, points: FloatArray | None = None) -> Grid:
-    """Split the intervals of a grid."""
-    # `parts`: number of equal parts of each interval, (n,); `points`: instead of equal parts, the
-    # point [m] at which each interval with more than one part is split, if the point lies inside,
-    # (n,).
+    """Split the intervals of a grid; returns the finer grid."""
+    # `parts`: number of equal parts of each interval, (n,). `points`: if given, an interval with
+    # more than one part is split in two at its point [m], (n,), if the point lies inside the
+    # interval.
     parts = np.maximum(1, parts).astype(np.intp)
     if points is None:
         s, interval = divide_intervals(grid.s, parts)
-        return _locked(grid.joint_path, s, grid.piece[interval])
+        return _make_grid(grid.joint_path, s, grid.piece[interval])
     inside = (parts > 1) & (points > grid.s[:-1]) & (points < grid.s[1:])
     parts[inside] = 2
     s, interval = divide_intervals(grid.s, parts)
     s[(np.cumsum(parts) - 1)[inside]] = points[inside]
-    return _locked(grid.joint_path, s, grid.piece[interval])
+    return _make_grid(grid.joint_path, s, grid.piece[interval])
 
 
-def _locked(joint_path: JointPath, s: FloatArray, piece: IntArray) -> Grid:
-    """Make a grid of newly created arrays, which are locked without a copy."""
+def _make_grid(joint_path: JointPath, s: FloatArray, piece: IntArray) -> Grid:
+    """Make a grid of newly created arrays, which become read-only without a copy."""
     s.setflags(write=False)
     return Grid(joint_path, s, piece)
 
 
 @compiled()
 def turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) -> FloatArray:
-    """Change of direction of a joint path on each piece, mean of ends and middle [1/m]."""
+    """Mean rate of change of the direction in joint space on each piece [1/m], (pieces,)."""
     # `breaks`: breaks of the joint path [m], (pieces + 1,); `coefficients`: coefficients of its
     # pieces [rad], (pieces, 6, dof); `at_rest`: share of the largest dq_ds below which the path has
     # no direction.
-    # Returns |d2q_ds2| over |dq_ds| [1/m], (pieces,); (0,) if no joint moves.
+    # Returns the mean of |d2q_ds2| / |dq_ds| at both ends and the middle of each piece; an empty
+    # array if no joint moves.
     n, dof = len(breaks) - 1, coefficients.shape[2]
     size, curvature = np.empty((n, 3)), np.empty((n, 3))
     fastest = 0.0
@@ -156,7 +158,7 @@ def turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) 
 def divide_intervals(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArray]:
     """Divide intervals into equal parts."""
     # `s`: ends of the intervals, (n + 1,); `count`: number of parts of each interval, (n,).
-    # Returns the ends of the parts, and the interval of each part.
+    # Returns the ends of the parts, (parts + 1,), and the interval index of each part, (parts,).
     total = 0
     for i in range(len(count)):
         total += count[i]

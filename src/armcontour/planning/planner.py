@@ -32,10 +32,11 @@ from armcontour.planning.tracing import check_joint_range
 from armcontour.program import Dwell, Program
 from armcontour.robot import Arm, Limits, compare_limits, resolve_limits
 
-# Options of a single path; a program has several paths with rests between them.
-OF_ONE_PATH = ("grid", "start_speed", "end_speed")
-# With many contours each contour has fewer grid intervals, because it is shorter.
-MAX_BY_DEFAULT = 40_000
+# Options that apply to a single path only, because a program rests between its paths.
+SINGLE_PATH_OPTIONS = ("grid", "start_speed", "end_speed")
+# Default for programs of many contours: largest total number of grid intervals, and smallest number
+# per contour. Their contours are shorter than a single path.
+MAX_TOTAL_INTERVALS = 40_000
 FEWEST_INTERVALS = 500
 
 
@@ -78,17 +79,17 @@ def plan(
         UserWarning: A given limit exceeds that of the arm, or limits of jerk add full stops where
             accelerations would jump.
     """
-    arm = _arm_of(path, arm, limits)
+    arm = _require_arm(path, arm, limits)
     bounds = resolve_limits("plan", arm, limits)
     if not isinstance(arm, Arm):
         arm = _JointSpace(arm.dof, arm.limits)
     if not isinstance(path, Tracing) and (warning := compare_limits(bounds, arm)):
-        # Jobs plan tracings, and issue their own warnings.
+        # Only jobs plan tracings, and they issue their own warnings.
         warnings.warn(capitalise(warning), stacklevel=3)
     check_jerk_support(options.method, bounds)
     traced: Tracing | JointPath
     if isinstance(path, JointPath | Tracing):
-        traced = _refuse_foreign(path, arm, bounds, options)
+        traced = _check_traced(path, arm, bounds, options)
     else:
         program = Program.from_path(path, "plan needs a Path, a JointPath or a Program")
         check_duration(program, bounds)
@@ -141,14 +142,15 @@ def _warn_of_stops(traced: Tracing | JointPath, trajectory: Trajectory) -> None:
         warnings.warn(
             f"Limits of jerk add {count_noun(len(stops), 'full stop')}, the first at s = "
             f"{stops[0]:.4g} m, because the curvature of the path or the angular acceleration of "
-            'the tool jumps there: round_corners(..., continuity="curvature") and smooth_curvature '
-            "make paths whose curvature does not jump; explain(...).jerk_stops lists the stops.",
+            'the tool jumps there. round_corners(..., continuity="curvature") and '
+            "smooth_curvature make paths whose curvature does not jump. explain(...).jerk_stops "
+            "lists the stops.",
             stacklevel=4,
         )
 
 
 class _JointSpace(Arm):
-    """Joints without kinematics and masses, to time a joint path without a tool path."""
+    """Arm without kinematics and masses, to time a joint path that has no tool path."""
 
     name = "without a name"
     dimension = 0
@@ -158,17 +160,17 @@ class _JointSpace(Arm):
         self.limits = limits
 
     def _refuse(self, q: npt.ArrayLike, dq: npt.ArrayLike = 0.0) -> FloatArray:
-        raise InvalidInput("A joint path without a tool path has no tool: give plan the arm.")
+        raise InvalidInput("The motion of the tool is unknown without an arm: give plan the arm.")
 
     tool_position = tool_jacobian = tool_jacobian_rate = links = _refuse
 
     @cached_property
     def dynamics(self) -> NoReturn:
         """Not available, because the masses are unknown."""
-        raise InvalidInput("Limits of torque need an arm with masses: give plan the arm.")
+        raise InvalidInput("Limits of torque need the masses of an arm: give plan the arm.")
 
 
-def _arm_of(
+def _require_arm(
     path: Path | Program | JointPath | Tracing, arm: Arm | None, limits: Limits | None
 ) -> Arm:
     """Return the arm, or a `_JointSpace` for a joint path without a tool path."""
@@ -176,8 +178,8 @@ def _arm_of(
         return _JointSpace(path.dof, Limits())
     if arm is None:
         raise InvalidInput(
-            "plan needs an Arm, such as load_arm('ur5e'), not None; only a joint path without a "
-            "tool path can be planned with limits alone."
+            "plan needs an Arm, such as load_arm('ur5e'). Only a joint path without a tool path "
+            "can be planned with limits alone."
         )
     return arm
 
@@ -185,21 +187,22 @@ def _arm_of(
 def _fit_options(program: Program, options: PlanOptions) -> PlanOptions:
     if not isinstance(options, Optimal):
         return options
-    for name in OF_ONE_PATH if program.single_path is None else ():
+    for name in SINGLE_PATH_OPTIONS if program.single_path is None else ():
         if not np.array_equal(getattr(options, name), getattr(FASTEST, name)):
             raise InvalidInput(
-                f"{name} is an option for one path: a program rests between its moves."
+                f"{name} applies to a single path only, because a program rests between its "
+                f"moves: remove {name}."
             )
     fewer = intervals_of(program)
     return options if options.intervals or fewer is None else replace(options, intervals=fewer)
 
 
 def intervals_of(program: Program) -> int | None:
-    """Grid intervals for each contour of a program; None for the default of a single path."""
+    """Number of grid intervals for each contour of a program; None for the default of a path."""
     count = len(program.contours)
-    if count <= MAX_BY_DEFAULT // DEFAULT_INTERVALS:
+    if count <= MAX_TOTAL_INTERVALS // DEFAULT_INTERVALS:
         return None
-    return max(FEWEST_INTERVALS, MAX_BY_DEFAULT // count)
+    return max(FEWEST_INTERVALS, MAX_TOTAL_INTERVALS // count)
 
 
 def check_duration(program: Program, limits: Limits) -> None:
@@ -208,7 +211,7 @@ def check_duration(program: Program, limits: Limits) -> None:
     if not total <= LONGEST_MOTION:
         raise InvalidInput(
             f"At its assigned velocities, and with its dwells, the path takes {total:.3g} s, but a "
-            f"motion lasts {LONGEST_MOTION:g} s at most: raise speed, or shorten the dwells.",
+            f"motion may last at most {LONGEST_MOTION:g} s: raise speed, or shorten the dwells.",
             limit="speed",
             needed=total,
             allowed=LONGEST_MOTION,
@@ -217,7 +220,7 @@ def check_duration(program: Program, limits: Limits) -> None:
 
 def assigned_time(program: Program, limits: Limits) -> float:
     """Duration of a program at its assigned velocities, if given, plus its dwells [s]."""
-    # Rounded corners shorten the motion; limits lengthen it.
+    # This is an estimate: rounded corners shorten the motion, and other limits lengthen it.
     dwells = sum(x.duration for x in program.moves if isinstance(x, Dwell))
     largest = np.inf if limits.speed is None else limits.speed
     paths = [x.path for x in program.contours]
@@ -228,25 +231,28 @@ def _refuse_endless_motion(trajectory: Trajectory) -> None:
     if not trajectory.duration <= LONGEST_MOTION:
         raise NotRealizable(
             f"The motion would take {trajectory.duration:.3g} s, but it may last "
-            f"{LONGEST_MOTION:g} s at most: raise the active limits.",
+            f"at most {LONGEST_MOTION:g} s: raise the active limits.",
             needed=trajectory.duration,
             allowed=LONGEST_MOTION,
         )
 
 
-def _refuse_foreign(
+def _check_traced(
     path: JointPath | Tracing, arm: Arm, limits: Limits, options: PlanOptions
 ) -> JointPath | Tracing:
-    """Check that a joint path or tracing fits the arm."""
+    """Check that a joint path or tracing fits the arm and the options, and return it."""
     # A joint path with a tool path is returned as a tracing.
     if isinstance(options, Shaped):
         raise InvalidInput(
-            "The method shaped changes the tool path, but this path is traced already: give it "
+            "The method shaped changes the tool path, but this path is already traced: give plan "
             "the Path or Program."
         )
     if not (options.configuration is None and options.seed is None):
         specified = "seed" if options.configuration is None else "configuration"
-        raise InvalidInput(f"A joint path is traced already: give {specified} to trace instead.")
+        raise InvalidInput(
+            f"This path is already traced, so {specified} cannot change it: give {specified} to "
+            "trace instead."
+        )
     steps = (TracedMove(move=None, joint_path=path),) if isinstance(path, JointPath) else path.steps
     for step in steps:
         if step.joint_path is None:
@@ -254,7 +260,7 @@ def _refuse_foreign(
         if step.joint_path.dof != arm.dof:
             raise InvalidInput(
                 f"The joint path has {step.joint_path.dof} joints, but the arm {arm.name} has "
-                f"{arm.dof}."
+                f"{arm.dof}: plan the joint path with its own arm."
             )
         with step.named():
             check_joint_range(step.joint_path, limits)

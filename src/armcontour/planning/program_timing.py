@@ -30,7 +30,8 @@ from armcontour.planning.program_tracing import TracedMove, Tracing, ends_of
 from armcontour.program import Contour, Dwell, Event
 from armcontour.robot import Arm, Limits
 
-# Grid intervals of a rapid: limits change little along a straight line of the joints or the tool.
+# Number of grid intervals of a rapid. Few suffice, because limits change little along a straight
+# line of the joints or the tool.
 RAPID_INTERVALS = 200
 # Events closer in time than this are simultaneous [s].
 SAME_TIME = 1e-9
@@ -38,7 +39,7 @@ SAME_TIME = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Timing of the moves of a program."""
+    """Arm, limits and method by which the moves of a program are timed."""
 
     arm: Arm
     limits: Limits
@@ -47,8 +48,8 @@ class Timing:
 
 def time_program(traced: Tracing, timing: Timing, progress: Progress | None = None) -> Trajectory:
     """Time all moves of a program, with the arm at rest between two moves."""
-    # Contours satisfy the limits of the tool and of the joints; rapids satisfy those of the joints
-    # only. Moves are planned independently, in other processes if that saves time.
+    # Contours satisfy the limits of the tool and of the joints; rapids satisfy the limits of the
+    # joints only. Moves are planned independently, in other processes if that saves time.
     # `traced`: the program with its joint paths; `progress`: called after every contour with the
     # step "timing" and the share done.
     number, count = 0, len(traced.program.contours)
@@ -67,7 +68,7 @@ def time_program(traced: Tracing, timing: Timing, progress: Progress | None = No
             trajectory = None
             if step.joint_path is not None:
                 with step.named():
-                    trajectory = _along(next(plans), step.joint_path)
+                    trajectory = _restore_joint_path(next(plans), step.joint_path)
             joined.add(step, trajectory)
             if traced.is_contour(step) and progress is not None:
                 number += 1
@@ -106,8 +107,8 @@ def time_contour(joint_path: JointPath, timing: Timing) -> Trajectory:
 def time_rapid(
     joint_path: JointPath, arm: Arm, limits: Limits, speed: float | None = None
 ) -> Trajectory:
-    """Plan the fastest rapid within the limits of the joints, without those of the tool."""
-    # Speeds of the segments of a tool path apply.
+    """Plan the fastest rapid within the limits of the joints; limits of the tool are ignored."""
+    # If the joint path has a tool path, the speeds of its segments apply, too.
     # `joint_path`: the joint path of the rapid; `limits`: limits of the arm, one value per joint;
     # `speed`: largest tool speed along a joint path without a tool path [m/s].
     constraints: tuple[RapidSpeed, ...] = ()
@@ -117,7 +118,7 @@ def time_rapid(
     return plan_optimal(joint_path, arm, limits.of_joints, options)
 
 
-def _along(trajectory: Trajectory, joint_path: JointPath) -> Trajectory:
+def _restore_joint_path(trajectory: Trajectory, joint_path: JointPath) -> Trajectory:
     """Replace the copy of the joint path in a plan of another process by the original."""
     if trajectory.path is joint_path.tool_path:
         return trajectory
@@ -146,7 +147,7 @@ class JoinedMoves:
         # `trajectory`: the motion along its joint path; None for dwells and events.
         move = None if step.move is None else self.traced.program.moves[step.move]
         if isinstance(move, Dwell):
-            self.stand(move.duration, step.move)
+            self.add_dwell(move.duration, step.move)
             return
         if isinstance(move, Event):
             point = tuple(self.arm.tool_position(self._q).tolist())
@@ -162,7 +163,7 @@ class JoinedMoves:
                 work = (work_start, work_end)
             fields = {"kind": "contour", "name": move.name, "work": work}
             for event in move.events:
-                early = _early_place(event, move.path.length, step.called)
+                early = _switch_position(event, move.path.length, step.called)
                 s_event = np.clip([event.s, early], 0.0, move.path.length)
                 due, switch_time = (t[0] + trajectory.time_at(s_event)).tolist()
                 point = tuple(move.path(s_event[0]).tolist())
@@ -174,7 +175,7 @@ class JoinedMoves:
         )
         self.t, self.done = t[1], step.joint_path
 
-    def stand(self, duration: float, move: int | None = None) -> None:
+    def add_dwell(self, duration: float, move: int | None = None) -> None:
         """Append a dwell."""
         # `duration`: duration [s]; `move`: index of the dwell; None for a pause that is not in the
         # program.
@@ -184,12 +185,13 @@ class JoinedMoves:
         self.t = t[1]
 
     def trajectory(self) -> Trajectory:
-        """Join the moves added so far."""
+        """Join the moves added so far to one trajectory."""
         first = next((x for x in self.events if x.t < 0), None)
         if first is not None:
             raise InvalidInput(
-                f"The event {first.name} is to come {-first.t:.6g} s before the motion begins: "
-                "start with a longer lead-in or a dwell, or give the event less advance.",
+                f"The event {first.name} would be switched {-first.t:.6g} s before the motion "
+                "begins: start with a longer lead-in or a dwell, or reduce the advance of the "
+                "event.",
                 t=first.t,
                 allowed=0.0,
             )
@@ -207,7 +209,7 @@ class JoinedMoves:
         )
 
     def _refuse_disorder(self) -> None:
-        """Refuse lead times that change the switching order of an output."""
+        """Raise InvalidInput if lead times change the switching order of an output."""
         last: dict[str, TimedEvent] = {}
         for event in self.events:
             before = last.get(event.name)
@@ -217,11 +219,10 @@ class JoinedMoves:
                 and event.value != before.value
             ):
                 raise InvalidInput(
-                    f"The event {event.name} to {event.value} at {event.s:.6g} m would come at "
-                    f"{event.t:.6g} s, "
-                    f"with its advance, before the one to {before.value} at {before.s:.6g} m, "
-                    f"which comes at {before.t:.6g} s: give it less advance, or more distance or "
-                    "time between them.",
+                    f"The event {event.name} to {event.value} at {event.s:.6g} m would be "
+                    f"switched at {event.t:.6g} s because of its advance, before the event to "
+                    f"{before.value} at {before.s:.6g} m, which is switched at {before.t:.6g} s: "
+                    "reduce its advance, or increase the distance or time between the events.",
                     s=event.s,
                     t=event.t,
                     allowed=before.t,
@@ -243,15 +244,15 @@ class JoinedMoves:
         )
 
 
-def _early_place(event: Event, length: float, called: str) -> float:
-    """Arc length at which an event of a contour is switched [m], by its lead along the contour."""
+def _switch_position(event: Event, length: float, called: str) -> float:
+    """Arc length at which an event is switched [m], after subtraction of its lead distance."""
     early = event.s - event.lead_distance
     if not -REPEATED_POINT <= early <= length + REPEATED_POINT:
         leads = event.lead_distance > 0
         raise InvalidInput(
             f"{called}: the event {event.name} at {event.s:g} m {'leads' if leads else 'lags'} by "
-            f"{abs(event.lead_distance):g} m, which is off the contour of {length:g} m: "
-            f"give it a lead-{'in' if leads else 'out'} that long.",
+            f"{abs(event.lead_distance):g} m, so it would be switched outside the contour of "
+            f"{length:g} m: give the contour a lead-{'in' if leads else 'out'} of that length.",
             s=event.s,
             needed=abs(event.lead_distance),
             allowed=event.s if leads else length - event.s,
@@ -260,7 +261,7 @@ def _early_place(event: Event, length: float, called: str) -> float:
 
 
 def check_jerk_support(method: Method, limits: Limits) -> None:
-    """Check that the method supports the limits of jerk, if any."""
+    """Raise NotRealizable if the method does not support the given limits of jerk."""
     limited = limits.jerk_limits
     if not limited or method == Method.OPTIMAL:
         return
@@ -271,9 +272,10 @@ def check_jerk_support(method: Method, limits: Limits) -> None:
     )
     if method == Method.SHAPED:
         raise NotRealizable(
-            f"Along a shaped path accelerations jump, at places where {names} would stop the tool: "
-            'round corners with continuity="curvature" and plan by the method optimal (in a job, '
-            f"corners: {{shape: arc}}, which has it where jerk is limited), or {lift}.",
+            f"Accelerations jump along a shaped path, where {names} would stop the tool: round "
+            'corners with continuity="curvature" and plan by the method optimal (in a job, '
+            f"corners: {{shape: arc}}, whose curvature is continuous if jerk is limited), or "
+            f"{lift}.",
             limit=limited[0],
         )
     raise NotRealizable(

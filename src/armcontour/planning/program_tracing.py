@@ -25,28 +25,29 @@ from armcontour.planning.tracing import sketch_all, trace, trace_all
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm, resolve_limits
 
-# Joint positions closer than this are equal [rad]: the error of exact inverse kinematics.
+# Joint positions closer than this are equal [rad]; closed-form inverse kinematics has this error.
 SAME_POSITION = 1e-9
-# Configurations are compared by coarse plans.
-ROUGHLY = Optimal(intervals=400)
+# Options of the coarse plans by which configurations are compared
+COARSE_PLAN = Optimal(intervals=400)
 # Planar joint paths of more pieces are compared by lower bounds, because a plan takes seconds.
 MAX_PLANNED = 8_000
-# Paths of more segments than LONG are compared on parts of about PART_SEGMENTS, one in PART_EVERY
-# segments, and at most MAX_PARTS. Parts resolve durations to some thousandths only, so
-# configurations that are slower by at most SLOWER are traced along the whole path.
-LONG = 20_000
+# A path of more segments than LONG_PATH is compared on parts of about PART_SEGMENTS segments, one
+# part per PART_EVERY segments, at most MAX_PARTS. Durations of parts are accurate to a few
+# thousandths only, so configurations that are slower by at most MAX_SLOWER are traced along the
+# whole path.
+LONG_PATH = 20_000
 PART_SEGMENTS, PART_EVERY, MAX_PARTS = 200, 2500, 40
-SLOWER = 0.01
-# Configurations that differ on the parts by less than this share differ by a turn of the wrist
-# only, and are equally fast on the whole path.
-ALIKE = 1e-4
-# A configuration is not planned if this share of its lower bound exceeds a plan. The bound
-# satisfies limits at points only.
-SURE = 0.998
-# Relative difference of equal durations, the accuracy of the planner.
-AS_FAST = 1e-6
+MAX_SLOWER = 0.01
+# Configurations whose durations on the parts differ by less than this share differ by a turn of the
+# wrist only, and are equally fast on the whole path.
+SAME_ON_PARTS = 1e-4
+# A configuration is not planned if this share of its lower bound of the duration exceeds the
+# duration of a plan. The share is below 1 because the bound evaluates limits at points only.
+BOUND_SHARE = 0.998
+# Durations that differ by at most this share, the accuracy of the planner, are equal.
+EQUALLY_FAST = 1e-6
 # Number of following contours that decide between equally fast configurations.
-AHEAD = 4
+LOOK_AHEAD = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,9 +160,9 @@ class _Tracer:
     faster_rejected: bool = False
 
     def follow(self, i: int, move: Move) -> None:
-        """Add the steps of a move; a rapid without a path is the gap before the next move."""
+        """Append the steps of a move; a rapid without a path is the line before the next move."""
         if isinstance(move, Contour):
-            # A single path has no number.
+            # A single path has no number in messages.
             alone = self.program.single_path is not None and not move.name
             called = "" if alone else contour_called(move, self.done)
             with TracedMove(move=i, called=called).named():
@@ -191,12 +192,14 @@ class _Tracer:
         if self.last is not None:
             end, q = ends_of(self.last)[1], ends_of(joint_path)[0]
             if np.abs(q - end).max() > SAME_POSITION:
-                self.steps.append(TracedMove(move=None, joint_path=_line(end, q), called=called))
+                self.steps.append(
+                    TracedMove(move=None, joint_path=_straight_line(end, q), called=called)
+                )
         self.steps.append(TracedMove(move=i, joint_path=joint_path, called=called))
         self.last = joint_path
 
     def _trace(self, path: Path, i: int) -> JointPath:
-        """Trace the path of a move from the current configuration, else from the fastest one."""
+        """Trace the path of a move in the current configuration, or else in the fastest one."""
         if self.last is None:
             return self._fastest(path, i, configuration=self.configuration, seed=self.seed)
         try:
@@ -224,11 +227,11 @@ class _Tracer:
         configuration: str | None = None,
         seed: npt.ArrayLike | None = None,
     ) -> JointPath:
-        """Trace a move in its fastest configuration; the next moves decide between equals."""
+        """Trace a move in its fastest accepted configuration; the next moves decide ties."""
         accept = self.accept if self.looks_ahead else None
         first: JointPath | None = None
         for group in trace_by_duration(path, self.limited, configuration=configuration, seed=seed):
-            for joint_path in self._in_order(group, i):
+            for joint_path in self._sort_by_next_moves(group, i):
                 if accept is None or np.all(accept(joint_path)):
                     self.faster_rejected |= first is not None
                     return joint_path
@@ -236,12 +239,12 @@ class _Tracer:
         assert first is not None
         return first
 
-    def _in_order(self, as_fast: list[JointPath], i: int) -> list[JointPath]:
+    def _sort_by_next_moves(self, as_fast: list[JointPath], i: int) -> list[JointPath]:
         """Sort equally fast joint paths of a move by the duration of the next moves."""
         if len(as_fast) == 1 or not self.looks_ahead:
             return as_fast
         durations = np.array([self._look_ahead(x, i) for x in as_fast])
-        durations[durations <= durations.min() * (1 + AS_FAST)] = durations.min()
+        durations[durations <= durations.min() * (1 + EQUALLY_FAST)] = durations.min()
         return [as_fast[k] for k in np.argsort(durations, kind="stable")]
 
     def _look_ahead(self, joint_path: JointPath, i: int) -> float:
@@ -249,7 +252,7 @@ class _Tracer:
         done = sum(isinstance(x, Contour) for x in self.program.moves[: i + 1])
         trial = replace(self, steps=[], last=joint_path, done=done, looks_ahead=False)
         for k, move in enumerate(self.program.moves[i + 1 :], i + 1):
-            if trial.done == done + AHEAD:
+            if trial.done == done + LOOK_AHEAD:
                 break
             try:
                 trial.follow(k, move)
@@ -259,7 +262,7 @@ class _Tracer:
         return sum(bound_duration(x, self.limits) for x in joint_paths)
 
 
-def _line(begin: FloatArray, end: FloatArray) -> JointPath:
+def _straight_line(begin: FloatArray, end: FloatArray) -> JointPath:
     length = float(np.linalg.norm(end - begin))
     coefficients = np.zeros((1, 6, len(begin)))
     coefficients[0, 0], coefficients[0, 1] = begin, (end - begin) / length * length
@@ -269,7 +272,7 @@ def _line(begin: FloatArray, end: FloatArray) -> JointPath:
 def ends_of(joint_path: JointPath) -> tuple[FloatArray, FloatArray]:
     """Joint positions at the start and at the end of a joint path [rad], (dof,) each."""
     start, end = joint_path.coefficients[0, 0], joint_path.coefficients[-1, 5]
-    # Polynomial of the last interval at its end, by Horner's rule.
+    # Evaluate the polynomial of the last interval at its end by Horner's rule.
     for k in range(4, -1, -1):
         end = end + joint_path.coefficients[-1, k]
     return start + 0.0, end
@@ -285,7 +288,7 @@ def configuration_of(arm: Arm, q: FloatArray) -> dict[str, Any]:
 
 
 def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) -> Path:
-    """Turn the tool along a rapid from the orientation of the last contour to that of the next."""
+    """Turn the tool along a rapid from the previous to the next orientation of contours."""
     # `before`: the contour before the rapid, if any; `after`: the contour after the rapid, if any.
     # Returns the path with an orientation; the same path if it has one, or if none is required.
     if path.orientation is not None or path.dimension == 2:
@@ -297,8 +300,8 @@ def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) 
         return path
     free = all(x.axis_only for x, _ in orientations)
     first, last = orientations[0][0](orientations[0][1]), orientations[-1][0](orientations[-1][1])
-    # If only tool axes are given, the tool does not turn about its axis. For opposite orientations
-    # either direction of rotation will do.
+    # If only tool axes are given, the tool does not turn about its axis. Between opposite
+    # orientations, both directions of rotation are valid.
     turn = shortest(first[:, 2], last[:, 2]) if free else log((last @ first.T)[None])[0]
     rates = np.tile(turn / path.length, (len(path), 1))
     starts = exp(path.breaks[:-1, None] * rates) @ first
@@ -315,7 +318,7 @@ def trace_fastest(
 ) -> JointPath:
     """Trace a path in the configuration with the fastest optimal plan.
 
-    Among equals the configuration with the shortest joint path is used.
+    If several are equally fast, the configuration with the shortest joint path is used.
 
     Args:
         path: A tool path.
@@ -341,13 +344,12 @@ def trace_by_duration(
     seed: npt.ArrayLike | None = None,
 ) -> Iterator[list[JointPath]]:
     """Trace a path in all configurations; yield equally fast joint paths, the fastest first."""
-    # For a long path only the fastest.
-    # Yields lists of equally fast joint paths, the shortest first. For a long path only the
-    # fastest.
-    bounds = resolve_limits("fastest_configurations", arm, limits)
-    # Limits of jerk take much time and favour no configuration.
+    # Yields lists of equally fast joint paths, the shortest joint path first. For a long path it
+    # yields only the fastest joint path.
+    bounds = resolve_limits("trace_fastest", arm, limits)
+    # Limits of jerk increase the computing time and do not change the order of configurations.
     rough = bounds.without_jerk
-    if isinstance(path, Path) and len(path) > LONG and isinstance(arm, SerialArm):
+    if isinstance(path, Path) and len(path) > LONG_PATH and isinstance(arm, SerialArm):
         joint_path = (
             _trace_long(path, arm, bounds) if configuration is None and seed is None else None
         )
@@ -369,18 +371,18 @@ def _by_duration(
     if isinstance(arm, PlanarTwoLink) and len(joint_paths[0].breaks) > MAX_PLANNED:
         yield from ([joint_paths[i]] for i in order)
         return
-    # Durations of the planned joint paths that are not yet yielded.
+    # Durations of the joint paths that are planned but not yet yielded, by index
     durations: dict[int, float] = {}
     while order or durations:
-        # Joint paths whose bounds exceed the fastest plan are planned later.
-        while order and SURE * at_least[order[0]] <= min(durations.values(), default=np.inf):
+        # Joint paths whose lower bounds exceed the fastest duration are planned later.
+        while order and BOUND_SHARE * at_least[order[0]] <= min(durations.values(), default=np.inf):
             i = order.pop(0)
             durations[i] = np.inf
             # If no configuration can be planned, the plan of the first one raises the error.
             with suppress(ArmContourError):
-                durations[i] = plan_optimal(joint_paths[i], arm, rough, ROUGHLY).duration
+                durations[i] = plan_optimal(joint_paths[i], arm, rough, COARSE_PLAN).duration
         shortest = min(durations.values())
-        as_fast = sorted(i for i, x in durations.items() if x <= shortest * (1 + AS_FAST))
+        as_fast = sorted(i for i, x in durations.items() if x <= shortest * (1 + EQUALLY_FAST))
         yield [joint_paths[i] for i in as_fast]
         for i in as_fast:
             del durations[i]
@@ -389,28 +391,28 @@ def _by_duration(
 def find_starts(path: Path, arm: SerialArm, limits: Limits | None = None) -> list[FloatArray]:
     """Joint positions at the start of a path, one for each configuration [rad], (dof,) each."""
     # A long path is checked at a few points only, so a configuration may not complete it.
-    # `limits`: limits with the joint ranges; by default those of the arm.
-    if len(path) > LONG:
+    # `limits`: limits with the joint ranges; by default the limits of the arm.
+    if len(path) > LONG_PATH:
         try:
             return [x[0] for x in sketch_all(path, arm, limits=limits)[1]]
         except Unreachable:
-            # Tracing raises the error.
+            # `trace_all` raises the error.
             pass
     return [x(0.0) for x in trace_all(path, arm, limits=limits)]
 
 
 def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
     """Trace a long path in the fastest configuration; None if none is found."""
-    # Plans of parts of the path select the configurations. Along the whole path these are compared
-    # by a lower bound, scaled by the ratio of plan and bound on the parts.
+    # Plans of parts of the path select the configurations. The selected configurations are compared
+    # by lower bounds of the whole path, multiplied by the ratio of plan and bound on the parts.
     rough = limits.without_jerk
     try:
         s, solutions = sketch_all(path, arm, limits=limits)
     except Unreachable:
-        # Tracing raises the error.
+        # `trace_all` raises the error.
         return None
-    bounds, durations = _compare(path, arm, limits, s, solutions)
-    fast = durations <= (1 + SLOWER) * durations.min()
+    bounds, durations = _compare_on_parts(path, arm, limits, s, solutions)
+    fast = durations <= (1 + MAX_SLOWER) * durations.min()
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = durations / bounds
     slow = np.flatnonzero(~fast)
@@ -419,7 +421,7 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
     for k in [*np.flatnonzero(fast), *slow[np.argsort(durations[slow], kind="stable")]]:
         if done and not fast[k]:
             break
-        if any((1 - ALIKE) * x < durations[k] < (1 + ALIKE) * x for x in done):
+        if any((1 - SAME_ON_PARTS) * x < durations[k] < (1 + SAME_ON_PARTS) * x for x in done):
             continue
         try:
             joint_path = trace(path, arm, limits=limits, seed=solutions[k][0])
@@ -432,7 +434,7 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
     return best
 
 
-def _compare(
+def _compare_on_parts(
     path: Path, arm: SerialArm, limits: Limits, s: FloatArray, solutions: list[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
     """Bounds and durations of parts of a long path in each configuration, (solutions,) each [s]."""
@@ -458,10 +460,10 @@ def _compare(
         traced.append(joint_paths)
     durations, shortest = bounds.copy(), np.inf
     for k in np.argsort(bounds, kind="stable"):
-        if SURE * bounds[k] > (1 + SLOWER) * shortest:
+        if BOUND_SHARE * bounds[k] > (1 + MAX_SLOWER) * shortest:
             break
         try:
-            durations[k] = sum(plan_optimal(x, arm, rough, ROUGHLY).duration for x in traced[k])
+            durations[k] = sum(plan_optimal(x, arm, rough, COARSE_PLAN).duration for x in traced[k])
         except ArmContourError:
             durations[k] = np.inf
         shortest = min(shortest, float(durations[k]))

@@ -1,8 +1,8 @@
 """Stops on the path: a trajectory that ends early, at rest, within its limits.
 
-The joints move through `q(tau(t))` with the plan q, its time tau, and `dtau/dt` from 1 to 0. The
-tool stays on its path and speeds only fall. So every plan can be stopped: contours and rapids, with
-laws of any method.
+The joints move through `q(tau(t))`, where q is the plan, tau is the time of the plan, and dtau/dt
+decreases from 1 to 0. Therefore the tool stays on its path and no speed exceeds the plan, and every
+plan can be stopped: contours and rapids, with laws of any method.
 """
 
 from __future__ import annotations
@@ -30,25 +30,27 @@ from armcontour.planning.topp.limit_forms import Ceiling, Form
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States
 
-# Longest piece of a joint path over time [s]; its quintics are then within 1e-10 rad of the plan.
-PIECE = 2e-3
-# Relative precision of the duration of a stop with limits of jerk.
+# Longest piece of the joint path over time [s]; its quintics are within 1e-10 rad of the plan.
+MAX_PIECE = 2e-3
+# Relative precision of the duration of a stop with limits of jerk
 PRECISION = 0.02
-# Delays of such a stop that are tried, as shares of its duration with the delay: where the jerk of
-# the plan is at its limit, a stop that begins immediately can take many times longer.
+# Delays of a stop with limits of jerk that are tried, as shares of the time from the request to its
+# end. If the jerk of the plan is at its limit, a stop that begins immediately can take many times
+# longer.
 DELAYS = (0.0, 0.25, 0.5)
-# Largest joint speed of a plan at rest [rad/s].
-REST = 1e-6
-# Share of the limits that a stop takes of the plan's reserve: its grid has other margins.
+# A plan is at rest if no joint is faster than this [rad/s].
+REST_SPEED = 1e-6
+# Share of the limits that a stop uses of the plan's reserve at first, because the grid of the stop
+# has other margins than the grid of the plan.
 MARGIN = 0.01
-# Grid intervals of a stop.
+# Number of grid intervals of a stop without limits of jerk
 INTERVALS = 200
-# Stop with limits of jerk: numbers of states that are checked, first few and then all, and shortest
-# duration [s].
-STATES = (40, 500)
-SHORTEST = 0.02
-# Gauss-Legendre rule on an interval from 0 to 1, iterations of Newton's method, and rounding error
-# of dtau/dt.
+# Stop with limits of jerk: numbers of states that are checked, first few, then all, and first
+# duration that is tried [s]
+CHECKED_STATES = (40, 500)
+FIRST_DURATION = 0.02
+# Nodes and weights of Gauss-Legendre integration on [0, 1], number of iterations of Newton's
+# method, and rounding error of dtau/dt
 NODES = np.array([0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5])
 WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18
 NEWTON = 2
@@ -57,7 +59,7 @@ ROUNDING = 1e-6
 
 @checked
 def stop(trajectory: Trajectory, t: Time) -> Trajectory:
-    """The trajectory until a time, and from there a stop on its path within its limits.
+    """Stop a trajectory on its path within its limits, from a given time on.
 
     With limits of jerk, the speed in joint space is one cubic polynomial, which begins later than
     `t` if the stop then ends earlier. Without limits of jerk, the stop is the fastest one.
@@ -68,40 +70,40 @@ def stop(trajectory: Trajectory, t: Time) -> Trajectory:
         t: Time at which the stop begins [s].
 
     Returns:
-        The laws until the begin of the stop and a law that ends at rest, without spans and events.
-        If the limits allow no earlier stop, the plan until it is at rest.
+            The laws until the stop begins and a law that ends at rest, without spans and events. If
+        the limits allow no earlier stop, the plan until it is at rest.
 
     Raises:
         InvalidInput: The trajectory has no arm.
     """
     arm, limits = trajectory.require_arm(), trajectory.limits_for(None)
     rest = _next_rest(trajectory, t)
-    if np.abs(trajectory(min(t, rest), 1)).max() < REST:
-        return _until(trajectory, min(t, rest))
+    if np.abs(trajectory(min(t, rest), 1)).max() < REST_SPEED:
+        return _cut_at(trajectory, min(t, rest))
     joint_path = _path_over_time(trajectory, t, rest)
     inner = trajectory.smooth_breaks
     jumps = inner[(inner > t) & (inner < rest)] - t
     find = partial(_smooth_stop, jumps) if limits.jerk_limits else _fastest_stop
-    # A part of the reserve first, then all of it.
+    # A part of the reserve is used first, then all of it.
     for reserve in sorted({max(trajectory.reserve - MARGIN, 0.0), 0.0}, reverse=True):
         found = find(joint_path, arm, with_reserve(limits, reserve))
         if found is not None and found[0] + found[1].breaks[-1] < rest - t:
             delay, law = found
-            begin = _until(trajectory, t + delay)
+            begin = _cut_at(trajectory, t + delay)
             return replace(begin, laws=(*begin.laws, law))
-    return _until(trajectory, rest)
+    return _cut_at(trajectory, rest)
 
 
 def _next_rest(trajectory: Trajectory, t: float) -> float:
-    """The first time after `t` at which the plan is at rest [s]."""
+    """First time after `t` at which the plan is at rest [s]."""
     times = trajectory.breaks
     times = np.append(times[times > t], trajectory.duration)
     speeds = np.abs(trajectory(times, 1, side="left")).max(axis=1)
-    return float(times[np.argmax(speeds < REST)])
+    return float(times[np.argmax(speeds < REST_SPEED)])
 
 
-def _until(trajectory: Trajectory, t: float) -> Trajectory:
-    """The trajectory until a time, without spans and events."""
+def _cut_at(trajectory: Trajectory, t: float) -> Trajectory:
+    """Cut a trajectory at a time; the result has no spans and no events."""
     plain = replace(trajectory, stretches=(), spans=(), events=())
     if t >= trajectory.duration:
         return plain
@@ -118,7 +120,7 @@ class ShortenedLaw(Law):
 
     Args:
         law: The law.
-        breaks: Its breaks until the end, from 0 [s], (n + 1,).
+        breaks: Breaks of `law` before the end, from 0, and the end [s], (n + 1,).
     """
 
     law: Law
@@ -126,11 +128,11 @@ class ShortenedLaw(Law):
 
     @classmethod
     def cut(cls, law: Law, end: float) -> ShortenedLaw:
-        """The law until a time [s]."""
+        """Shorten a law to end at a time [s]."""
         return cls(law=law, breaks=np.append(law.breaks[law.breaks < end], end))
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """Q or a derivative of the law."""
+        """Joint positions of the law or their derivative of the given order."""
         return self.law.on_interval(i, t, order)
 
 
@@ -138,16 +140,17 @@ def _path_over_time(trajectory: Trajectory, begin: float, end: float) -> JointPa
     """The motion between two times as a joint path whose parameter is the time from `begin`."""
     inner = trajectory.smooth_breaks
     breaks = [begin, *inner[(inner > begin) & (inner < end)], end]
-    counts = np.ceil(np.diff(breaks) / PIECE).astype(int)
+    counts = np.ceil(np.diff(breaks) / MAX_PIECE).astype(int)
     parts = [
         np.linspace(a, b, n, endpoint=False)
         for a, b, n in zip(breaks[:-1], breaks[1:], counts, strict=True)
     ]
     times = np.append(np.concatenate(parts), end)
-    times = times[np.append(True, np.diff(times) > PIECE * 1e-6)]
+    times = times[np.append(True, np.diff(times) > MAX_PIECE * 1e-6)]
     after = np.stack(trajectory.motion(times[:-1], side="right"))
     before = np.stack(trajectory.motion(times[1:], side="left"))
-    # Velocities of the paper's method jump slightly at knots, where a joint path would rest.
+    # Velocities of the paper's method jump slightly at knots. A joint path would have to rest
+    # there, so the velocities of both sides are averaged.
     after[1, 1:] = before[1, :-1] = (after[1, 1:] + before[1, :-1]) / 2
     return JointPath.hermite(
         times - begin, (after[0], after[1], after[2]), (before[0], before[1], before[2])
@@ -155,17 +158,17 @@ def _path_over_time(trajectory: Trajectory, begin: float, end: float) -> JointPa
 
 
 class _PlanSpeed(Constraint):
-    """At most the speed of the plan: dtau/dt <= 1."""
+    """Limit of the speed to the speed of the plan, dtau/dt <= 1."""
 
     name = "speed of the plan"
 
     def discretize(self, path: OnGrid) -> tuple[Form, ...]:
-        """The largest square at both ends of every interval."""
+        """Upper bound 1 of (dtau/dt)² at both ends of every interval."""
         return (Ceiling(np.ones((len(path.grid.s) - 1, 2))),)
 
 
 def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> tuple[float, Law] | None:
-    """The stop along the shortest feasible part of a path over time, and its delay, which is 0."""
+    """Delay 0 and the fastest stop, on the shortest feasible part of a path; None if infeasible."""
     constraints: list[Constraint] = [_PlanSpeed()]
     if limits.tool_acceleration is not None:
         constraints.append(ToolAcceleration(limits.tool_acceleration, arm))
@@ -189,7 +192,7 @@ def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> tuple[floa
 def _smooth_stop(
     jumps: FloatArray, joint_path: JointPath, arm: Arm, limits: Limits
 ) -> tuple[float, Law] | None:
-    """The stop with a cubic speed that ends first, and its delay [s]; None if there is none.
+    """Stop with a cubic speed that ends first, and its delay [s]; None if no stop is feasible.
 
     Derivatives of the path may be discontinuous at its parameters `jumps`.
     """
@@ -203,13 +206,13 @@ def _smooth_stop(
         if speed is None:
             return None
         stopped = None
-        for n, breaks in zip(STATES, (jump_lengths[:0], jump_lengths), strict=True):
+        for n, breaks in zip(CHECKED_STATES, (jump_lengths[:0], jump_lengths), strict=True):
             stopped = _slow_down(joint_path, lengths, speed, speed.times(n, breaks))
             if stopped is None or not _is_within(stopped, arm, limits):
                 return None
         return stopped
 
-    low, high, stopped = 0.0, SHORTEST, None
+    low, high, stopped = 0.0, FIRST_DURATION, None
     while stopped is None:
         for share in DELAYS:
             stopped = stop_in(high, share)
@@ -275,7 +278,7 @@ class _CubicSpeed:
 def _cubic_speed(
     joint_path: JointPath, lengths: FloatArray, delay: float, duration: float
 ) -> _CubicSpeed | None:
-    """The speed of a stop; None if it would be negative, or the path is too short."""
+    """Cubic speed of a stop; None if it would be negative, or if the path is too short."""
     first, second = (joint_path(np.array([delay]), k, side="right")[0] for k in (1, 2))
     v0 = float(np.linalg.norm(first))
     begin = float(_length_until(joint_path, lengths, np.array([delay]))[0])
@@ -286,21 +289,21 @@ def _cubic_speed(
 
 
 def _length_until(joint_path: JointPath, lengths: FloatArray, t: FloatArray) -> FloatArray:
-    """Length of the path in joint space until its parameters t [rad], (n,)."""
+    """Length of the path in joint space up to the parameters t [rad], (n,)."""
     breaks = joint_path.breaks
     k = np.clip(np.searchsorted(breaks, t, side="right") - 1, 0, len(breaks) - 2)
     return np.asarray(lengths[k] + _integrate_speed(joint_path, breaks[k], t))
 
 
 def _joint_lengths(joint_path: JointPath) -> FloatArray:
-    """Length of the path in joint space until each of its breaks [rad], (breaks,)."""
+    """Length of the path in joint space up to each of its breaks [rad], (breaks,)."""
     breaks = joint_path.breaks
     pieces = _integrate_speed(joint_path, breaks[:-1], breaks[1:])
     return np.append(0.0, np.cumsum(pieces))
 
 
 def _integrate_speed(joint_path: JointPath, begin: FloatArray, end: FloatArray) -> FloatArray:
-    """Lengths in joint space between times of the same pieces [rad], (n,)."""
+    """Lengths in joint space between two times on the same piece [rad], (n,)."""
     duration = end - begin
     t = begin[:, None] + duration[:, None] * NODES
     speed = np.linalg.norm(joint_path(t.ravel(), 1), axis=1).reshape(t.shape)
@@ -322,7 +325,7 @@ def _time_at(joint_path: JointPath, lengths: FloatArray, length: FloatArray) -> 
 def _slow_down(
     joint_path: JointPath, lengths: FloatArray, speed: _CubicSpeed, t: FloatArray
 ) -> JointPath | None:
-    """The stop as a joint path over the time; None if it would be faster than the plan."""
+    """Make the joint path of the stop over time; None if it would be faster than the plan."""
     tau = _time_at(joint_path, lengths, speed.length(t))
     tau[0] = speed.delay
     v, a = speed.speed(t), speed.acceleration(t)
@@ -330,7 +333,7 @@ def _slow_down(
     for part, side in ((slice(None, -1), "right"), (slice(1, None), "left")):
         q, first, second = (joint_path(tau[part], k, side=side) for k in range(3))
         planned = np.linalg.norm(first, axis=1)
-        # dtau/dt, and its derivative.
+        # `rate` is dtau/dt; `slope` is its derivative.
         rate = v[part] / planned
         if rate.max() > 1 + ROUNDING:
             return None

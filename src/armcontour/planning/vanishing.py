@@ -1,12 +1,12 @@
 """Reparametrization of joint paths on which dq_ds of all joints vanishes at some point.
 
-Such a point is a property of the parameter, not of the curve: `q = d s³` is a straight line. Near
-it, ds is unbounded although the joints are slow, so the path cannot be planned in s. Instead of s:
+The point is a property of the parameter, not of the curve: `q = d s³` is a straight line. Near the
+point, ds is unbounded although the joints are slow, so the path cannot be planned in s:
 
-- `q ~ s²` keeps s: ds is finite at the point, while the joints rest.
-- Straight pieces use the length in joint space, exactly. They reverse at a full stop, and pass
-  a point at which they do not reverse. So do straight pieces whose dq_ds nearly vanishes: ds is so
-  large there that no affordable grid resolves its change.
+- Pieces with `q ~ s²` keep the parameter s, because ds is finite at the point. The joints rest.
+- Straight pieces use the length in joint space. The motion stops where the piece reverses, and does
+  not stop at other points. Straight pieces whose dq_ds nearly vanishes also use the length, because
+  ds is so large there that no affordable grid resolves its change.
 - Curved pieces with `q ~ s³` or `s⁴` use p with `s ~ p^(2/3)` or `p^(1/2)` near that point, so that
   `q ~ p²`. The curvature is unbounded there, so the joints rest.
 """
@@ -25,8 +25,9 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.kernels import compiled
 from armcontour.motion import JointPath, quintic
 
-# Distance from its line [rad], and share of its size, above which a piece is curved.
-BENT = 1e-6
+# A piece is curved if its distance from a straight line exceeds this value [rad] plus this share of
+# its size.
+CURVED = 1e-6
 # Converts coefficients of dq/dx, of powers 0 to 4, to Bernstein coefficients, which enclose dq/dx.
 BERNSTEIN = np.array([[comb(i, k) / comb(4, k) for k in range(5)] for i in range(5)])
 
@@ -35,9 +36,10 @@ BERNSTEIN = np.array([[comb(i, k) / comb(4, k) for k in range(5)] for i in range
 def moves_one_way(
     coefficients: FloatArray, vanished: float, small: float, moving: BoolArray
 ) -> bool:
-    """True if some joint moves in one direction on every piece, so that dq_ds cannot vanish."""
-    # `coefficients`: coefficients of the joint path, (n, 6, dof); `small`: A larger share for all
-    # other pieces; `moving`: output: whether a joint moves in one direction on each piece, (n,).
+    """True if on every piece some joint moves in one direction, so that dq_ds cannot vanish."""
+    # `coefficients`: coefficients of the joint path, (n, 6, dof); `vanished`: smallest dq/dx of the
+    # joint on a curved piece, as a share of the sum of its terms; `small`: the same for a straight
+    # piece; `moving`: output, mask of the pieces on which a joint moves in one direction, (n,).
     n, dof = coefficients.shape[0], coefficients.shape[2]
     everywhere = True
     for i in range(n):
@@ -57,7 +59,7 @@ def moves_one_way(
             for j in range(dof):
                 difference = coefficients[i, k, j] * longest - along * coefficients[i, k0, j]
                 deviation = max(deviation, abs(difference))
-        is_bent = deviation > BENT * longest * (1.0 + math.sqrt(longest))
+        is_bent = deviation > CURVED * longest * (1.0 + math.sqrt(longest))
         threshold = (vanished if is_bent else small) * sizes
         moving[i] = False
         for j in range(dof):
@@ -77,8 +79,8 @@ def moves_one_way(
 @compiled()
 def resting_breaks(coefficients: FloatArray, vanished: float) -> BoolArray:
     """Mask of breaks at which dq_ds of all joints vanishes on both sides, (n + 1,)."""
-    # `coefficients`: coefficients of the joint path, (n, 6, dof); `vanished`: A dq_ds counts as
-    # zero below this share of the sum of its terms.
+    # `coefficients`: coefficients of the joint path, (n, 6, dof); `vanished`: dq_ds counts as zero
+    # below this share of the sum of its terms.
     n, dof = coefficients.shape[0], coefficients.shape[2]
     resting = np.empty(n + 1, np.bool_)
     for i in range(n + 1):
@@ -102,42 +104,44 @@ def resting_breaks(coefficients: FloatArray, vanished: float) -> BoolArray:
     return resting
 
 
-# dq_ds counts as zero below this share of the sum of its terms; a double root is accurate to 1e-8.
+# dq_ds counts as zero below this share of the sum of its terms. A double root is accurate to 1e-8.
 VANISHED = 1e-9
-# dq_ds of straight pieces nearly vanishes below this share.
-SMALL = 1e-2
-# Distance from its line, as rounding [rad] and as a share of its size, below which a piece is
-# straight.
+# dq_ds of a straight piece nearly vanishes if it is below this share of the sum of its terms.
+NEARLY_VANISHED = 1e-2
+# A piece is straight if its distance from a line is at most the share STRAIGHT of its size plus the
+# share ROUNDING of its position.
 STRAIGHT = 1e-12
 ROUNDING = 4e-15
-# Curved pieces are replaced up to the share LAST of their length, by quintics between p in ratio
-# RATIO from the share FIRST on. Their error is at most 1e-12 of the size of the piece.
+# At an end with x³ or x⁴, the share LAST of a curved piece is replaced by quintics in p. The first
+# quintic ends at x = FIRST; the p of successive breaks have the ratio RATIO. The error of the
+# quintics is at most 1e-12 of the size of the piece.
 LAST, FIRST, RATIO = 0.05, 1e-3, 0.8
 
-# Converts coefficients in x to those in 1 - x.
+# Converts coefficients in x to coefficients in 1 - x.
 REVERSED = np.array([[comb(k, m) * (-1.0) ** m for k in range(6)] for m in range(6)])
 
-Polynomials = tuple[FloatArray, FloatArray]  # lengths, (n,), and coefficients, (n, 6, dof)
+Polynomials = tuple[FloatArray, FloatArray]  # Lengths, (n,), and coefficients, (n, 6, dof)
 
 
 def rests_at_breaks(joint_path: JointPath) -> BoolArray:
-    """Breaks at which dq_ds of all joints vanishes, a mask, (n + 1,): joints rest at any ds."""
+    """Mask of breaks at which dq_ds vanishes, so that joints rest at any ds, (n + 1,)."""
     return resting_breaks(joint_path.coefficients, VANISHED)
 
 
 def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
-    """The same curve with a parameter that can be planned; most paths are returned unchanged."""
+    """Replace the parameter of a joint path that cannot be planned in s."""
     # Returns the path, and the old breaks in the new parameter, (pieces + 1,).
     same = joint_path, joint_path.breaks
     if joint_path.tool_path is not None:
         return same
     coefficients = joint_path.coefficients
     moving = np.empty(len(coefficients), np.bool_)
-    if moves_one_way(coefficients, VANISHED, SMALL, moving):
+    if moves_one_way(coefficients, VANISHED, NEARLY_VANISHED, moving):
         return same
     if not coefficients[:, 1:].any():
-        raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
-    # Only straight pieces, and those that begin or end with x³ or more, may need another parameter.
+        raise InvalidInput("No joint moves along the joint path, so there is nothing to plan.")
+    # Only straight pieces, and pieces whose polynomial begins or ends with x³ or a higher power,
+    # may need another parameter.
     doubtful = np.flatnonzero(~moving)
     c = coefficients[doubtful]
     both = np.stack([np.linalg.norm(_terms(x), axis=2) for x in (c, REVERSED @ c)])
@@ -148,16 +152,21 @@ def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
     if not unsuited:
         return same
     pieces = {i: _Piece.from_path(joint_path, i) for i in range(len(coefficients))}
-    return _with(joint_path, {i: x for i, x in pieces.items() if x.is_straight or i in unsuited})
+    return _replace_pieces(
+        joint_path, {i: x for i, x in pieces.items() if x.is_straight or i in unsuited}
+    )
 
 
-def _with(joint_path: JointPath, changed: dict[int, _Piece]) -> tuple[JointPath, FloatArray]:
-    """Replace some pieces of a path, and return its breaks in the new parameter; stops are kept."""
+def _replace_pieces(
+    joint_path: JointPath, changed: dict[int, _Piece]
+) -> tuple[JointPath, FloatArray]:
+    """Replace some pieces of a path; returns the path, with its stops, and the old breaks in it."""
     straight = [x for x in changed.values() if x.is_straight]
-    # The default scale of p keeps the total length of the straight pieces.
+    # By default |dq_dp| keeps the total length of the straight pieces.
     total = sum(x.width for x in straight)
     slope = (
-        sum(float(np.abs(np.diff(_turns(x.along, x.inner)[1])).sum()) for x in straight) / total
+        sum(float(np.abs(np.diff(_find_reversals(x.along, x.inner)[1])).sum()) for x in straight)
+        / total
         if total
         else 1.0
     )
@@ -169,13 +178,13 @@ def _with(joint_path: JointPath, changed: dict[int, _Piece]) -> tuple[JointPath,
         unchanged = (width[i : i + 1], joint_path.coefficients[i : i + 1])
         free = [k in changed and changed[k].is_straight for k in (i - 1, i + 1)]
         for length, polynomial in (
-            changed[i].replaced(slope, free) if i in changed else (unchanged,)
+            changed[i].reparametrized_parts(slope, free) if i in changed else (unchanged,)
         ):
             lengths.append(length)
             coefficients.append(polynomial)
             count += len(length)
     if not count:
-        raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
+        raise InvalidInput("No joint moves along the joint path, so there is nothing to plan.")
     breaks = joint_path.breaks[0] + np.concatenate([[0.0], np.cumsum(np.concatenate(lengths))])
     stops = breaks[np.array(starts)[np.searchsorted(joint_path.breaks, joint_path.stops)]]
     inner = stops[(stops > breaks[0]) & (stops < breaks[-1])]
@@ -208,27 +217,27 @@ class _Piece:
             line,
             along,
             bool(straight),
-            _critical(along),
+            _find_stationary(along),
             (_degree(c), _degree(_reversed(c))),
         )
 
     def is_unsuited(self) -> bool:
-        """Test whether the piece is planned better in another parameter than s."""
+        """Test whether the piece needs another parameter than s."""
         return max(self.degrees) > 2 or self.is_straight and _is_slow(self.along)
 
-    def replaced(self, slope: float, free: Sequence[bool]) -> Iterator[Polynomials]:
-        """Polynomials in another parameter, in order."""
-        # `slope` is |dq_dp| at ends that are free, which need not continue as evenly as s.
+    def reparametrized_parts(self, slope: float, free: Sequence[bool]) -> Iterator[Polynomials]:
+        """Yield the polynomials of the piece in another parameter, in order."""
+        # `slope`: |dq_dp| at reversals and at free ends. `free`: True for an end if the
+        # neighbouring piece is straight and replaced, too, so that dq_dp need not equal dq_ds.
         if self.is_straight:
-            yield from self._runs(slope, free)
+            yield from self._split_at_reversals(slope, free)
         else:
-            yield from self._eased()
+            yield from self._ease_ends()
 
-    def _runs(self, slope: float, free: Sequence[bool]) -> Iterator[Polynomials]:
-        """A straight piece from reversal to reversal, with dq_dp linear in p."""
-        # At ends that are not free, dq_dp is dq_ds, so that p continues as s does, unless it
-        # vanishes.
-        x, values = _turns(self.along, self.inner)
+    def _split_at_reversals(self, slope: float, free: Sequence[bool]) -> Iterator[Polynomials]:
+        """Yield the parts of a straight piece between its reversals, with dq_dp linear in p."""
+        # At an end that is not free, dq_dp equals dq_ds, unless dq_ds vanishes.
+        x, values = _find_reversals(self.along, self.inner)
         q = x[:, None] ** np.arange(6) @ self.coefficients
         slopes = np.full((len(x), 2), slope)
         if self.degrees[0] == 1 and not free[0]:
@@ -247,8 +256,8 @@ class _Piece:
             )
             yield np.array([2 * rise / (begin + end)]), c
 
-    def _eased(self) -> Iterator[Polynomials]:
-        """A curved piece, with p instead of s next to ends at which q begins with x³ or x⁴."""
+    def _ease_ends(self) -> Iterator[Polynomials]:
+        """Yield a curved piece, with p instead of s near ends at which q begins with x³ or x⁴."""
         first, last = (LAST if degree > 2 else 0.0 for degree in self.degrees)
         if first:
             yield _ease(self.coefficients, self.degrees[0], self.width)
@@ -259,12 +268,12 @@ class _Piece:
 
 
 def _ease(c: FloatArray, degree: int, width: float) -> Polynomials:
-    """First part of a piece that begins with x³ or x⁴, with x^(degree / 2) as the parameter p."""
-    # At the end of the part, p grows as s does.
+    """First part of a piece that begins with x³ or x⁴, in p ~ x^(degree / 2)."""
+    # At the end of the part, dp equals dx.
     power = 2 / degree
     count = int(np.ceil(np.log(FIRST / LAST) / power / np.log(RATIO))) + 1
     x = np.append(0.0, np.geomspace(FIRST, LAST, count))
-    # x = LAST (p / whole)^power, with dx/dp = 1 at the end; p = 0 has its limits.
+    # x = LAST (p / whole)^power, with dx/dp = 1 at the end. Derivatives at p = 0 are limits.
     whole = LAST * power
     p = whole * (x / LAST) ** (1 / power)
     inner = x[1:]
@@ -316,14 +325,14 @@ def _cut(c: FloatArray, first: float, last: float) -> FloatArray:
 
 
 def _degree(c: FloatArray) -> int:
-    """Lowest power of x above rounding, without the constant; 5 if there is none."""
+    """Lowest power of x, from 1, with a coefficient above rounding; 5 if there is none."""
     size = np.linalg.norm(_terms(c[None])[0], axis=1)
     above = np.flatnonzero(size > VANISHED * size.sum())
     return 1 + int(above[0]) if len(above) else 5
 
 
-def _critical(along: FloatArray) -> FloatArray:
-    """Points inside at which the derivative of a polynomial vanishes, including double roots."""
+def _find_stationary(along: FloatArray) -> FloatArray:
+    """Points x in (0, 1) at which the derivative of a polynomial vanishes, (points,)."""
     derivative = _derived(along)
     real = _inner_roots(derivative)
     value = np.polynomial.polynomial.polyval(real, derivative)
@@ -335,7 +344,7 @@ def _is_slow(along: FloatArray) -> bool:
     derivative = _derived(along)
     x = np.concatenate([[0.0], _inner_roots(_derived(derivative)), [1.0]])
     smallest = np.abs(np.polynomial.polynomial.polyval(x, derivative)).min()
-    return bool(smallest <= SMALL * np.abs(derivative).sum())
+    return bool(smallest <= NEARLY_VANISHED * np.abs(derivative).sum())
 
 
 def _inner_roots(c: FloatArray) -> FloatArray:
@@ -345,8 +354,8 @@ def _inner_roots(c: FloatArray) -> FloatArray:
     return np.unique(real[(real > 0) & (real < 1)])
 
 
-def _turns(along: FloatArray, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Positions and values of the ends and reversals of a polynomial on [0, 1]."""
+def _find_reversals(along: FloatArray, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Positions x and values of the ends and the reversals of a polynomial on [0, 1]."""
     x = np.concatenate([[0.0], inner, [1.0]])
     value = np.polynomial.polynomial.polyval(x, along)
     small = STRAIGHT * float(np.abs(along).sum())

@@ -6,7 +6,8 @@ _HOME = {
     "kerf": "cut_parts",
     "moves": "Contour Dwell Event Move Program Rapid contour_called",
     "preparation": "arrange_contours prepare",
-    "process": "Analog LayerProcess Lead Leads Pierce Process Switch Tabs Weave",
+    "process": "Analog LayerProcess Lead Leads Pierce Process Switch Tabs",
     "rounded_corners": "draw_with_arcs put_on_path round_corners smooth_curvature",
+    "armcontour.geometry.weave": "Weave",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -1,3 +1,4 @@
+from armcontour.geometry.weave import Weave as Weave
 from armcontour.program.kerf import cut_parts as cut_parts
 from armcontour.program.moves import Contour as Contour
 from armcontour.program.moves import Dwell as Dwell
@@ -16,7 +17,6 @@ from armcontour.program.process import Pierce as Pierce
 from armcontour.program.process import Process as Process
 from armcontour.program.process import Switch as Switch
 from armcontour.program.process import Tabs as Tabs
-from armcontour.program.process import Weave as Weave
 from armcontour.program.rounded_corners import draw_with_arcs as draw_with_arcs
 from armcontour.program.rounded_corners import put_on_path as put_on_path
 from armcontour.program.rounded_corners import round_corners as round_corners

@@ -13,6 +13,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import angle_between, exp, log, shortest
 from armcontour.core.render import number
+from armcontour.core.text import count_noun
 from armcontour.geometry import Path
 from armcontour.geometry.path_parts import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
@@ -22,23 +23,24 @@ from armcontour.program.process import AUTO, DRAWN, TOOL_SIDES, Process
 # A function that makes the contour of an option, and its first and last point [m], (2, dimension).
 Option = tuple[Callable[[], Contour], FloatArray]
 
-# Number of start points of a closed contour; fewer if all contours have more than MAX_PLACES.
+# Number of possible start points of a closed contour. It is reduced, to at least FEWEST_PLACES, if
+# all contours together would have more than MAX_PLACES.
 PLACES, FEWEST_PLACES, MAX_PLACES = 24, 4, 20_000
-# Number of neighbours of a contour that the search tries next to it.
+# Number of near contours that the search tries as the next or previous contour of a contour.
 NEIGHBOURS = 10
-# Exchanges of the search: number per contour, smallest number, and largest product with the number
-# of contours, which bounds the time to a few seconds. Without exchanges, tours of 6 to 100 random
-# contours are 0.6 to 15 % longer on average.
-TRIES, LEAST_TRIES, MAX_WORK = 3, 200, 1_000_000
-# Orientations at both ends of a contour that differ by less than this count as equal: summed turns
-# have rounding errors [rad].
-SAME_HOLD = 1e-6
+# Number of exchanges in the search: number per contour, smallest number, and largest product with
+# the number of contours, which limits the time to a few seconds. Without exchanges, tours of 6 to
+# 100 random contours are 0.6 to 15 % longer on average.
+EXCHANGES, MIN_EXCHANGES, MAX_WORK = 3, 200, 1_000_000
+# Orientations at both ends of a contour that differ by less than this angle [rad] count as equal,
+# because summed turns have rounding errors.
+SAME_ORIENTATION = 1e-6
 # Largest number of segments of a contour with its overlap, which repeats the contour's segments.
 MAX_SEGMENTS = 1_000_000
 
 
 def direct_contours(program: Program, process: Process) -> Program:
-    """The program with its closed contours in the direction of travel of the process."""
+    """Reverse closed contours that do not have the direction of travel of the process."""
     contours = program.contours
     directions = [process.of_layer(x.layer).direction if x.closed else DRAWN for x in contours]
     if all(x == DRAWN for x in directions):
@@ -61,8 +63,8 @@ def direct_contours(program: Program, process: Process) -> Program:
         if inner:
             raise InvalidInput(
                 f"{contour_called(contour, i)} cannot run backwards for the direction {direction}, "
-                f"because its event {inner[0].name} is not at an end: give direction "
-                "drawn, for its layer too."
+                f"because its event {inner[0].name} is not at an end. Specify direction: drawn, "
+                "also for its layer."
             )
         turned[contour] = _reverse_contour(contour)
     moves = tuple(turned.get(x, x) if isinstance(x, Contour) else x for x in program.moves)
@@ -70,21 +72,21 @@ def direct_contours(program: Program, process: Process) -> Program:
 
 
 def order_contours(program: Program, process: Process) -> Program:
-    """The program with its contours in the order of the process."""
-    # Contours that start elsewhere or run backwards for a shorter tour are changed accordingly, and
-    # keep this start. A note reports the length of the links between contours, and a contour that
-    # is cut before one inside it.
+    """Sort the contours of a program by the order of the process."""
+    # For a shorter tour, a contour can start at another point or run backwards; this start is then
+    # final. A remark reports the length of the links between contours. A note reports a contour
+    # that is cut before a contour inside it.
     order = process.order
     if order == "auto":
         drawing = all(isinstance(x, Contour) for x in program.moves)
         order = "inside_first" if process.cuts and drawing else "drawn"
     if order == "drawn":
-        return _with_warning(program, process)
+        return _add_order_note(program, process)
     for move in program.moves:
         if not isinstance(move, Contour):
             raise InvalidInput(
-                f"The order {order!r} is for drawings: this program has rapids, dwells or events "
-                "between its contours, whose order has a meaning."
+                f"The order {order!r} is for drawings only. This program has rapids, dwells or "
+                "events between its contours, so its order must not change. Specify order: drawn."
             )
     contours = program.contours
     if len(contours) == 1:
@@ -96,18 +98,18 @@ def order_contours(program: Program, process: Process) -> Program:
         find_nesting(contours, process.up).parents if inner_first else np.full(len(contours), -1)
     )
     if order == "inside_first":
-        moves = [contours[i] for i in _inside_first(parents)]
+        moves = [contours[i] for i in _order_inside_first(parents)]
         return replace(program, moves=tuple(moves))
     choices = _Choices.from_contours(contours, process, free=order == "shortest")
     if order == "nearest":
-        return replace(program, moves=choices.taken(*choices.nearest(parents)))
+        return replace(program, moves=choices.make_contours(*choices.nearest(parents)))
     tour, option = choices.shortest(parents)
     remarks = (*program.remarks, choices.describe(tour, option))
-    return replace(program, moves=choices.taken(tour, option), remarks=remarks)
+    return replace(program, moves=choices.make_contours(tour, option), remarks=remarks)
 
 
-def _with_warning(program: Program, process: Process) -> Program:
-    """The program with a note if a contour is cut before one inside it."""
+def _add_order_note(program: Program, process: Process) -> Program:
+    """Add a note to the program if a contour is cut before a contour inside it."""
     contours = program.contours
     if not process.cuts or len(contours) == 1:
         return program
@@ -118,36 +120,37 @@ def _with_warning(program: Program, process: Process) -> Program:
     if not misordered:
         return program
     i = misordered[0]
-    suffix = f"; so are {len(misordered) - 1} more" if len(misordered) > 1 else ""
+    count = len(misordered) - 1
+    suffix = f" (likewise {count_noun(count, 'more inner contour')})" if count else ""
     outer = int(parents[i])
     note = (
-        f"{contour_called(contours[outer], outer)} is cut before "
-        f"{contour_called(contours[i], i)}, which lies in it and may have dropped out or moved by "
-        f"then{suffix}: the order inside_first cuts inner contours first."
+        f"{contour_called(contours[outer], outer)} is cut before {contour_called(contours[i], i)}, "
+        f"which lies inside it and may drop out or move before it is cut{suffix}. The order "
+        "inside_first cuts inner contours first."
     )
     return replace(program, notes=(*program.notes, note))
 
 
-def _inside_first(parents: IntArray) -> list[int]:
-    """The drawn order, but each contour directly after all contours inside it."""
+def _order_inside_first(parents: IntArray) -> list[int]:
+    """Indices in the drawn order, except that each contour follows all contours inside it."""
     children: dict[int, list[int]] = {}
     for i, parent in enumerate(parents.tolist()):
         children.setdefault(parent, []).append(i)
     order: list[int] = []
-    open_ones = list(children.get(-1, ()))[::-1]
-    while open_ones:
-        i = open_ones.pop()
+    pending = list(children.get(-1, ()))[::-1]
+    while pending:
+        i = pending.pop()
         inner = children.pop(i, None)
         if inner is None:
             order.append(i)
         else:
-            open_ones += [i, *inner[::-1]]
+            pending += [i, *inner[::-1]]
     return order
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Choices:
-    """Options for start and end of each contour."""
+    """Options of each contour: possible start points, or directions of an open contour."""
 
     contours: tuple[Contour, ...]  # The contours as they are drawn
     made: list[Callable[[], Contour]]  # Functions that make the contour of each option
@@ -158,7 +161,7 @@ class _Choices:
     def from_contours(
         cls, contours: tuple[Contour, ...], process: Process, *, free: bool
     ) -> _Choices:
-        """The options of contours; `free` contours may start at several points."""
+        """Make the options of contours; with `free`, a closed contour has several start points."""
         count = int(np.clip(MAX_PLACES // len(contours), FEWEST_PLACES, PLACES))
         made: list[Callable[[], Contour]] = []
         ends: list[FloatArray] = []
@@ -173,13 +176,13 @@ class _Choices:
         return cls(contours=contours, made=made, ends=table, first=np.array(first))
 
     def nearest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
-        """The tour that starts as drawn and continues with the nearest contour."""
+        """Order and options of the tour that starts as drawn and goes to the nearest contour."""
         from scipy.spatial.distance import cdist
 
         n, (exits, entries, first) = len(self.contours), self._options
         owners = np.repeat(np.arange(n), np.diff(first))
         waits = np.bincount(parents[parents >= 0], minlength=n)
-        # Entries of contours that may come next.
+        # Entries of the contours that may be next; infinite for other contours.
         near = np.where((waits == 0)[owners, None], entries, np.inf)
         tour, option = np.empty(n, dtype=np.intp), first[:-1].copy()
         for k in range(n):
@@ -198,13 +201,13 @@ class _Choices:
         return tour, option
 
     def shortest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
-        """A short tour from 2-opt and Or-opt moves, restarted from many exchanges of parts."""
+        """Order and options of a short tour, from 2-opt and Or-opt moves with many restarts."""
         from armcontour.program.kernels import TourOptions, shorten_tour
 
         tour, _ = self.nearest(parents)
         n, option = len(tour), self._best_options(tour)
-        tries = min(max(TRIES * n, LEAST_TRIES), MAX_WORK // n)
-        # A fixed sequence of numbers, so the same program has the same order.
+        tries = min(max(EXCHANGES * n, MIN_EXCHANGES), MAX_WORK // n)
+        # The random numbers have a fixed seed, so the same program always has the same order.
         numbers = (np.random.PCG64(0).random_raw((tries, 4)) >> np.uint64(32)).astype(np.intp)
         shorten_tour(
             TourOptions(*self._options), parents, self._neighbours(), tour, option, numbers
@@ -212,7 +215,7 @@ class _Choices:
         return tour, self._best_options(tour)
 
     def _best_options(self, tour: IntArray) -> IntArray:
-        """The options that make a tour shortest in its order, by dynamic programming."""
+        """Option of every contour with which a tour is shortest, by dynamic programming, (n,)."""
         from scipy.spatial.distance import cdist
 
         exits, entries, first = self._options
@@ -236,7 +239,7 @@ class _Choices:
         return exits, entries, self.first
 
     def _neighbours(self) -> IntArray:
-        """The nearest contours of every contour, by their ends, (n, k)."""
+        """Indices of the contours whose ends are nearest to each contour's centre, (n, k)."""
         from armcontour.geometry.near_points import nearest_points
 
         n = len(self.contours)
@@ -263,13 +266,13 @@ class _Choices:
             f"{number(length, 'm')} ({number(drawn, 'm')} in the order of the file)."
         )
 
-    def taken(self, tour: IntArray, option: IntArray) -> tuple[Contour, ...]:
-        """The contours of a tour."""
+    def make_contours(self, tour: IntArray, option: IntArray) -> tuple[Contour, ...]:
+        """Contours of a tour in order, each made with its option."""
         return tuple(self.made[option[i]]() for i in tour)
 
 
 def _options(contour: Contour, process: Process, count: int) -> list[Option]:
-    """The options of a contour; a closed one has at most `count`."""
+    """The options of a contour; a closed contour has at most `count`."""
     path = contour.path
 
     def as_drawn() -> Contour:
@@ -284,8 +287,8 @@ def _options(contour: Contour, process: Process, count: int) -> list[Option]:
         starts = [find_start(contour, process, led=False)]
         makers: Sequence[Callable[[], Contour]] = [as_drawn]
     else:
-        starts = begin_places(path, count).tolist()
-        makers = [partial(_start_contour_at, contour, s) for s in starts]
+        starts = find_start_candidates(path, count).tolist()
+        makers = [partial(_fix_start, contour, s) for s in starts]
     overlap = process.of_layer(contour.layer).overlap
     return [
         (maker, path([s, (s + overlap) % path.length]))
@@ -293,20 +296,20 @@ def _options(contour: Contour, process: Process, count: int) -> list[Option]:
     ]
 
 
-def _start_contour_at(contour: Contour, start: float) -> Contour:
+def _fix_start(contour: Contour, start: float) -> Contour:
     """A closed contour that starts at an arc length [m], and keeps this start."""
-    return replace(begin_at(contour, start), keep_start=True)
+    return replace(move_start(contour, start), keep_start=True)
 
 
 def _reverse_contour(contour: Contour) -> Contour:
-    """A contour without events, run from its end."""
+    """Reverse the path of a contour; events at the start and the end stay there."""
     work = contour.work
     if work is not None:
         work = contour.path.length - work[1], contour.path.length - work[0]
     return replace(contour, path=contour.path.reversed(), work=work)
 
 
-def begin_places(path: Path, count: int) -> FloatArray:
+def find_start_candidates(path: Path, count: int) -> FloatArray:
     """Arc lengths at which a closed path may start [m], away from its corners."""
     # Between two corners they lie in the middle half, so both corners can be rounded.
     length = path.length
@@ -336,9 +339,10 @@ def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
     extra_length = (process.passes - 1) * lap + process.overlap
     if extra_length > REPEATED_POINT:
         _check_end_orientations(contour)
-    contour = begin_at(contour, start)
+    contour = move_start(contour, start)
     longer = _add_overlap(contour.path, extra_length)
-    # Events at the drawn end move to the end of the overlap; others come in every lap.
+    # Events at the drawn end move to the end of the overlap; other events are repeated in every
+    # lap.
     slack, last = REPEATED_POINT, longer.length
     moved = [replace(x, s=last) if x.s >= lap - slack else x for x in contour.events]
     along = [x for x in contour.events if slack < x.s < lap - slack]
@@ -348,7 +352,7 @@ def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
 
 
 def keeps_drawn_start(contour: Contour, *, led: bool) -> bool:
-    """True if an automatic start of a closed contour is the drawn one, as in `close_contour`."""
+    """True if the automatic start of a closed contour is the drawn start; see `close_contour`."""
     return (
         contour.keep_start
         or led
@@ -358,13 +362,13 @@ def keeps_drawn_start(contour: Contour, *, led: bool) -> bool:
 
 
 def find_start(contour: Contour, process: Process, *, led: bool) -> float:
-    """Arc length at which a closed contour begins [m], as in `close_contour`."""
+    """Arc length at which a closed contour starts [m]; see `close_contour`."""
     keeps = process.begin == AUTO and keeps_drawn_start(contour, led=led)
     return _find_start(contour.path, DRAWN if keeps else process.begin)
 
 
-def begin_at(contour: Contour, start: float) -> Contour:
-    """A closed contour that begins at an arc length [m] of the drawn one."""
+def move_start(contour: Contour, start: float) -> Contour:
+    """Move the start point of a closed contour to an arc length of the drawn contour [m]."""
     path = contour.path
     if start <= REPEATED_POINT or path.length - start <= REPEATED_POINT:
         return contour
@@ -378,12 +382,12 @@ def begin_at(contour: Contour, start: float) -> Contour:
 
 
 def _check_end_orientations(contour: Contour) -> None:
-    """Raise InvalidInput for a closed contour whose tool orientations at both ends differ."""
+    """Raise InvalidInput if the tool orientations at both ends of a closed contour differ."""
     if not _has_equal_end_orientations(contour.path):
         raise InvalidInput(
             f"{contour_called(contour, 0) if contour.name else 'A closed contour'} ends at its "
-            "start point with another tool orientation, so the tool cannot continue there: give "
-            "both ends the same orientation, or remove begin and overlap."
+            "start point with another tool orientation, so the tool cannot continue there. Specify "
+            "the same orientation at both ends, or remove begin and overlap."
         )
 
 
@@ -400,17 +404,17 @@ def _has_equal_end_orientations(path: Path) -> bool:
         corner = shortest(path(path.length, 1, side="left"), path(0.0, 1))
         end = exp(corner) @ end
     if orientation.axis_only:
-        return bool(angle_between(end[:, 2], start[:, 2]) <= SAME_HOLD)
-    return bool(np.linalg.norm(log(start @ end.T)) <= SAME_HOLD)
+        return bool(angle_between(end[:, 2], start[:, 2]) <= SAME_ORIENTATION)
+    return bool(np.linalg.norm(log(start @ end.T)) <= SAME_ORIENTATION)
 
 
 def _add_overlap(path: Path, overlap: float) -> Path:
-    """A closed path continued past its end by the overlap [m], with several laps if needed."""
+    """Continue a closed path past its end by the overlap [m], with several laps if needed."""
     rounds = overlap / path.length
     if rounds * len(path) > MAX_SEGMENTS:
         raise InvalidInput(
             f"Overlap and further passes of {overlap:g} m are {rounds:.3g} laps of a contour of "
-            f"{path.length:.4g} m and need more than {MAX_SEGMENTS} segments: take a shorter "
+            f"{path.length:.4g} m and need more than {MAX_SEGMENTS} segments. Specify a shorter "
             "overlap or fewer passes."
         )
     parts, remaining = [path], overlap
@@ -422,7 +426,7 @@ def _add_overlap(path: Path, overlap: float) -> Path:
 
 
 def _check_switching(contour: Contour, start: float) -> None:
-    """Raise InvalidInput for a start point at which an output has another value than at the end."""
+    """Raise InvalidInput if an output has another value at the start point than at the end."""
     inner = {x.name for x in contour.events if 0 < x.s < contour.path.length - REPEATED_POINT}
     for name in sorted(inner):
         events = [x for x in contour.events if x.name == name]
@@ -433,14 +437,14 @@ def _check_switching(contour: Contour, start: float) -> None:
             raise InvalidInput(
                 f"{contour_called(contour, 0) if contour.name else 'A closed contour'} switches "
                 f"{name} along its path, and would switch it at other points than drawn if it "
-                f"started at {start:g} m: remove begin, or start at a point where {name} has the "
-                "same value as at the end.",
+                f"started at {start:g} m. Remove begin, or choose a start point where {name} has "
+                "the same value as at the end.",
                 s=start,
             )
 
 
 def _move_event(event: Event, start: float, length: float) -> Event:
-    """An event after the contour got a new start point; events at the ends stay at the ends."""
+    """Move an event to a new start point of its contour; events at the ends stay at the ends."""
     if event.s <= REPEATED_POINT or event.s >= length - REPEATED_POINT:
         return replace(event, s=0.0 if event.s <= REPEATED_POINT else length)
     return replace(event, s=(event.s - start) % length)

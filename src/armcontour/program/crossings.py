@@ -1,4 +1,4 @@
-"""Offsets and crossings of lines and arcs in the plane, the core of kerfs and of G41 and G42.
+"""Offsets and crossings of lines and arcs in the plane, for kerfs and cutter compensation.
 
 A table of pieces has a row for each line or arc; its columns are named below.
 """
@@ -10,11 +10,11 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.sampling import number_parts
 
-# Points with a smaller distance are equal [m].
-SAME_PLACE = 1e-9
-# Sine of the angle between two lines below which they are parallel.
+# Points closer than this distance [m] count as equal.
+SAME_POINT = 1e-9
+# Lines count as parallel if the sine of the angle between them is below this value.
 PARALLEL = 1e-12
-# Approximate number of pairs of pieces that are intersected together, which bounds the memory.
+# Approximate number of pairs of pieces that are intersected together, which limits the memory.
 PAIRS = 200_000
 
 # Columns of a table of pieces: start x, y, unit tangent x, y, curvature, positive to the left,
@@ -26,7 +26,7 @@ def points_at(pieces: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
     """Points of pieces, or their tangents, at distances u from their starts, (n, 2)."""
     angle = pieces[:, CURVATURE] * u
     tangents = pieces[:, TX : TY + 1]
-    normals = turned_left(tangents)
+    normals = rotate_left(tangents)
     if order == 1:
         return np.asarray(np.cos(angle)[:, None] * tangents + np.sin(angle)[:, None] * normals)
     along = u * np.sinc(angle / np.pi)
@@ -36,9 +36,9 @@ def points_at(pieces: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
 
 def offset_pieces(pieces: FloatArray, d: float) -> FloatArray:
     """Pieces offset by d to the left [m], (n, 6); arcs of negative radius get lengths <= 0."""
-    # Arcs keep their centres.
+    # The offset of an arc has the same centre.
     moved, grown = pieces.copy(), 1 - pieces[:, CURVATURE] * d
-    moved[:, :2] += d * turned_left(pieces[:, TX : TY + 1])
+    moved[:, :2] += d * rotate_left(pieces[:, TX : TY + 1])
     moved[:, CURVATURE] /= np.where(grown > 0, grown, 1.0)
     moved[:, LENGTH] *= grown
     return moved
@@ -51,17 +51,16 @@ def turns_between(arriving: FloatArray, leaving: FloatArray) -> FloatArray:
 
 @np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
 def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Lengths by which inside corners shorten two pieces to their crossing [m], (n,) each."""
-    # `before`: the pieces that lead to the corners, (n, 6); `after`: the pieces that lead away, (n,
-    # 6).
-    # Returns the lengths to the crossing nearest to the end of the first piece; NaN without a
-    # crossing after the start of the second piece. They may be longer than the pieces.
+    """Lengths by which both pieces at inside corners are cut at their crossing [m], (n,) each."""
+    # `before`, `after`: the pieces before and after the corners, (n, 6) each.
+    # The crossing is the one nearest to the end of the first piece. The lengths are NaN without a
+    # crossing after the start of the second piece, and can exceed the lengths of the pieces.
     points = _common_points(before, after)
-    ahead = _places(after, points)
-    back = before[:, LENGTH, None] - _places(before, points)
+    ahead = _distances_along(after, points)
+    back = before[:, LENGTH, None] - _distances_along(before, points)
     whole = 2 * np.pi / np.abs(before[:, CURVATURE, None])
-    back = np.where(back < -SAME_PLACE, back + whole, back)
-    back = np.where((back >= -SAME_PLACE) & (ahead >= -SAME_PLACE), back, np.inf)
+    back = np.where(back < -SAME_POINT, back + whole, back)
+    back = np.where((back >= -SAME_POINT) & (ahead >= -SAME_POINT), back, np.inf)
     nearest = np.argmin(back, axis=1)[:, None]
     back, ahead = (np.take_along_axis(x, nearest, axis=1)[:, 0] for x in (back, ahead))
     there = np.isfinite(back)
@@ -70,33 +69,35 @@ def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, Floa
 
 @np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
 def find_crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
-    """All points at which pieces meet each other, including their ends."""
-    # Returns the two pieces of each meeting, (m, 2), and its distances along them [m], (m, 2).
+    """All points at which pieces cross or touch each other, including their ends."""
+    # Returns the indices of both pieces at each point, (m, 2), and the distances of the point along
+    # both pieces [m], (m, 2).
     low, high = _boxes(pieces)
     order = np.argsort(low[:, 0])
-    # Boxes of later pieces in this order overlap up to the first one that begins too far right.
-    last = np.searchsorted(low[order, 0], high[order, 0] + SAME_PLACE, side="right")
+    # In this order, the box of a piece can overlap only the boxes up to the first box that starts
+    # to the right of it.
+    last = np.searchsorted(low[order, 0], high[order, 0] + SAME_POINT, side="right")
     count = np.maximum(last - np.arange(len(order)) - 1, 0)
     parts = np.cumsum(count) // PAIRS
     meetings, distances = [np.empty((0, 2), np.intp)], [np.empty((0, 2))]
     for part in np.unique(parts):
         owner, number = number_parts(np.where(parts == part, count, 0))
         i, j = order[owner], order[owner + 1 + number]
-        near = (low[j, 1] <= high[i, 1] + SAME_PLACE) & (low[i, 1] <= high[j, 1] + SAME_PLACE)
+        near = (low[j, 1] <= high[i, 1] + SAME_POINT) & (low[i, 1] <= high[j, 1] + SAME_POINT)
         pairs = np.stack([i, j], axis=1)[near]
         points = _common_points(pieces[pairs[:, 0]], pieces[pairs[:, 1]])
-        along = np.stack([_places(pieces[x], points) for x in pairs.T], axis=2)
+        along = np.stack([_distances_along(pieces[x], points) for x in pairs.T], axis=2)
         ends = pieces[pairs, LENGTH][:, None, :]
-        row, point = np.nonzero(((along >= -SAME_PLACE) & (along <= ends + SAME_PLACE)).all(axis=2))
+        row, point = np.nonzero(((along >= -SAME_POINT) & (along <= ends + SAME_POINT)).all(axis=2))
         along, ends = along[row, point], ends[row, 0]
-        # A point near an end is this end.
-        along = np.where(ends - along <= SAME_PLACE, ends, along)
+        # A point near the end of a piece is moved to this end.
+        along = np.where(ends - along <= SAME_POINT, ends, along)
         meetings.append(pairs[row])
-        distances.append(np.where(along <= SAME_PLACE, 0.0, along))
+        distances.append(np.where(along <= SAME_POINT, 0.0, along))
     return np.concatenate(meetings), np.concatenate(distances)
 
 
-def turned_left(vectors: FloatArray) -> FloatArray:
+def rotate_left(vectors: FloatArray) -> FloatArray:
     """Vectors turned to the left by a right angle, (..., 2)."""
     return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
 
@@ -109,10 +110,10 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 def _boxes(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Lower and upper corners of boxes around pieces, (n, 2) each."""
     radius = 1 / pieces[:, CURVATURE]
-    centers = pieces[:, :2] + radius[:, None] * turned_left(pieces[:, TX : TY + 1])
+    centers = pieces[:, :2] + radius[:, None] * rotate_left(pieces[:, TX : TY + 1])
     radii = np.abs(radius)
     sides = centers[:, None] + radii[:, None, None] * [[1, 0], [-1, 0], [0, 1], [0, -1]]
-    on_arc = _places(pieces, sides) <= pieces[:, LENGTH, None]
+    on_arc = _distances_along(pieces, sides) <= pieces[:, LENGTH, None]
     on_arc &= pieces[:, CURVATURE, None] != 0
     starts = pieces[:, None, :2]
     ends = points_at(pieces, pieces[:, LENGTH])[:, None]
@@ -120,40 +121,41 @@ def _boxes(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
     return points.min(axis=1), points.max(axis=1)
 
 
-def _places(pieces: FloatArray, points: FloatArray) -> FloatArray:
-    """Distances along pieces, extended beyond their ends, of points (n, m, 2) on them, (n, m)."""
+def _distances_along(pieces: FloatArray, points: FloatArray) -> FloatArray:
+    """Distances of points (n, m, 2) along n pieces that are extended beyond their ends, (n, m)."""
     offset, tangents = points - pieces[:, None, :2], pieces[:, None, TX : TY + 1]
     along, k = (offset * tangents).sum(axis=2), pieces[:, CURVATURE, None]
-    # The direction from the centre: angle 0 at the start, growing along the arc.
+    # Direction from the centre, which is 0 at the start and increases along the arc.
     angle = np.arctan2(along * np.abs(k), 1 - _cross(tangents, offset) * k)
     radius = 1 / np.where(k == 0, np.inf, np.abs(k))
     u = np.where(angle < 0, angle + 2 * np.pi, angle) * radius
     # A point just before the start has a small negative distance, not nearly a full turn.
-    before = (u > pieces[:, LENGTH, None]) & (2 * np.pi * radius - u <= SAME_PLACE)
+    before = (u > pieces[:, LENGTH, None]) & (2 * np.pi * radius - u <= SAME_POINT)
     return np.asarray(np.where(k == 0, along, np.where(before, u - 2 * np.pi * radius, u)))
 
 
 def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Common points of pairs of extended pieces, (n, 4, 2), NaN for missing ones."""
-    # A line or circle with curvature k and left normal n at its point 0 has k x.x / 2 = n.x at its
-    # points x. The difference of two such equations is the straight line w.x = r. This needs
-    # neither centres nor radii, so nearly straight arcs lose no digits. Where pieces coincide,
-    # their ends are the points.
-    # The piece with more curvature comes first.
+    """Common points of pairs of extended pieces [m], (n, 4, 2), NaN for missing points."""
+    # A line or circle through the origin with curvature k and left normal n there consists of the
+    # points x with k x.x / 2 = n.x. The difference of two such equations is the straight line
+    # w.x = r. This method uses neither centres nor radii, so nearly straight arcs lose no digits.
+    # Where pieces coincide, the result is their ends.
+    # The piece with more curvature is `a`.
     turned = (np.abs(b[:, CURVATURE]) > np.abs(a[:, CURVATURE]))[:, None]
     a, b = np.where(turned, b, a), np.where(turned, a, b)
     ka, kb = a[:, CURVATURE], b[:, CURVATURE]
-    na, nb = turned_left(a[:, TX : TY + 1]), turned_left(b[:, TX : TY + 1])
+    na, nb = rotate_left(a[:, TX : TY + 1]), rotate_left(b[:, TX : TY + 1])
     gap, ratio = b[:, :2] - a[:, :2], kb / np.where(ka == 0, 1.0, ka)
     w = nb + kb[:, None] * gap - ratio[:, None] * na
     r = kb * (gap * gap).sum(axis=1) / 2 + (nb * gap).sum(axis=1)
     size = np.hypot(w[:, 0], w[:, 1])
-    foot, along = (r / size**2)[:, None] * w, turned_left(w) / size[:, None]
+    foot, along = (r / size**2)[:, None] * w, rotate_left(w) / size[:, None]
     slope = (na * along).sum(axis=1)
     constant = ka * (foot * foot).sum(axis=1) / 2 - (na * foot).sum(axis=1)
-    # The points foot + s along with ka s² / 2 - slope s + rest = 0; touching ones miss by rounding.
+    # The common points are foot + s along with ka s² / 2 - slope s + constant = 0. Rounding errors
+    # can make the discriminant slightly negative where pieces touch.
     inside = slope**2 - 2 * ka * constant
-    inside[inside < -2 * np.abs(ka) * SAME_PLACE / size] = np.nan
+    inside[inside < -2 * np.abs(ka) * SAME_POINT / size] = np.nan
     parallel = (ka == 0) & (np.abs(slope) < PARALLEL)
     slope = np.where(parallel, np.nan, slope)
     larger = slope + np.copysign(np.sqrt(np.maximum(inside, 0.0)), slope)
@@ -162,10 +164,10 @@ def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
     points = np.full((len(a), 4, 2), np.nan)
     for i, s in enumerate((first, second)):
         points[:, i] = a[:, :2] + foot + s[:, None] * along
-    one_circle = (size <= np.abs(kb) * SAME_PLACE) & (
-        np.abs(1 / ka) - np.abs(1 / kb) >= -SAME_PLACE
+    one_circle = (size <= np.abs(kb) * SAME_POINT) & (
+        np.abs(1 / ka) - np.abs(1 / kb) >= -SAME_POINT
     )
-    together = np.where(ka == 0, parallel & (np.abs(constant) <= SAME_PLACE), one_circle)
+    together = np.where(ka == 0, parallel & (np.abs(constant) <= SAME_POINT), one_circle)
     ends = [x[together] for x in (a, b)]
     points[together] = np.stack(
         [y for x in ends for y in (x[:, :2], points_at(x, x[:, LENGTH]))], axis=1

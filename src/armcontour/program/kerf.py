@@ -24,45 +24,45 @@ from armcontour.program.moves import (
     Program,
     Rapid,
     contour_called,
+    find_departing_rapids,
     last_end,
-    rapids_leading_away,
     reroute,
 )
 from armcontour.program.nesting import (
-    PARALLEL,
-    axes_across,
-    chords_of,
+    MAX_SLOPE,
+    find_chords,
     find_nesting,
-    seen_from_above,
+    perpendicular_axes,
+    project_along_up,
 )
 from armcontour.program.offset_curves import (
     SLACK,
     OffsetPart,
-    crosses_itself,
-    crossing_owners,
+    find_crossing_paths,
+    find_self_crossing,
     offset_segments,
 )
 from armcontour.program.process import WASTE, Lead, Process
 from armcontour.program.rounded_corners import draw_with_arcs
 
-# Bisection steps of the search for the largest kerf that fits: relative error 0.0001.
-HALVINGS = 14
+# Number of bisections in the search for the largest kerf that fits (relative error 0.0001).
+KERF_BISECTIONS = 14
 # Fraction of a lead, next to the contour that it touches, on which contact is ignored.
-CONTACT = 0.01
-# Bisection steps of the search for the longest lead that fits: relative error 0.0001.
-SIDE_HALVINGS = 14
+IGNORED_CONTACT = 0.01
+# Number of bisections in the search for the longest lead that fits (relative error 0.0001).
+LEAD_BISECTIONS = 14
 
 
 def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, float, float]]:
     """Parts of the tool path that separate material: path, first and last arc length, kerf [m]."""
-    # `process`: the process that it was prepared for.
+    # `process`: the process for which the program was prepared.
     parts = []
     for contour in program.contours:
         layer, (begin, end) = process.of_layer(contour.layer), contour.at_work
         if not layer.kerf:
             continue
         if layer.begins_on:
-            # The path down from the height of the pierce comes first.
+            # The line down from the height of the pierce does not separate material.
             begin = 0.0 if layer.pierce is None else layer.pierce.height
         parts.append(
             (contour.path, begin, contour.path.length if layer.ends_on else end, layer.kerf)
@@ -71,7 +71,7 @@ def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, flo
 
 
 def apply_kerf(program: Program, process: Process) -> Program:
-    """The program with its contours offset by half the kerf."""
+    """Offset the contours of a program by half the kerf."""
     # `program`: the program as it is drawn; `process`: kerf, its side, and the upward direction.
     contours = program.contours
     kerfs = [process.of_layer(x.layer).kerf or 0.0 for x in contours]
@@ -87,10 +87,10 @@ def apply_kerf(program: Program, process: Process) -> Program:
     if process.kerf_side == WASTE:
         _check_distances(contours, flat, parts, kerfs)
     made = [
-        _contours_of(x, i, offset, process.up)
+        _make_contours(x, i, offset, process.up)
         for i, (x, offset) in enumerate(zip(contours, parts, strict=True))
     ]
-    moves = _replaced(program.moves, made)
+    moves = _replace_contours(program.moves, made)
     skipped = [contour_called(x, i) for i, x in enumerate(contours) if kerfs[i] and not sides[i]]
     return replace(program, moves=tuple(moves), notes=(*program.notes, *_notes_on_open(skipped)))
 
@@ -105,39 +105,42 @@ def _kerf_sides(contours: Sequence[Contour], kerfs: Sequence[float], process: Pr
 
 
 def _notes_on_open(names: Sequence[str]) -> list[str]:
-    """A note on the open contours that a kerf in the waste does not offset, by their names."""
+    """A note on open contours that are not offset, by their names; empty without such contours."""
     if not names:
         return []
-    suffix = f" and {len(names) - 1} more open contours stay" if len(names) > 1 else " stays"
+    more = count_noun(len(names) - 1, "more open contour")
+    suffix = f" and {more} are" if len(names) > 1 else " is"
     return [
-        f"{names[0]}{suffix} where drawn, because an open contour has no waste side: "
-        "kerf_side left or right offsets open contours, too."
+        f"{names[0]}{suffix} not offset, because an open contour has no waste side. Set kerf_side "
+        "to left or right to offset open contours, too."
     ]
 
 
 def _flatten(contour: Contour, number: int, process: Process) -> Segments:
-    """The segments of a contour seen from above."""
+    """Segments of a contour projected along `up`; raise InvalidInput if they have no side."""
     called, up, rows = contour_called(contour, number), process.up, contour.path.segments
     if contour.work is not None:
-        raise InvalidInput(f"{called} has leads already: a kerf is for contours without them.")
+        raise InvalidInput(
+            f"{called} already has leads, but a kerf can only offset contours without leads."
+        )
     if rows.dimension == 3:
         slopes = np.abs([rows.tangents @ up, rows.normals @ up])
-        if slopes.max() > PARALLEL:
+        if slopes.max() > MAX_SLOPE:
             raise InvalidInput(
-                f"{called} leaves the plane across the upward direction, so a kerf has no side "
-                "there: remove the kerf, or ignore the z of the drawing."
+                f"{called} leaves the plane perpendicular to the upward direction, so its kerf has "
+                "no side there. Remove the kerf, or ignore the z of the drawing."
             )
         rows = rows.replace(
-            starts=seen_from_above(rows.starts, up),
-            tangents=seen_from_above(rows.tangents, up),
-            normals=seen_from_above(rows.normals, up),
+            starts=project_along_up(rows.starts, up),
+            tangents=project_along_up(rows.tangents, up),
+            normals=project_along_up(rows.normals, up),
         )
-    crossing = crosses_itself(rows, closed=contour.closed)
+    crossing = find_self_crossing(rows, closed=contour.closed)
     if crossing is not None:
         x, y = (1e3 * crossing).tolist()
         raise InvalidInput(
             f"{called} crosses or touches itself at ({x:.6g}, {y:.6g}) mm, so its kerf has no "
-            "side: correct the drawing, or remove the kerf."
+            "side. Correct the drawing, or remove the kerf."
         )
     return rows
 
@@ -145,23 +148,23 @@ def _flatten(contour: Contour, number: int, process: Process) -> Segments:
 def _offset(
     rows: Segments, contour: Contour, number: int, kerf: float, side: str
 ) -> list[OffsetPart]:
-    """The parts of a contour's offset."""
+    """The parts of a contour's offset by half the kerf; raise InvalidInput if it does not fit."""
     called, sign = contour_called(contour, number), 1 if side == "left" else -1
 
     def parts_of(width: float) -> list[OffsetPart]:
         parts = offset_segments(rows, sign * width / 2, closed=contour.closed)
-        # Closed parts of the offset of an open contour are inside its curls.
+        # Closed parts of the offset of an open contour lie inside its curls and are discarded.
         return parts if contour.closed else [x for x in parts if not x.closed]
 
     offset_parts = parts_of(kerf)
     if not offset_parts:
         fits, too_wide = 0.0, kerf
-        for _ in range(HALVINGS):
+        for _ in range(KERF_BISECTIONS):
             middle = (fits + too_wide) / 2
             fits, too_wide = (middle, too_wide) if parts_of(middle) else (fits, middle)
-        result = "removes the whole contour" if contour.closed else "has no room next to it"
+        result = "removes the whole contour" if contour.closed else "does not fit next to it"
         raise InvalidInput(
-            f"{called}: a kerf of {1e3 * kerf:.6g} mm {result}; the largest kerf that fits is "
+            f"{called}: a kerf of {1e3 * kerf:.6g} mm {result}. The largest kerf that fits is "
             f"{1e3 * fits:.4g} mm.",
             needed=kerf,
             allowed=fits,
@@ -170,7 +173,7 @@ def _offset(
         reason = "has events on it" if contour.events else "is open"
         raise InvalidInput(
             f"{called} {reason}, and a kerf of {1e3 * kerf:.6g} mm divides it into "
-            f"{len(offset_parts)} pieces: give a smaller kerf."
+            f"{len(offset_parts)} pieces. Specify a smaller kerf."
         )
     return offset_parts
 
@@ -181,13 +184,13 @@ def _check_distances(
     parts: Sequence[Sequence[OffsetPart]],
     kerfs: Sequence[float],
 ) -> None:
-    """Raise InvalidInput for contours of which one is cut into along the other."""
+    """Raise InvalidInput if the cut along one contour cuts into another contour."""
     indices = [i for i, x in enumerate(flat) if x is not None]
     if len(indices) < 2:
         return
     sources = [x for x in flat if x is not None]
     paths = [Segments.join([x.segments for x in parts[i]]) for i in indices]
-    pair = crossing_owners(sources) or crossing_owners(paths)
+    pair = find_crossing_paths(sources) or find_crossing_paths(paths)
     if pair is None:
         owner = np.repeat(np.arange(len(indices)), [len(x) for x in paths])
         path = Segments.join(paths)
@@ -203,24 +206,24 @@ def _check_distances(
     first, second = (indices[k] for k in pair)
     kerf = max(kerfs[first], kerfs[second])
     raise InvalidInput(
-        f"{_called_on_layer(contours, first)} and {_called_on_layer(contours, second)} cross, or "
+        f"{_name_with_layer(contours, first)} and {_name_with_layer(contours, second)} cross, or "
         f"are nearer to each other than the kerf of {1e3 * kerf:.6g} mm, so the cut along one "
-        "cuts into the other: move them apart, give a smaller kerf, or give a layer that is not "
-        "cut through the kerf null in process.by_layer."
+        "cuts into the other. Move them apart, specify a smaller kerf, or set kerf: null in "
+        "process.by_layer for a layer that is not cut through."
     )
 
 
-def _called_on_layer(contours: Sequence[Contour], number: int) -> str:
+def _name_with_layer(contours: Sequence[Contour], number: int) -> str:
     """Name of a contour for messages, with its layer if there are several layers."""
     called, layer = contour_called(contours[number], number), contours[number].layer
     return f"{called} (layer {layer})" if len({x.layer for x in contours}) > 1 else called
 
 
-def _contours_of(
+def _make_contours(
     contour: Contour, number: int, parts: Sequence[OffsetPart], up: FloatArray
 ) -> list[Contour]:
-    """The contours from the parts of an offset, the part nearest to the start first."""
-    # Without parts it is the original contour.
+    """Contours along the parts of an offset, the part nearest to the start point first."""
+    # Without parts, the original contour is returned.
     if not parts:
         return [contour]
     source = contour.path
@@ -245,18 +248,18 @@ def _contours_of(
 
 
 def _path_of_part(part: OffsetPart, source: Path, up: FloatArray) -> Path:
-    """The path of a part, with speeds, tolerances, tags and orientation of its source."""
+    """The path of an offset part, with speeds, tolerances, tags and orientation of its source."""
     rows = part.segments
     originals = source.segments[part.rows]
     columns = {x: getattr(originals, x) for x in ("speeds", "tolerances", "tags")}
     if source.dimension == 3:
-        axes = axes_across(up)
+        axes = perpendicular_axes(up)
         height = float(source.starts[0] @ up) * up
         columns["starts"] = rows.starts @ axes.T + height
         columns |= {x: getattr(rows, x) @ axes.T for x in ("tangents", "normals")}
     rows = rows.replace(**columns)
     if part.closed:
-        # The first segment is that whose start is nearest to the start of the source.
+        # The path starts with the segment whose start is nearest to the start of the source.
         distances = np.linalg.norm(rows.starts - source(0.0), axis=1)
         order: IntArray = np.roll(np.arange(len(rows)), -int(np.argmin(np.round(distances, 9))))
         rows = rows[order]
@@ -267,7 +270,7 @@ def _path_of_part(part: OffsetPart, source: Path, up: FloatArray) -> Path:
 
 
 def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) -> Orientation:
-    """The tool orientation along an offset, relative to the tangent as along its source."""
+    """Tool orientation along an offset, constant or at the same angle to the tangent."""
     rows, start = path.segments, orientation(0.0)
     same = orientation.fixed and all(
         np.abs(x - start).max() <= REPEATED_POINT for x in orientation.starts
@@ -275,7 +278,7 @@ def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) 
     rates = np.zeros((len(rows), 3))
     turned = np.repeat(start[None], len(rows), axis=0)
     if orientation.follows:
-        a, b = seen_from_above(source.tangents[:1], up), seen_from_above(rows.tangents, up)
+        a, b = project_along_up(source.tangents[:1], up), project_along_up(rows.tangents, up)
         angle = np.arctan2(
             a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]
         )
@@ -283,17 +286,17 @@ def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) 
         rates = tangent_rates(rows)
     elif not same:
         raise InvalidInput(
-            "A kerf needs a tool orientation that is constant or follows the tangent: remove the "
-            "kerf."
+            "A kerf needs a tool orientation that is constant or follows the tangent. Change the "
+            "orientation, or remove the kerf."
         )
     return Orientation.even(
         rows.lengths, turned, rates, axis_only=orientation.axis_only, follows=orientation.follows
     )
 
 
-def _replaced(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) -> list[Move]:
-    """The moves with other contours; rapids away from a contour start at its new end."""
-    away, number = rapids_leading_away(moves), 0
+def _replace_contours(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) -> list[Move]:
+    """Replace the contours among moves; rapids away from a contour start at its new end."""
+    away, number = find_departing_rapids(moves), 0
     result: list[Move] = []
     for move in moves:
         if isinstance(move, Contour):
@@ -309,25 +312,25 @@ def _replaced(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) -> list[
 
 
 def cut_contours(contours: Sequence[Contour], process: Process) -> BoolArray:
-    """Mask of the contours that are cut: those with a kerf; all without any kerf."""
+    """Mask of the contours that are cut, (n,): contours with a kerf, or all if none has one."""
     mask = np.array([process.of_layer(x.layer).kerf is not None for x in contours])
     return mask if mask.any() else ~mask
 
 
 def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
     """The scrap side of every contour in its direction of travel, "left" or "right"."""
-    # Closed contours inside an odd number of other contours that are cut are holes, on any layer.
+    # A closed contour inside an odd number of other contours that are cut is a hole, on any layer.
     # The scrap side of open contours is "left".
     # `contours`: the contours in their direction of travel; `process`: kerfs of the layers, and the
     # direction from which the contours are viewed.
     nesting = find_nesting(contours, process.up)
-    depths = nesting.holds[cut_contours(contours, process)].sum(axis=0)
+    depths = nesting.contains[cut_contours(contours, process)].sum(axis=0)
     on_left = ((depths % 2 == 1) == (nesting.areas > 0)) | (nesting.areas == 0)
     return ["left" if x else "right" for x in on_left.tolist()]
 
 
 class LeadPlacement:
-    """Leads of the contours of a program, in the scrap and clear of all cut contours."""
+    """Lays the leads of a program's contours in the scrap, so that they cross no cut contour."""
 
     def __init__(self, contours: Sequence[Contour], process: Process) -> None:
         # `contours`: the contours before they get overlaps and leads.
@@ -336,12 +339,14 @@ class LeadPlacement:
         self._sides = waste_sides(contours, process) if needed else ["left"] * len(contours)
         self._cut = cut_contours(contours, process)
         self._around: tuple[FloatArray, FloatArray] | None = None
-        # Leads that are shorter than requested: fraction of the length, and a description.
+        # Leads that are shorter than requested: fraction of the requested length, and description.
         self._shortened: list[tuple[float, str]] = []
 
-    def lay(self, number: int, path: Path, lead: Lead, length: float, *, after: bool) -> Path:
+    def place_lead(
+        self, number: int, path: Path, lead: Lead, length: float, *, after: bool
+    ) -> Path:
         """The lead-in or the lead-out of contour `number`."""
-        # `length`: length of the lead [m]; one of automatic length is shortened to what fits;
+        # `length`: requested length [m]; a lead of automatic length is shortened until it fits;
         # `after`: true for the lead-out.
         contour = self._contours[number]
         side = self._sides[number] if lead.side == WASTE else lead.side
@@ -359,7 +364,7 @@ class LeadPlacement:
         if self._fits(full_lead, after):
             return full_lead
         fits, too_long = 0.0, length
-        for _ in range(SIDE_HALVINGS):
+        for _ in range(LEAD_BISECTIONS):
             middle = (fits + too_long) / 2
             in_scrap = self._fits(lead_of(middle), after)
             fits, too_long = (middle, too_long) if in_scrap else (fits, middle)
@@ -368,7 +373,7 @@ class LeadPlacement:
         if not fits:
             raise InvalidInput(
                 f"{location}: an arc {kind} does not fit into the scrap at the "
-                f"{'end' if after else 'start'} of the contour: choose another start point "
+                f"{'end' if after else 'start'} of the contour. Choose another start point "
                 "(process.begin).",
                 needed=length,
                 allowed=0.0,
@@ -376,7 +381,7 @@ class LeadPlacement:
         if lead.length is not None:
             raise InvalidInput(
                 f"{location}: a {kind} of {1e3 * length:.4g} mm crosses a contour or leaves the "
-                f"scrap; the longest that fits is {1e3 * fits:.4g} mm.",
+                f"scrap. The longest {kind} that fits is {1e3 * fits:.4g} mm.",
                 needed=length,
                 allowed=fits,
             )
@@ -386,19 +391,19 @@ class LeadPlacement:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """A sentence on leads that are shorter than the tool needs to reach its speed, if any."""
+        """A sentence on leads that are too short to reach the speed; empty without such leads."""
         if not self._shortened:
             return ()
         count = count_noun(len(self._shortened), "lead")
         return (
             "Leads are shorter than the tool needs to reach its speed, because longer leads cross "
-            f"a contour or leave the scrap: {count}; the shortest is {min(self._shortened)[1]}.",
+            f"a contour or leave the scrap ({count}). The shortest is {min(self._shortened)[1]}.",
         )
 
     def _beyond(self, contour: Contour, path: Path, after: bool) -> FloatArray | None:
         """Unit tangent of a closed contour on the other side of the vertex that a lead touches."""
         outline = contour.path
-        # A contour with an overlap does not end at its start.
+        # A contour with an overlap does not end at its start point.
         if np.linalg.norm(outline.end - outline.starts[0]) > REPEATED_POINT:
             return None
         nearest = outline.project(path(path.length if after else 0.0)[None])
@@ -412,7 +417,7 @@ class LeadPlacement:
         return outline(s or outline.length, 1, side="left")
 
     def _fits(self, lead: Path, after: bool) -> bool:
-        """True if a lead crosses no contour that is cut, and its free end lies in the scrap."""
+        """True if a lead crosses no cut contour and its free end lies in the scrap."""
         lead, up = lead.reversed() if after else lead, self._process.up
         cut = [x for x, kept in zip(self._contours, self._cut, strict=True) if kept]
         if self._around is None:
@@ -421,7 +426,8 @@ class LeadPlacement:
         pieces, boxes = self._around
         lead_pieces = _pieces(lead, up)
         tip = lead_pieces[0, :2]
-        # No part of a piece or of the lead is farther from its start than its length.
+        # Only pieces within reach of the lead are tested. No point of a piece or of the lead is
+        # farther from its start than its length.
         apart = np.linalg.norm(pieces[:, :2] - tip, axis=1)
         near = pieces[apart <= pieces[:, LENGTH] + lead.length + REPEATED_POINT]
         pairs, distances = find_crossings(np.concatenate([lead_pieces, near]))
@@ -431,22 +437,22 @@ class LeadPlacement:
         contacts = (
             np.take_along_axis(distances, first, 1)[meets, 0] + begins[pairs.min(axis=1)[meets]]
         )
-        if (contacts < (1 - CONTACT) * lead.length).any():
+        if (contacts < (1 - IGNORED_CONTACT) * lead.length).any():
             return False
         enclosing = np.nonzero(((boxes[:, 0] <= tip) & (tip <= boxes[:, 1])).all(axis=1))[0]
-        holds = find_nesting([*(cut[i] for i in enclosing), Contour(path=lead)], up).holds
-        return bool(holds[:, -1].sum() % 2 == 0)
+        contains = find_nesting([*(cut[i] for i in enclosing), Contour(path=lead)], up).contains
+        return bool(contains[:, -1].sum() % 2 == 0)
 
 
 def _box(pieces: FloatArray) -> FloatArray:
-    """Corners of a box around pieces, (2, 2)."""
+    """Lower and upper corner of a box around pieces [m], (2, 2)."""
     starts, lengths = pieces[:, :2], pieces[:, LENGTH:]
     return np.stack([(starts - lengths).min(axis=0), (starts + lengths).max(axis=0)])
 
 
 def _pieces(path: Path, up: FloatArray) -> FloatArray:
     """The table of pieces (crossings.py) of a path seen from above, (n, 6)."""
-    chords = chords_of(path, up)
+    chords = find_chords(path, up)
     a, chord, bent = chords[:, :2], chords[:, 2:4] - chords[:, :2], chords[:, 7] != 0
     curvatures = np.where(bent, chords[:, 7] / np.where(bent, chords[:, 6], 1.0), 0.0)
     out = (a - chords[:, 4:6]) * curvatures[:, None]

@@ -1,8 +1,8 @@
 """Compiled local search for a short open tour over contours.
 
-Every contour has options: a closed contour start points, an open one its directions. An option has
-a point of entry and a point of exit. The moves of the search are those of 2-opt and Or-opt; the
-double bridge of Lin and Kernighan with short parts leaves local optima.
+Every contour has options: start points of a closed contour, or directions of an open contour. An
+option has an entry point and an exit point. The moves of the search are 2-opt and Or-opt. To leave
+a local optimum, the search exchanges two short parts (double bridge of Lin and Kernighan).
 """
 
 from __future__ import annotations
@@ -20,34 +20,33 @@ LONGEST_PART = 3
 # Longest parts that are exchanged to leave a local optimum.
 LONGEST_EXCHANGE = 30
 # Up to this number of contours, an exchange also changes an option.
-FEW = 30
-# Changes of length below this fraction of a tour are rounding errors.
+FEW_CONTOURS = 30
+# Changes of length below this fraction of the length of a tour are rounding errors.
 NO_GAIN = 1e-12
 
 
 class TourOptions(NamedTuple):
-    """Start points of n closed contours or directions of open ones, from which a tour chooses."""
+    """Entry and exit points of the m options of n contours."""
 
-    exits: FloatArray  # Exits of all options, (m, 3)
-    entries: FloatArray  # Their entries, (m, 3)
+    exits: FloatArray  # Exit point of every option [m], (m, 3)
+    entries: FloatArray  # Entry point of every option [m], (m, 3)
     first: IntArray  # Index of the first option of every contour, and m, (n + 1,)
 
 
 class _Tour(NamedTuple):
-    """A tour, whose positions count from 1."""
+    """A tour of n contours at the positions 1 to n."""
 
-    order: IntArray  # The contour at each position, (n + 1,)
-    option: IntArray  # The option of every contour, (n,)
+    order: IntArray  # Contour at each position, -1 at position 0, (n + 1,)
+    option: IntArray  # Option of every contour, (n,)
     position: IntArray  # Position of every contour, (n,)
-    # The option at each position; -1 before the first one and after the last, (n + 2,)
-    chosen: IntArray
-    ahead: FloatArray  # Length of the links up to each position, (n + 2,)
-    back: FloatArray  # The same in the opposite direction, (n + 2,)
+    chosen: IntArray  # Option at each position; -1 at the positions 0 and n + 1, (n + 2,)
+    ahead: FloatArray  # Length of the links up to each position [m], (n + 2,)
+    back: FloatArray  # Length of these links in the opposite direction [m], (n + 2,)
 
 
 @compiled(inner=True)
 def distance(options: TourOptions, a: int, b: int) -> float:
-    """Distance from the exit of option a to the entry of option b; 0 if either is -1."""
+    """Distance from the exit of option a to the entry of option b [m]; 0 if either is -1."""
     if a < 0 or b < 0:
         return 0.0
     x = options.exits[a, 0] - options.entries[b, 0]
@@ -58,7 +57,7 @@ def distance(options: TourOptions, a: int, b: int) -> float:
 
 @compiled(inner=True)
 def _update_tour(options: TourOptions, tour: _Tour, first: int) -> None:
-    """Update the dependent arrays of a tour from a position on."""
+    """Recompute `position`, `chosen`, `ahead` and `back` of a tour from position `first` on."""
     order, option, position, chosen, ahead, back = tour
     for k in range(first, len(chosen)):
         chosen[k] = -1
@@ -79,7 +78,8 @@ def _relocate_part(
     threshold: float,
 ) -> bool:
     """Move a part of the tour behind a position if allowed and the gain exceeds `threshold`."""
-    # A position inside the part reverses it.
+    # `start`, `end`: first and last position of the part; `to`: the position; if it is inside the
+    # part, the part is reversed in place. Returns true if the part was moved.
     order, option, position, chosen, ahead, back = tour
     if start < 1 or end >= len(order):
         return False
@@ -94,7 +94,7 @@ def _relocate_part(
     backward += ahead[end] - ahead[start] - back[end] + back[start]
     if max(onward, backward) <= threshold:
         return False
-    # The part comes after the others, or before them.
+    # The part and the contours between it and the new position exchange their places.
     low, high, size = min(start, to + 1), max(end, to), end - start + 1
     old, part = order[low : high + 1].copy(), order[start : end + 1].copy()
     others = order[end + 1 : to + 1].copy() if to > end else order[to + 1 : start].copy()
@@ -117,7 +117,7 @@ def _relocate_part(
 def _improve_contour(
     options: TourOptions, parent: IntArray, near: IntArray, tour: _Tour, c: int
 ) -> bool:
-    """Make one move that shortens the tour at contour c; return whether there is one."""
+    """Make one move that shortens the tour at contour c; returns true if there is such a move."""
     order, option, position, chosen, ahead, _ = tour
     n, i = len(order) - 1, position[c]
     no_gain = NO_GAIN * (1 + ahead[-1])
@@ -150,7 +150,7 @@ def _improve_contour(
                 for to in (k, k - 1):
                     if _relocate_part(options, parent, tour, start, start + count - 1, to, no_gain):
                         return True
-    # Moves to the ends of the tour, which have no neighbour.
+    # Moves to the ends of the tour, where no neighbouring contour exists.
     for start, end, to in ((1, i, i), (i, i, 0), (i, n, n), (i, i, n)):
         if _relocate_part(options, parent, tour, start, end, to, no_gain):
             return True
@@ -161,13 +161,13 @@ def _improve_contour(
 def shorten_tour(
     options: TourOptions,
     parent: IntArray,  # Contour that each contour must precede, or -1, (n,)
-    near: IntArray,  # The nearest contours of every contour, (n, k)
-    tour: IntArray,  # The contours in order, (n,)
-    option: IntArray,  # The option of every contour, (n,)
+    near: IntArray,  # Indices of the nearest contours of every contour, (n, k)
+    tour: IntArray,  # Indices of the contours in order, (n,)
+    option: IntArray,  # Option of every contour, (n,)
     numbers: IntArray,
 ) -> None:
-    """Shorten a tour in place."""
-    # `numbers`: random numbers for exchanges of parts from which the search continues, (tries, 4).
+    """Shorten a tour; writes the new order and options to `tour` and `option`."""
+    # `numbers`: random numbers that determine the exchanges of parts, (tries, 4).
     n = len(tour)
     order, position = np.append(-1, tour), np.zeros(n, dtype=np.intp)
     now = _Tour(
@@ -184,7 +184,7 @@ def shorten_tour(
             k = j + 1 + number[2] % min(LONGEST_EXCHANGE, n + 1 - j)
             if not _relocate_part(options, parent, now, i, j - 1, k - 1, -np.inf):
                 continue
-            if n <= FEW:
+            if n <= FEW_CONTOURS:
                 c = order[i]
                 first = options.first[c]
                 now.option[c] = first + number[3] % (options.first[c + 1] - first)
@@ -200,7 +200,7 @@ def shorten_tour(
             queued[c] = False
             a, b = order[max(position[c] - 1, 1)], order[min(position[c] + 1, n)]
             if _improve_contour(options, parent, near, now, c):
-                # Contours that were next to it, and those that are now.
+                # The contour itself, and its neighbours before and after the move.
                 for m in (a, b, order[max(position[c] - 1, 1)], order[min(position[c] + 1, n)], c):
                     if not queued[m]:
                         queue[count] = m

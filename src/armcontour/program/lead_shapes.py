@@ -15,11 +15,12 @@ from armcontour.geometry.segments import Segments
 
 # Angle of a quarter circle [rad].
 QUARTER = np.pi / 2
-# Smallest sine of the angle between tangent and `up`; below it left and right are undefined.
-UPRIGHT = 1e-6
-# Largest sine of the angle of a vertex towards the side of an arc. Above it the arc would cross the
-# contour by more than the fraction of its length on which contact is ignored.
-SHARP = 0.005
+# Smallest sine of the angle between tangent and `up`. Below it, left and right are undefined.
+VERTICAL = 1e-6
+# Largest sine of the angle by which a contour may turn at a vertex towards the side of an arc lead.
+# With a larger angle, the contour would cross the arc outside the part at its end on which contact
+# is ignored.
+MAX_INWARD_TURN = 0.005
 
 
 def lead_path(
@@ -32,17 +33,17 @@ def lead_path(
     after: bool,  # True for the lead-out
     beyond: FloatArray | None = None,
 ) -> Path:
-    """The lead-in before a path, or the lead-out after it."""
+    """The lead-in before a path, or the lead-out after the path."""
     # `beyond`: unit tangent of a closed contour on the other side of the vertex that the lead
-    # touches. If the contour turns towards the side of an arc there, the lead is a line along the
-    # bisector, because a tangent arc would cross the contour.
+    # touches. If the contour turns towards the side of the arc at this vertex, the lead becomes a
+    # line along the bisector, because a tangent arc would cross the contour.
     s = path.length if after else 0.0
     direction = "left" if after else "right"
     point, tangent = path(s), path(s, 1, side=direction)
     row = -1 if after else 0
     if shape == "arc" and beyond is not None:
         entering, leaving = (tangent, beyond) if after else (beyond, tangent)
-        if _side_vector(entering, side, up) @ leaving > SHARP:
+        if _side_vector(entering, side, up) @ leaving > MAX_INWARD_TURN:
             inwards = (leaving - entering) / np.linalg.norm(leaving - entering)
             shape, tangent = "line", inwards if after else -inwards
     if shape == "line":
@@ -53,7 +54,7 @@ def lead_path(
         normal = _side_vector(tangent, side, up)
         start, start_tangent = point, tangent
         if not after:
-            # The quarter of the same circle before the point, so that the arc ends at the point.
+            # A lead-in is the quarter of the same circle that ends at the point.
             start = point - (tangent - normal) / curvature
             start_tangent, normal = -normal, tangent
     lead = Path(
@@ -81,10 +82,10 @@ def _side_vector(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
     else:
         normal = np.cross(up, tangent)
         size = float(np.linalg.norm(normal))
-        if size < UPRIGHT:
+        if size < VERTICAL:
             raise InvalidInput(
-                "A lead in the shape of an arc has no side where the contour goes straight up: "
-                "take the shape line."
+                "A lead in the shape of an arc has no side where the contour is parallel to the "
+                "direction up. Use the shape line."
             )
         normal = normal / size
         normal -= (normal @ tangent) * tangent
@@ -95,7 +96,7 @@ def _side_vector(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
 def _lead_orientation(
     orientation: Orientation, rotation: FloatArray, lead: Path, after: bool
 ) -> Orientation:
-    """Tool orientation along a lead: constant, or following the tangent if the path's does."""
+    """Tool orientation along a lead, which follows the tangent or is constant like the path's."""
     rate = np.zeros(3)
     if orientation.follows and lead.curvatures[0] > 0:
         rate = tangent_rates(lead.segments)[0]

@@ -47,9 +47,10 @@ from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weave import Woven
 
 Value = bool | PlainNumber | Name
-# Output whose numbers and texts are tools, as T words in G-code; True and False are on and off.
+# Name of the output that changes tools: a number or a text is a tool, as a T word in G-code. True
+# and False switch the output on and off.
 TOOL = "tool"
-# Largest numbers of moves and of segments of a repeated program: more take minutes to plan.
+# Largest numbers of moves and segments of a repeated program. Planning more takes minutes.
 MAX_MOVES = 100_000
 MAX_SEGMENTS = 1_000_000
 
@@ -73,8 +74,8 @@ class Event(Checked):
             if negative.
 
     Raises:
-        InvalidInput: A name or a value that is longer than 80 characters or not printable, or a
-            number that is not finite.
+        InvalidInput: A name or a value is longer than 80 characters or not printable, or a number
+            is not finite.
     """
 
     name: NeededName = field(kw_only=False)
@@ -100,19 +101,19 @@ class Contour(Checked):
 
     Args:
         path: The path.
-        name: Name in its source, such as an id or a line number.
+        name: Name of the contour in its source, such as an id or a line number.
         layer: Layer of the drawing.
         events: Events along the contour.
-        work: Arc lengths at which the process goes on and off [m]; leads are before and after. By
-            default the whole path.
+        work: Arc lengths at which the process is switched on and off [m]; leads are before and
+            after. By default the whole path.
         keep_start: Whether to keep the drawn start point, as in G-code.
         ring: Whether the contour is closed, for a path with leads or overlap; None compares the
             ends of the path.
-        woven: Result of weaving along its seam; None without weaving.
+        woven: Seam and parameters of a woven path; None without weaving.
 
     Raises:
-        InvalidInput: No path, an invalid name or layer, an event after the end of the path, or work
-            outside the path.
+        InvalidInput: The path is missing, a name or layer is invalid, an event is after the end of
+            the path, or the work is outside the path.
     """
 
     path: Path = field(kw_only=False)
@@ -129,8 +130,9 @@ class Contour(Checked):
             start, end = self.work
             if not -REPEATED_POINT <= start < end <= self.path.length + REPEATED_POINT:
                 raise InvalidInput(
-                    f"The work on the contour {self.name} goes from {start:g} to {end:g} m, which "
-                    f"is not within its length of {self.path.length:g} m."
+                    f"The work on the contour {self.name} must increase and lie between 0 and the "
+                    f"length of the contour, {self.path.length:g} m, but is from {start:g} to "
+                    f"{end:g} m."
                 )
         for event in self.events:
             if event.s > self.path.length + REPEATED_POINT:
@@ -152,11 +154,11 @@ class Contour(Checked):
 
     @property
     def at_work(self) -> tuple[float, float]:
-        """Arc lengths at which the process goes on and off [m], between the leads."""
+        """Arc lengths at which the process is switched on and off [m], between the leads."""
         return (0.0, self.path.length) if self.work is None else self.work
 
     def without_z(self) -> tuple[Contour | Event, ...]:
-        """The contour without z; if no length remains, its events as moves of their own."""
+        """The contour without z; if no length remains, its events as separate moves."""
         path, work = self.path, self.work
         if not has_length_without_z(path):
             return tuple(replace(x, s=0.0, lead_distance=0.0) for x in self.events)
@@ -171,8 +173,8 @@ class Contour(Checked):
 
 
 def describe_not_run(layers: Counter[str]) -> tuple[str, ...]:
-    """A sentence with the layers that are not run and their counts; empty without such layers."""
-    # `layers`: numbers of contours, or of entities of a drawing, by layer.
+    """A sentence that lists layers that are not run, with their counts; empty without any."""
+    # `layers`: number of contours, or of entities of a drawing, of each layer.
     listed = list_some(
         [f"{name or 'no layer'} ({n})" for name, n in sorted(layers.items()) if n], 12
     )
@@ -192,13 +194,13 @@ def name_copy(name: str, row: int, column: int) -> str:
     return f"{shorten(name, checks.LONGEST_NAME - 1 - len(suffix))} {suffix}" if name else suffix
 
 
-def _checked_spacing(name: str, spacing: float | None, copies: int) -> float:
-    """The distance between copies [m]; 0 for a single copy."""
+def _check_spacing(name: str, spacing: float | None, copies: int) -> float:
+    """Distance between copies [m]; 0 for a single copy; raise InvalidInput if it is missing."""
     distance = 0.0 if spacing is None else checks.check_number(name, spacing, "m")
     if copies > 1 and abs(distance) <= REPEATED_POINT:
         raise InvalidInput(
-            f"{name} must be the distance from one copy to the next, for {copies} copies, and not "
-            f"{'left out' if spacing is None else f'{distance:g} m'}."
+            f"{copies} copies need {name}, the distance from one copy to the next, but it is "
+            f"{'missing' if spacing is None else f'{distance:g} m'}."
         )
     return distance if copies > 1 else 0.0
 
@@ -225,7 +227,7 @@ class Rapid(Checked):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dwell(Checked):
-    """A time during which the tool is at rest.
+    """A pause during which the tool is at rest.
 
     >>> ac.Dwell(0.5).duration
     0.5
@@ -243,7 +245,7 @@ Move = Contour | Rapid | Dwell | Event
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Program(Checked):
-    """Moves in order; rapids between contours that do not meet are added by the planner.
+    """Moves in order. The planner adds rapids between contours that do not meet.
 
     >>> program = ac.Program(moves=(ac.Contour(path=path), ac.Dwell(0.5)))
     >>> len(program.contours), round(program.length, 4)
@@ -259,8 +261,8 @@ class Program(Checked):
         other_layers: Names of the layers of the drawing that are not run.
 
     Raises:
-        InvalidInput: No contour, an object that is no move, an event between contours with an arc
-            length or a lead distance, or paths of different dimensions.
+        InvalidInput: There is no contour, an object is not a move, an event between contours has an
+            arc length or a lead distance, or paths have different dimensions.
     """
 
     moves: tuple[Move, ...] = field(kw_only=False)
@@ -279,8 +281,9 @@ class Program(Checked):
         for move in self.moves:
             if isinstance(move, Event) and (move.s or move.lead_distance):
                 raise InvalidInput(
-                    f"The event {move.name} is a separate move, at which the tool is at rest, and "
-                    "can have no s and no lead distance: put it into a contour, or use a lead time."
+                    f"The event {move.name} is a separate move, during which the tool is at rest, "
+                    "so it must not have s or a lead distance. Put the event into a contour, or "
+                    "use a lead time."
                 )
         if not self.contours:
             raise InvalidInput(f"{self.source or 'A program'} has no contour to follow.")
@@ -292,7 +295,7 @@ class Program(Checked):
 
     @classmethod
     def from_path(cls, path: Path | Program, needs: str = "A program is made of a Path") -> Program:
-        """Make a program of a path, whose start point is kept; return a program unchanged.
+        """Make a program of one path and keep its start point; return a program unchanged.
 
         Args:
             path: The path or the program.
@@ -334,14 +337,14 @@ class Program(Checked):
         """
         if len(self.contours) != 1:
             raise InvalidInput(
-                f"{self.source or 'The program'} has {len(self.contours)} contours and not one "
-                "path: give it as a program, or choose a contour by its layer or name."
+                f"{self.source or 'The program'} has {len(self.contours)} contours, but one path "
+                "is required. Pass the program instead, or select one contour by its layer or name."
             )
         return self.contours[0].path
 
     @property
     def dimension(self) -> int:
-        """2 in the plane, 3 in space."""
+        """Number of coordinates of a point: 2 in the plane, 3 in space."""
         return self.contours[0].path.dimension
 
     @property
@@ -357,7 +360,7 @@ class Program(Checked):
 
     @checked
     def mapped(self, change: Callable[[Path], Path]) -> Program:
-        """The program with changed paths; events keep their relative positions.
+        """Apply a function to all paths; events stay at the same fraction of the length.
 
         Args:
             change: Function from an old path to a new path.
@@ -397,12 +400,12 @@ class Program(Checked):
         return self.mapped(lambda path: path.lifted().pointing(direction))
 
     def __repr__(self) -> str:
-        """Source, number of contours and length."""
+        """Source, number of contours and length, in one line."""
         source = f"{self.source!r}, " if self.source else ""
         return f"Program({source}{len(self.contours)} contours, {self.length:.6g} m)"
 
     def __str__(self) -> str:
-        """Contours by layer, other moves, and notes."""
+        """Summary of the contours by layer, the other moves, and the notes."""
         contours = self.contours
         layers = Counter(x.layer for x in contours)
         lengths = [x.path.length for x in contours]
@@ -427,7 +430,7 @@ class Program(Checked):
         )
 
     def placed(self, frame: Pose, *, scale: float = 1.0) -> Program:
-        """The program moved from the coordinates of a frame to those of the frame's parent.
+        """The program transformed from a frame to its parent frame.
 
         Speeds, tolerances and leads stay the same.
 
@@ -456,10 +459,12 @@ class Program(Checked):
         Args:
             columns: Number of copies along x.
             rows: Number of copies along y.
-            column_spacing: Distance from one column to the next [m]; below zero against x.
-            row_spacing: Distance from one row to the next [m]; below zero against y.
-            serpentine: Whether every second row runs back from its last column; otherwise all rows
-                run from their first column.
+            column_spacing: Distance from one column to the next [m]; negative in the direction
+                opposite to x.
+            row_spacing: Distance from one row to the next [m]; negative in the direction opposite
+                to y.
+            serpentine: Whether every second row runs from its last to its first column; otherwise
+                all rows run from their first column.
 
         Raises:
             InvalidInput: A spacing is missing or zero, or the copies have too many moves or
@@ -469,8 +474,8 @@ class Program(Checked):
             checks.check_int(name, value, 1, MAX_MOVES)
             for name, value in (("columns", columns), ("rows", rows))
         )
-        dx = _checked_spacing("column_spacing", column_spacing, columns)
-        dy = _checked_spacing("row_spacing", row_spacing, rows)
+        dx = _check_spacing("column_spacing", column_spacing, columns)
+        dy = _check_spacing("row_spacing", row_spacing, rows)
         self._check_size(columns * rows)
         moves: list[Move] = []
         for row in range(rows):
@@ -484,7 +489,7 @@ class Program(Checked):
         return replace(self, moves=tuple(moves))
 
     def _check_size(self, copies: int) -> None:
-        """Raise InvalidInput for copies with too many moves or segments together."""
+        """Raise InvalidInput if all copies together have too many moves or segments."""
         paths = [x.path for x in self.moves if isinstance(x, Contour | Rapid)]
         segments = sum(len(x) for x in paths if x is not None)
         for noun, count, maximum in (
@@ -493,17 +498,17 @@ class Program(Checked):
         ):
             if copies * count > maximum:
                 raise InvalidInput(
-                    f"{copies} copies of {count} {noun} are more than {maximum} {noun}: take fewer "
-                    "columns or rows.",
+                    f"{copies} copies of {count} {noun} are more than the maximum of {maximum} "
+                    f"{noun}. Specify fewer columns or rows.",
                     needed=copies * count,
                     allowed=maximum,
                 )
 
     def without_z(self) -> Program:
-        """The program without z; vertical moves are removed, their events stay.
+        """The program without z. Vertical moves are removed, but their events remain.
 
         Raises:
-            InvalidInput: An arc that is not parallel to the plane.
+            InvalidInput: An arc is not parallel to the plane.
         """
         moves: list[Move] = []
         number = 0
@@ -530,29 +535,30 @@ class Program(Checked):
         """The contours on some layers or with some names, with new rapids between them.
 
         Args:
-            layers: Names of layers; None takes all.
-            names: Names of contours; None takes all.
+            layers: Names of layers; None for all layers.
+            names: Names of contours; None for all names.
 
         Raises:
-            InvalidInput: An unknown layer or name, or no remaining contour.
+            InvalidInput: A layer or name does not exist, or no contour remains.
         """
         if layers is None and names is None:
             return self
-        by_layer = self._chosen("layer", layers, [x.layer for x in self.contours])
-        by_name = self._chosen("contour", names, [x.name for x in self.contours])
+        by_layer = self._selection_mask("layer", layers, [x.layer for x in self.contours])
+        by_name = self._selection_mask("contour", names, [x.name for x in self.contours])
         contours = tuple(
             x for x, *chosen in zip(self.contours, by_layer, by_name, strict=True) if all(chosen)
         )
         if not contours:
-            both = "fits both the layers and the names"
-            reason = "is chosen" if layers is None or names is None else both
-            raise InvalidInput(
-                f"{self.source or 'The program'} has no contour that {reason}: remove the empty "
-                "list, or one of two lists that exclude each other."
-            )
+            if layers is None or names is None:
+                reason = "no contour is selected. Remove the empty list"
+            else:
+                reason = (
+                    "no contour matches both the layers and the names. Remove one of both lists"
+                )
+            raise InvalidInput(f"{self.source or 'The program'}: {reason}.")
         notes = self.notes
         if len(self.contours) < len(self.moves):
-            note = "rapids, dwells and events between the chosen contours are removed."
+            note = "rapids, dwells and events between the selected contours are removed."
             notes = (*notes, note)
         others = Counter(
             x.layer for x, chosen in zip(self.contours, by_layer, strict=True) if not chosen
@@ -561,7 +567,7 @@ class Program(Checked):
         other = (*self.other_layers, *others)
         return replace(self, moves=contours, notes=notes, remarks=remarks, other_layers=other)
 
-    def _chosen(
+    def _selection_mask(
         self, kind: str, requested: Collection[str] | None, available: Sequence[str]
     ) -> Sequence[bool]:
         """Mask of the contours whose layer or name in `available` is requested."""
@@ -572,15 +578,15 @@ class Program(Checked):
         unknown = sorted(set(requested) - set(available), key=str)
         if unknown:
             raise InvalidInput(
-                f"{self.source or 'The program'} has no {kind} {unknown[0]!r}: it has "
+                f"{self.source or 'The program'} has no {kind} {unknown[0]!r}, only "
                 f"{list_some([repr(x) for x in sorted(set(available))], 12)}."
             )
         return [x in requested for x in available]
 
 
 def has_intended_start(moves: Sequence[Move], i: int) -> bool:
-    """True if the start of contour i is deliberate, because a rapid, dwell or event leads to it."""
-    # Without a rapid, a dwell or event must come between the contour and the previous contour.
+    """True if a rapid, dwell or event precedes contour i, so its start point is deliberate."""
+    # A dwell or event counts only if it is between this contour and the previous contour.
     for k in range(i - 1, -1, -1):
         if isinstance(moves[k], Rapid):
             return True
@@ -590,7 +596,7 @@ def has_intended_start(moves: Sequence[Move], i: int) -> bool:
 
 
 def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
-    """Index of the first rapid in an order, if it has a path and no contour comes first."""
+    """Index of the first rapid in an order; None if it has no path or a contour comes first."""
     # `order`: indices of moves to search, in order.
     for k in order:
         move = moves[k]
@@ -601,7 +607,7 @@ def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
     return None
 
 
-def rapids_leading_away(moves: Sequence[Move]) -> set[Rapid]:
+def find_departing_rapids(moves: Sequence[Move]) -> set[Rapid]:
     """Rapids whose path starts at the end of the previous contour."""
     rapids = set()
     for i, move in enumerate(moves):
@@ -624,10 +630,9 @@ def last_end(moves: Sequence[Move]) -> FloatArray | None:
 def reroute(
     rapid: Move, *, start: FloatArray | None = None, end: FloatArray | None = None
 ) -> Rapid:
-    """A rapid with new end points, because leads and overlaps move the ends of contours."""
+    """Move the end points of a rapid, because leads and overlaps move the ends of contours."""
     # A rapid whose points all coincide becomes a joint motion without a path.
-    # `start`: new start point [m]; by default the old one; `end`: new end point [m]; by default the
-    # old one.
+    # `start`, `end`: new start and end points [m]; None to keep a point.
     assert isinstance(rapid, Rapid)
     if rapid.path is None:
         return rapid
@@ -638,15 +643,15 @@ def reroute(
     if (moved <= REPEATED_POINT).all():
         return rapid
     if rapid.path.curvatures.any():
-        return _prolong(rapid.path, first, last)
+        return _extend_rapid(rapid.path, first, last)
     points = np.array([first, *vertices[1:-1], last])
     if (np.linalg.norm(points - first, axis=1) <= REPEATED_POINT).all():
         return Rapid()
     return Rapid(path=Path.polyline(points))
 
 
-def _prolong(path: Path, first: FloatArray, last: FloatArray) -> Rapid:
-    """A rapid along a path with arcs, extended by lines from the new start and to the new end."""
+def _extend_rapid(path: Path, first: FloatArray, last: FloatArray) -> Rapid:
+    """Extend a path with arcs by lines from the new start and to the new end, as a rapid."""
     gaps = ((first, path(0.0)), (path(path.length), last))
     before, after = (
         [Path.polyline(x)] if np.linalg.norm(x[1] - x[0]) > REPEATED_POINT else [] for x in gaps

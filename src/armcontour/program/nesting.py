@@ -18,76 +18,76 @@ from armcontour.geometry.biarcs import draw_arcs
 from armcontour.geometry.segments import Segments
 from armcontour.program.moves import Contour
 
-# Number of chords of a quarter circle that is tilted, so its projection is no arc.
+# Number of chords per quarter circle of a tilted arc, whose projection is not an arc.
 CHORDS = 32
-# Two unit vectors are parallel if the perpendicular component is smaller.
-PARALLEL = 1e-6
-NONE = np.empty((0, 8))
-# Approximate number of pairs of a point and a chord that are tested together, to bound the memory.
+# A unit vector with a smaller component along `up` counts as perpendicular to `up`.
+MAX_SLOPE = 1e-6
+NO_CHORDS = np.empty((0, 8))
+# Approximate number of pairs of a point and a chord that are tested together, to limit the memory.
 PAIRS = 200_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Nesting:
-    """Contours inside other contours."""
+    """Areas of contours, and the contours inside each of them."""
 
     # True in row i and column k if contour k is inside the closed contour i, (n, n)
-    holds: BoolArray
+    contains: BoolArray
     # Area of every contour [m²], positive if it is counter-clockwise; 0 if open, (n,)
     areas: FloatArray
 
     @property
     def parents(self) -> IntArray:
-        """The smallest contour around each contour; -1 for outer contours, (n,)."""
-        sizes = np.where(self.holds, np.abs(self.areas)[:, None], np.inf)
+        """Index of the smallest contour around each contour, (n,); -1 for outer contours."""
+        sizes = np.where(self.contains, np.abs(self.areas)[:, None], np.inf)
         smallest = np.argmin(sizes, axis=0)
-        return np.where(self.holds.any(axis=0), smallest, -1)
+        return np.where(self.contains.any(axis=0), smallest, -1)
 
 
 def find_nesting(contours: Sequence[Contour], up: FloatArray) -> Nesting:
     """Determine which contours are inside which closed contours; contours must not cross."""
     # `up`: in space, the direction from which the contours are viewed, (3,).
-    chords = [_closed(chords_of(x.path, up)) if x.closed else NONE for x in contours]
-    starts = np.array([seen_from_above(x.path(0.0), up) for x in contours])
-    holds = np.array([_inside(x, starts) for x in chords])
-    np.fill_diagonal(holds, False)
+    chords = [_close_chords(find_chords(x.path, up)) if x.closed else NO_CHORDS for x in contours]
+    starts = np.array([project_along_up(x.path(0.0), up) for x in contours])
+    contains = np.array([_inside(x, starts) for x in chords])
+    np.fill_diagonal(contains, False)
     areas = np.array([_area(x) for x in chords])
-    # If two contours seem to be inside each other, the smaller one is inside.
-    holds &= np.abs(areas)[:, None] > np.where(areas == 0, 0.0, np.abs(areas))[None, :]
-    return Nesting(holds=holds, areas=areas)
+    # If two contours seem to be inside each other because of rounding, the smaller one is inside.
+    contains &= np.abs(areas)[:, None] > np.where(areas == 0, 0.0, np.abs(areas))[None, :]
+    return Nesting(contains=contains, areas=areas)
 
 
-def seen_from_above(points: FloatArray, up: FloatArray) -> FloatArray:
-    """Points or vectors projected along `up`, (..., 2); those in the plane unchanged."""
-    return points if points.shape[-1] == 2 else np.asarray(points @ axes_across(up))
+def project_along_up(points: FloatArray, up: FloatArray) -> FloatArray:
+    """Project points or vectors along `up`, (..., 2); points in the plane are unchanged."""
+    return points if points.shape[-1] == 2 else np.asarray(points @ perpendicular_axes(up))
 
 
-def axes_across(up: FloatArray) -> FloatArray:
-    """Two unit vectors across `up` as columns, right-handed with it, (3, 2)."""
+def perpendicular_axes(up: FloatArray) -> FloatArray:
+    """Two unit vectors as columns that form a right-handed frame with `up`, (3, 2)."""
     first = np.cross(np.eye(3)[int(np.argmin(np.abs(up)))], up)
     first /= np.linalg.norm(first)
     return np.stack([first, np.cross(up, first)], axis=1)
 
 
-def chords_of(path: Path, up: FloatArray) -> FloatArray:
-    """The segments of a path seen from above as chords, (m, 8)."""
-    # Columns: start x, y, end x, y, centre x, y, radius, and turn: 1 for arcs to the left, -1 to
-    # the right, 0 for lines. Arcs turn by half a circle at most.
-    rows = _halved(draw_arcs(path.segments)[0], up)
-    a, b = seen_from_above(rows.starts, up), seen_from_above(rows.ends, up)
+def find_chords(path: Path, up: FloatArray) -> FloatArray:
+    """Chords of the segments of a path, projected along `up`, (m, 8)."""
+    # Columns: start x, y, end x, y, centre x, y, radius [m], and turn: 1 for arcs to the left, -1
+    # for arcs to the right, 0 for lines. An arc is at most half a circle.
+    rows = _split_arcs(draw_arcs(path.segments)[0], up)
+    a, b = project_along_up(rows.starts, up), project_along_up(rows.ends, up)
     bent = rows.curvatures > 0
     radius = np.where(bent, 1 / np.where(bent, rows.curvatures, 1.0), 0.0)
-    tangents, normals = seen_from_above(rows.tangents, up), seen_from_above(rows.normals, up)
+    tangents, normals = project_along_up(rows.tangents, up), project_along_up(rows.normals, up)
     turn = np.sign(tangents[:, 0] * normals[:, 1] - tangents[:, 1] * normals[:, 0])
     return np.column_stack([a, b, a + radius[:, None] * normals, radius, np.where(bent, turn, 0)])
 
 
-def _halved(rows: Segments, up: FloatArray) -> Segments:
-    """Segments with arcs of half a circle at most; tilted arcs are replaced by chords."""
+def _split_arcs(rows: Segments, up: FloatArray) -> Segments:
+    """Divide arcs into at most half circles, and replace tilted arcs by chords."""
     sweeps = rows.curvatures * rows.lengths
     pieces = np.where(sweeps > np.pi / 2, 4, 1)
     if rows.dimension == 3:
-        tilted = np.hypot(rows.tangents @ up, rows.normals @ up) > PARALLEL
+        tilted = np.hypot(rows.tangents @ up, rows.normals @ up) > MAX_SLOPE
         tilted &= rows.curvatures > 0
         pieces[tilted] = CHORDS * np.ceil(sweeps[tilted] / (np.pi / 2)).astype(int)
     else:
@@ -106,8 +106,8 @@ def _halved(rows: Segments, up: FloatArray) -> Segments:
     return cut.replace(curvatures=curvatures, lengths=lengths, tangents=tangents)
 
 
-def _closed(chords: FloatArray) -> FloatArray:
-    """Chords with a line that closes the gap of leads or an overlap."""
+def _close_chords(chords: FloatArray) -> FloatArray:
+    """Add a chord that closes the gap between end and start, as of leads or an overlap."""
     line = np.concatenate([chords[-1, 2:4], chords[0, :2], np.zeros(4)])
     ring = np.vstack([chords, line])
     # A ray through even a tiny gap would miss the contour.
@@ -116,7 +116,7 @@ def _closed(chords: FloatArray) -> FloatArray:
 
 
 def _inside(chords: FloatArray, points: FloatArray) -> BoolArray:
-    """Mask of the points, (n, 2), inside a closed contour; false without chords."""
+    """Mask of the points inside a closed contour, (n,); all false without chords."""
     if not len(chords):
         return np.zeros(len(points), np.bool_)
     # The box of the chords and of the circles of arcs contains the contour.
@@ -135,7 +135,8 @@ def _windings(chords: FloatArray, points: FloatArray) -> IntArray:
     """Winding numbers of a closed contour around points, (n,)."""
     x, y = points[:, :1], points[:, 1:]
     ax, ay, bx, by, cx, cy, radius, turn = chords.T
-    # Points on a chord are treated as slightly higher, then as slightly farther to the right.
+    # A point on a chord counts as shifted to the right by an infinitesimal distance, and upwards by
+    # an even smaller distance.
     side = (bx - ax) * (y - ay) - (x - ax) * (by - ay)
     on_left = (side > 0) | ((side == 0) & ((by < ay) | ((by == ay) & (bx > ax))))
     upward, downward = (ay <= y) & (y < by) & on_left, (by <= y) & (y < ay) & ~on_left

@@ -1,8 +1,8 @@
-"""Exact offsets of lines and arcs in the plane: arcs stay arcs with the same centres.
+"""Exact offsets of lines and arcs in the plane; the offset of an arc is an arc around its centre.
 
 Points at distance d from a contour, on one of its sides, lie on its offset segments or on circles
-around its vertices. All of these are cut where they meet. The parts whose distance from the whole
-contour is at least d form the offset.
+around its vertices. These segments and circles are cut where they meet. The parts whose distance
+from the whole contour is at least d form the offset.
 """
 
 from __future__ import annotations
@@ -20,22 +20,23 @@ from armcontour.geometry.segments import Segments
 from armcontour.program.crossings import (
     CURVATURE,
     LENGTH,
-    SAME_PLACE,
+    SAME_POINT,
     TX,
     TY,
     find_crossings,
     offset_pieces,
     points_at,
-    turned_left,
+    rotate_left,
     turns_between,
 )
 
-# Rounding error of the distance between a part and the contour [m]: points of a path have errors up
+# Rounding error of the distance between a part and the contour [m]. Points of a path have errors up
 # to REPEATED_POINT.
 SLACK = 3e-9
-# Gaps above the first are narrowed to the second [m]; a path may have gaps of REPEATED_POINT.
+# Gaps above WIDE_GAP are narrowed to NARROW_GAP [m], because a path may have gaps up to
+# REPEATED_POINT.
 WIDE_GAP, NARROW_GAP = 0.9e-9, 0.5e-9
-# A closed part with a smaller ratio of area to length is two coinciding lines [m].
+# A closed part with a smaller ratio of area to length [m] consists of coinciding lines.
 THIN = 1e-8
 
 
@@ -44,16 +45,16 @@ class OffsetPart:
     """A continuous part of an offset."""
 
     segments: Segments
-    # Source segment of each segment; around a vertex, the source segment before it, (n,)
+    # Index of the source segment of each segment, or of the segment before its vertex, (n,)
     rows: IntArray
-    closed: bool  # True if it is closed
+    closed: bool  # True if the part is closed
 
 
 def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[OffsetPart]:
     """The parts of the offset of a contour in the plane, in its direction of travel."""
     # `source`: the contour, which does not cross itself; `distance`: the offset, to the left if
     # positive [m]; `closed`: true if the contour is closed.
-    # Returns the parts; none if no point on this side has this distance from the contour.
+    # The list is empty if no point on this side has this distance from the contour.
     if distance == 0:
         return [OffsetPart(segments=source, rows=np.arange(len(source)), closed=closed)]
     mirror = np.array([1.0, np.sign(distance)])
@@ -62,21 +63,22 @@ def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[
         return []
     knives = np.empty((0, 6))
     if not closed:
-        # The offset on the other side of an open contour and around its ends also limits the parts.
+        # The offset on the other side of an open contour, and circles around its ends, also cut the
+        # parts.
         other, _ = _raw_pieces(_table(source, mirror * [1, -1]), abs(distance), closed)
         ends = _end_circles(pieces, abs(distance))
         knives = np.concatenate([other * [1, -1, 1, -1, -1, 1], ends])
     parts = _cut_pieces(pieces, rows, knives)
     middles = points_at(parts.pieces, parts.pieces[:, LENGTH] / 2)
     clear = find_nearest(source, middles * mirror).distance >= abs(distance) - SLACK
-    parts = parts.only(clear)
-    parts = parts.joined(
+    parts = parts.select(clear)
+    parts = parts.without_dead_ends(
         None if closed else points_at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1])
     )
     return [_to_offset_part(x, ring, mirror) for x, ring in parts.chains()]
 
 
-def crosses_itself(source: Segments, *, closed: bool) -> FloatArray | None:
+def find_self_crossing(source: Segments, *, closed: bool) -> FloatArray | None:
     """A point at which a path in the plane crosses or touches itself [m]; None without one."""
     table = _table(source, np.ones(2))
     pairs, distances = find_crossings(table)
@@ -84,7 +86,7 @@ def crosses_itself(source: Segments, *, closed: bool) -> FloatArray | None:
     ahead = (pairs[:, 1] - pairs[:, 0]) % n == 1
     behind = (pairs[:, 0] - pairs[:, 1]) % n == 1
     lengths = table[pairs, LENGTH]
-    at_start, at_end = distances <= 2 * SAME_PLACE, distances >= lengths - 2 * SAME_PLACE
+    at_start, at_end = distances <= 2 * SAME_POINT, distances >= lengths - 2 * SAME_POINT
     meant = (ahead & at_end[:, 0] & at_start[:, 1]) | (behind & at_start[:, 0] & at_end[:, 1])
     if not closed:
         meant &= ~(pairs.min(axis=1) == 0) | ~(pairs.max(axis=1) == n - 1) | (n == 2)
@@ -94,8 +96,8 @@ def crosses_itself(source: Segments, *, closed: bool) -> FloatArray | None:
     return np.asarray(points_at(table[pairs[k, :1]], distances[k, :1])[0])
 
 
-def crossing_owners(paths: Sequence[Segments]) -> tuple[int, int] | None:
-    """Two of several paths in the plane that cross or touch each other; None without such paths."""
+def find_crossing_paths(paths: Sequence[Segments]) -> tuple[int, int] | None:
+    """Indices of two paths in the plane that cross or touch each other; None if there are none."""
     table = np.concatenate([_table(x, np.ones(2)) for x in paths])
     owner = np.repeat(np.arange(len(paths)), [len(x) for x in paths])
     pairs = owner[find_crossings(table)[0]]
@@ -104,7 +106,7 @@ def crossing_owners(paths: Sequence[Segments]) -> tuple[int, int] | None:
 
 
 def _table(source: Segments, mirror: FloatArray) -> FloatArray:
-    """The table of pieces (crossings.py) of a path, mirrored."""
+    """Table of pieces (crossings.py) of a path whose coordinates are multiplied by `mirror`."""
     starts, tangents = source.starts * mirror, source.tangents * mirror
     normals = source.normals * mirror
     turn = np.sign(tangents[:, 0] * normals[:, 1] - tangents[:, 1] * normals[:, 0])
@@ -112,19 +114,20 @@ def _table(source: Segments, mirror: FloatArray) -> FloatArray:
 
 
 def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, IntArray]:
-    """The offset segments to the left by d [m], with circles around vertices; and their rows."""
+    """Segments offset to the left by d [m] and circles around vertices, and their source rows."""
     n = len(table)
     moved = offset_pieces(table, d)
-    # Arcs that the offset would turn inside out are nearer than d to themselves.
-    segment_mask = moved[:, LENGTH] > SAME_PLACE
+    # An arc to the left with a radius below d has no offset, because its points are nearer than d
+    # to the arc.
+    segment_mask = moved[:, LENGTH] > SAME_POINT
     ends, leaving = points_at(table, table[:, LENGTH]), points_at(table, table[:, LENGTH], 1)
     turn = turns_between(leaving, np.roll(table, -1, axis=0)[:, TX : TY + 1])
-    # A turn back has the contour on both sides.
-    turn = np.where(turn > np.pi - SAME_PLACE, -np.pi, turn)
+    # Where the contour turns back by 180°, the vertex counts as an outside corner on both sides.
+    turn = np.where(turn > np.pi - SAME_POINT, -np.pi, turn)
     around = np.column_stack(
-        [ends + d * turned_left(leaving), leaving, np.full(n, -1 / d), -turn * d]
+        [ends + d * rotate_left(leaving), leaving, np.full(n, -1 / d), -turn * d]
     )
-    arc_mask = around[:, LENGTH] > SAME_PLACE
+    arc_mask = around[:, LENGTH] > SAME_POINT
     if not closed:
         arc_mask[-1] = False
     both = np.stack([moved, around], axis=1).reshape(-1, 6)
@@ -134,15 +137,15 @@ def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Parts:
-    """Parts of the pieces of an offset, cut where pieces meet."""
+    """The n parts into which the pieces of an offset are cut where pieces meet."""
 
-    pieces: FloatArray  # The parts, (n, 6)
-    rows: IntArray  # Rows of the source, (n,)
-    owners: IntArray  # Piece of each part, (n,)
-    nodes: IntArray  # Places at which each part starts and ends, as numbers, (n, 2)
+    pieces: FloatArray  # The parts as a table of pieces (crossings.py), (n, 6)
+    rows: IntArray  # Index of the source segment of each part, (n,)
+    owners: IntArray  # Index of the piece to which each part belongs, (n,)
+    nodes: IntArray  # Numbers of the points at which each part starts and ends, (n, 2)
 
-    def only(self, mask: BoolArray) -> _Parts:
-        """Some of the parts."""
+    def select(self, mask: BoolArray) -> _Parts:
+        """The parts selected by a mask or by indices."""
         return _Parts(
             pieces=self.pieces[mask],
             rows=self.rows[mask],
@@ -150,30 +153,30 @@ class _Parts:
             nodes=self.nodes[mask],
         )
 
-    def joined(self, ends: FloatArray | None) -> _Parts:
-        """The parts without dead ends; an open offset starts and ends at `ends`."""
+    def without_dead_ends(self, ends: FloatArray | None) -> _Parts:
+        """Discard parts that lead nowhere; an open offset starts and ends at `ends`, (2, 2)."""
         parts = self
         while len(parts.pieces):
             starts, stops = parts.nodes[:, 0], parts.nodes[:, 1]
-            comes, goes = np.isin(starts, stops), np.isin(stops, starts)
+            has_previous, has_next = np.isin(starts, stops), np.isin(stops, starts)
             if ends is not None:
-                first = np.linalg.norm(parts.pieces[:, :2] - ends[0], axis=1) <= SAME_PLACE
+                first = np.linalg.norm(parts.pieces[:, :2] - ends[0], axis=1) <= SAME_POINT
                 tips = points_at(parts.pieces, parts.pieces[:, LENGTH])
-                comes |= first
-                goes |= np.linalg.norm(tips - ends[1], axis=1) <= SAME_PLACE
-            mask = comes & goes
+                has_previous |= first
+                has_next |= np.linalg.norm(tips - ends[1], axis=1) <= SAME_POINT
+            mask = has_previous & has_next
             if mask.all():
                 break
-            parts = parts.only(mask)
+            parts = parts.select(mask)
         return parts
 
     def chains(self) -> list[tuple[_Parts, bool]]:
-        """Chains of consecutive parts, and whether each closes."""
+        """Chains of consecutive parts, each with true if it is closed."""
         leaving: dict[int, list[int]] = {}
         for i, node in enumerate(self.nodes[:, 0].tolist()):
             leaving.setdefault(node, []).append(i)
         arriving = set(self.nodes[:, 1].tolist())
-        # Open chains first: they start at nodes without an arriving part.
+        # Open chains, which start at nodes without an arriving part, come first.
         order = np.argsort([x in arriving for x in self.nodes[:, 0].tolist()], kind="stable")
         used = np.zeros(len(self.pieces), dtype=bool)
         tips = points_at(self.pieces, self.pieces[:, LENGTH], 1)
@@ -185,21 +188,21 @@ class _Parts:
                 used[part] = True
                 chain.append(part)
                 ways = [k for k in leaving.get(int(self.nodes[part, 1]), ()) if not used[k]]
-                part = min(ways, key=partial(self._rightness, tips[part]), default=None)
+                part = min(ways, key=partial(self._right_turn, tips[part]), default=None)
             if chain:
                 closes = self.nodes[chain[-1], 1] == self.nodes[chain[0], 0]
-                chains.append((self.only(np.array(chain)), bool(closes)))
-        return [(x._merged(ring), ring) for x, ring in chains if not (ring and x._is_thin())]
+                chains.append((self.select(np.array(chain)), bool(closes)))
+        return [(x._merge_pieces(ring), ring) for x, ring in chains if not (ring and x._is_thin())]
 
-    def _rightness(self, tangent: FloatArray, k: int) -> float:
-        """Angle by which the path turns to the right into part k."""
+    def _right_turn(self, tangent: FloatArray, k: int) -> float:
+        """Angle by which the path turns to the right from `tangent` into part k [rad]."""
         tx, ty = self.pieces[k, TX], self.pieces[k, TY]
         return -float(
             np.arctan2(tangent[0] * ty - tangent[1] * tx, tangent[0] * tx + tangent[1] * ty)
         )
 
     def _is_thin(self) -> bool:
-        """True if a closed chain encloses no area."""
+        """True if the area of a closed chain is zero, except for rounding errors."""
         p = self.pieces
         a, b = p[:, :2] - p[0, :2], points_at(p, p[:, LENGTH]) - p[0, :2]
         angle = p[:, CURVATURE] * p[:, LENGTH]
@@ -209,25 +212,25 @@ class _Parts:
         area = float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] + caps)) / 2
         return abs(area) <= THIN * float(p[:, LENGTH].sum())
 
-    def _merged(self, ring: bool) -> _Parts:
-        """The chain with consecutive parts of one piece merged."""
+    def _merge_pieces(self, ring: bool) -> _Parts:
+        """Merge consecutive parts of a chain that belong to one piece."""
         chain = self
         if ring and len(chain.pieces) > 1:
             # Start the chain at the start of a piece.
             changes = chain.owners != np.roll(chain.owners, 1)
             if changes.any():
                 first = int(np.argmax(changes & (chain.owners == chain.owners[changes].min())))
-                chain = chain.only(np.roll(np.arange(len(chain.pieces)), -first))
+                chain = chain.select(np.roll(np.arange(len(chain.pieces)), -first))
         begins = np.append(True, chain.owners[1:] != chain.owners[:-1])
         group = np.cumsum(begins) - 1
-        merged = chain.only(begins)
+        merged = chain.select(begins)
         pieces = merged.pieces.copy()
         pieces[:, LENGTH] = np.bincount(group, weights=chain.pieces[:, LENGTH])
         return _Parts(pieces=pieces, rows=merged.rows, owners=merged.owners, nodes=merged.nodes)
 
 
 def _end_circles(pieces: FloatArray, d: float) -> FloatArray:
-    """Half circles with radius d [m] around the ends of the open contour of an offset, (4, 6)."""
+    """Half circles with radius d [m] around the ends of an open contour, from its offset."""
     ends = points_at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1])
     leaving = points_at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1], 1)
     across = 2 * d * np.column_stack([leaving[:, 1], -leaving[:, 0]])
@@ -237,7 +240,7 @@ def _end_circles(pieces: FloatArray, d: float) -> FloatArray:
 
 
 def _cut_pieces(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Parts:
-    """Pieces cut where they meet each other or `knives`; equal ends share one node number."""
+    """Cut pieces where they meet each other or `knives`; equal ends have one node number."""
     n = len(pieces)
     pairs, pair_distances = find_crossings(np.concatenate([pieces, knives]))
     owners = np.concatenate([np.arange(n), np.arange(n), pairs.reshape(-1)])
@@ -245,7 +248,7 @@ def _cut_pieces(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Part
     order = np.lexsort((distances, owners))
     order = order[owners[order] < n]
     owners, distances = owners[order], distances[order]
-    long = (owners[1:] == owners[:-1]) & (np.diff(distances) > SAME_PLACE / 2)
+    long = (owners[1:] == owners[:-1]) & (np.diff(distances) > SAME_POINT / 2)
     first, last = np.nonzero(long)[0], np.nonzero(long)[0] + 1
     source = owners[first]
     parts = pieces[source].copy()
@@ -253,7 +256,7 @@ def _cut_pieces(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Part
     parts[:, [TX, TY]] = points_at(pieces[source], distances[first], 1)
     parts[:, LENGTH] = distances[last] - distances[first]
     points = np.concatenate([parts[:, :2], points_at(pieces[source], distances[last])])
-    nodes = group_points(points, SAME_PLACE).reshape(2, -1).T
+    nodes = group_points(points, SAME_POINT).reshape(2, -1).T
     return _Parts(pieces=parts, rows=rows[source], owners=source, nodes=nodes)
 
 
@@ -274,9 +277,9 @@ def _to_offset_part(chain: _Parts, ring: bool, mirror: FloatArray) -> OffsetPart
 
 
 def _close_gaps(starts: FloatArray, ends: FloatArray, ring: bool) -> FloatArray:
-    """Starts of segments, moved where gaps are too wide for a path."""
-    # Gaps of the source and at its vertices add up. Whole segments are moved, because tangents must
-    # not change.
+    """Start points of segments that are translated where gaps are too wide for a path [m]."""
+    # Gaps of the source and at its vertices add up. Whole segments are translated, because tangents
+    # must not change.
     starts, ends, n = starts.copy(), ends.copy(), len(starts)
     for i in range(2 * n if ring else n - 1):
         before, after = i % n, (i + 1) % n

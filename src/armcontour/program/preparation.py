@@ -1,9 +1,9 @@
-"""Preparation of a program: adds the requirements of the process to its contours."""
+"""Preparation of a program: start points, leads, overlaps, approaches and events of a process."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ from armcontour.core.text import count_noun, shorten
 from armcontour.geometry import Path, SegmentLimits
 from armcontour.geometry.path_parts import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.geometry.weave import weave_seam
+from armcontour.geometry.weave import Weave, weave_seam
 from armcontour.program.contour_order import close_contour, direct_contours, order_contours
 from armcontour.program.moves import (
     Contour,
@@ -27,22 +27,22 @@ from armcontour.program.moves import (
     Program,
     Rapid,
     contour_called,
+    find_departing_rapids,
     has_intended_start,
     last_end,
     next_rapid,
-    rapids_leading_away,
     reroute,
 )
-from armcontour.program.process import MAX_TABS, Lead, Leads, Process, Switch, Tabs, Weave
+from armcontour.program.process import MAX_TABS, Lead, Leads, Process, Switch, Tabs
 
 if TYPE_CHECKING:
     from armcontour.program.kerf import LeadPlacement
 
-# Tag of the path down from the height of a pierce.
+# Tag of the line down from the height of a pierce.
 PIERCE = "pierce"
-# Smallest distance from a tab to a corner, the start point or another tab, in widths of a tab.
-CLEAR = 1.0
-# Smallest turn of a corner [rad]; smaller turns are those of curves drawn as polylines.
+# Smallest distance from a tab to a corner, the start point or another tab [widths of a tab].
+TAB_CLEARANCE = 1.0
+# Smallest turn of a corner [rad]. Smaller turns occur in curves that are drawn as polylines.
 CORNER = np.radians(20)
 
 
@@ -62,27 +62,27 @@ def prepare(
         lengths: Lengths of automatic leads, one item per contour after `resume_at`.
 
     Raises:
-        InvalidInput: `resume_at` is past the end of the program, a layer does not exist, a lead has
-            no side, lengths of leads are missing, or a program in the plane has an approach, a
-            retract or the height of a pierce.
+        InvalidInput: `resume_at` is not less than the length of the program, a layer does not
+            exist, a lead has no side, lengths of leads are missing, or a program in the plane has
+            an approach, a retract or the height of a pierce.
     """
     program = Program.from_path(program, "prepare needs a Path or a Program")
     if lengths is not None:
         lengths = checks.check_sequence("lengths", lengths, Leads, "Leads")
     check_process(program, process)
     program = arrange_contours(program, process)
-    rapids_away = rapids_leading_away(program.moves)
-    switching = Switching(program.moves, process)
+    departing_rapids = find_departing_rapids(program.moves)
+    output_states = OutputStates(program.moves, process)
     moves: list[Move] = []
     drawn: list[Contour] = []
     changes = 0
     for i, move in enumerate(program.moves):
         if isinstance(move, Contour):
             layer_process, called = process.of_layer(move.layer), contour_called(move, len(drawn))
-            passes = _pass_again(move, layer_process.passes)
+            passes = _repeat_open_contour(move, layer_process.passes)
             drawn += passes
             move = _start_contour(
-                move, layer_process, has_intended_start(program.moves, i), called, switching
+                move, layer_process, has_intended_start(program.moves, i), called, output_states
             )
             moves += [replace(move, name=y.name) for y in passes]
         elif isinstance(move, Event) and move.changes_tool:
@@ -90,7 +90,7 @@ def prepare(
             changes += bool(drawn)
             if drawn and process.tool_change is not None:
                 moves.append(Dwell(duration=process.tool_change))
-        elif not (isinstance(move, Event) and switching.takes(move)):
+        elif not (isinstance(move, Event) and output_states.record_event(move)):
             moves.append(move)
     placement = None
     if process.leads:
@@ -105,7 +105,8 @@ def prepare(
     if count != len(program.contours) and (process.automatic or lengths is not None):
         raise InvalidInput(
             f"Leads of automatic length need {len(program.contours)} lengths, one per contour, "
-            f"but got {count}: run a job, which determines them, or give the leads a length."
+            f"but got {count}. Run a job, which determines the lengths, or specify the length of "
+            "the leads."
         )
     contours: list[Contour] = []
     for k, move in enumerate(program.contours, len(drawn) - len(program.contours)):
@@ -114,12 +115,12 @@ def prepare(
         contours.append(
             _add_leads(move, layer_process, leads, run_in if not contours else None, placement, k)
         )
-    result = _link(program.moves, contours, process, rapids_away)
+    result = _link_moves(program.moves, contours, process, departing_rapids)
     notes = (*program.notes, *(() if placement is None else placement.notes))
     if changes and process.tool_change is None:
         note = (
-            f"no time is stated for {count_noun(changes, 'tool change')}, so the program "
-            "continues at once: give process.tool_change, such as 5 s."
+            f"no time is specified for {count_noun(changes, 'tool change')}, so the program "
+            "continues at once. Specify process.tool_change, such as 5 s."
         )
         notes = (*notes, note)
     speed = process.rapid_speed
@@ -132,26 +133,26 @@ def prepare(
 
 
 def check_process(program: Program, process: Process) -> None:
-    """Refuse a process that the program as it is drawn cannot have."""
+    """Raise InvalidInput if a layer does not exist, or the plane needs a vertical motion."""
     _check_layers(program, (*process.layers, *process.by_layer))
     pierces = any(x.pierce is not None and x.pierce.height for x in process.variants)
     if program.dimension == 2 and (process.approach or process.retract or pierces):
         raise InvalidInput(
             "approach, retract and the height of a pierce are vertical motions, which a program in "
-            "the plane does not support: remove them, or use an arm in space."
+            "the plane does not support. Remove them, or use an arm in space."
         )
 
 
 def arrange_contours(program: Program, process: Process) -> Program:
-    """The program as it is drawn, with direction, kerf and order of the process.
+    """Apply direction, kerf and order of a process to the contours of a drawn program.
 
     Args:
         program: The program as it is drawn.
         process: Requirements of the process.
 
     Raises:
-        InvalidInput: A given order for a program with rapids, dwells or events, a direction for a
-            contour with events, or a kerf that does not fit a contour.
+        InvalidInput: An order is specified for a program with rapids, dwells or events, a
+            direction for a contour with events, or a kerf that does not fit a contour.
     """
     program = direct_contours(program, process)
     if any(x.kerf for x in process.variants):
@@ -161,9 +162,9 @@ def arrange_contours(program: Program, process: Process) -> Program:
     return order_contours(program, process)
 
 
-def _pass_again(contour: Contour, passes: int) -> list[Contour]:
-    """One contour per pass for an open contour; the passes of a closed contour are laps."""
-    # `closed` takes longer than the rest of this function.
+def _repeat_open_contour(contour: Contour, passes: int) -> list[Contour]:
+    """One contour per pass of an open contour; a closed contour alone, whose passes are laps."""
+    # `passes` is checked first, because `closed` takes longer.
     if passes == 1 or contour.closed:
         return [contour]
     suffixes = [f" ({k})" for k in range(2, passes + 1)] if contour.name else [""] * (passes - 1)
@@ -172,23 +173,26 @@ def _pass_again(contour: Contour, passes: int) -> list[Contour]:
 
 
 def _keeps_lead(process: Process, contour: Contour, event: Event) -> bool:
-    """True if an event that is repeated when resuming keeps its time advance."""
+    """True if an event that is repeated at a resumed start has the same time advance again."""
     layer_process = process.of_layer(contour.layer)
     switched = layer_process.switch is not None and layer_process.switch.name == event.name
     return layer_process.lead_in is not None or (switched and bool(event.value))
 
 
-def _link(
-    moves: Sequence[Move], contours: Sequence[Contour], process: Process, rapids_away: set[Rapid]
+def _link_moves(
+    moves: Sequence[Move],
+    contours: Sequence[Contour],
+    process: Process,
+    departing_rapids: set[Rapid],
 ) -> list[Move]:
-    """The moves with other contours, rapids to their new ends, approaches, retracts and dwells."""
+    """Replace contours, reroute rapids to their new ends, add approaches, retracts and dwells."""
     result: list[Move] = []
     # Index in `result` of each move of the program.
     positions: list[int] = []
     number = 0
     for i, move in enumerate(moves):
         positions.append(len(result))
-        if isinstance(move, Rapid) and move in rapids_away:
+        if isinstance(move, Rapid) and move in departing_rapids:
             move = reroute(move, start=last_end(result))
         if not isinstance(move, Contour):
             result.append(move)
@@ -212,7 +216,7 @@ def _link(
 
 
 def _lead_lengths(process: Process, lengths: Sequence[Leads] | None, number: int) -> Leads:
-    """Lengths of the leads of contour `number`, from the process or else from `lengths`."""
+    """Lead lengths of contour `number` [m]: those of the process, or else those in `lengths`."""
     defaults = Leads() if lengths is None else lengths[number]
 
     def length_of(lead: Lead | None, automatic: float) -> float:
@@ -227,7 +231,7 @@ def _lead_lengths(process: Process, lengths: Sequence[Leads] | None, number: int
 
 
 def _check_layers(program: Program, layers: Sequence[str]) -> None:
-    """Raise InvalidInput for a layer without a contour."""
+    """Raise InvalidInput if a layer has no contour."""
     available = {x.layer for x in program.contours}
     for name in layers:
         if name not in available:
@@ -239,7 +243,7 @@ def _check_layers(program: Program, layers: Sequence[str]) -> None:
 
 
 def _with_limits(path: Path, segment_limits: SegmentLimits) -> Path:
-    """A path with speed and tolerance on segments that have none."""
+    """Set speed and tolerance of the segments of a path that have none."""
     speeds, tolerances = (
         values if limit is None else np.where(np.isnan(values), limit, values)
         for values, limit in (
@@ -247,15 +251,15 @@ def _with_limits(path: Path, segment_limits: SegmentLimits) -> Path:
             (path.tolerances, segment_limits.tolerance),
         )
     )
-    # `SegmentLimits` have checked its values, so the segments stay checked.
+    # `SegmentLimits` has checked the values, so the segments count as checked.
     segments = path.segments.replace(speeds=speeds, tolerances=tolerances, checked=True)
     return replace(path, segments=segments)
 
 
 def _start_contour(
-    contour: Contour, process: Process, led: bool, called: str, switching: Switching
+    contour: Contour, process: Process, led: bool, called: str, output_states: OutputStates
 ) -> Contour:
-    """A contour with its start point, overlap, layer limits and events of the process."""
+    """Apply start point, overlap, layer limits, events, tabs and weave to a contour."""
     segment_limits = process.layers.get(contour.layer)
     if segment_limits is not None:
         path = _with_limits(contour.path, segment_limits)
@@ -267,24 +271,21 @@ def _start_contour(
     for event in process.events:
         if event.s > path.length + REPEATED_POINT:
             raise InvalidInput(
-                f"The event {event.name} is to come at {event.s:g} m of every contour, but "
-                f"{called} is {path.length:g} m long.",
+                f"The event {event.name} is at {event.s:g} m of every contour, but {called} is "
+                f"only {path.length:g} m long.",
                 s=event.s,
                 allowed=path.length,
             )
-    contour = switching.confine(contour, process.events)
+    contour = output_states.add_switching(contour, process.events)
     if closed:
         contour = add_tabs(contour, process, lap)
     return contour if process.weave is None else _weave(contour, process.weave, process.up)
 
 
 def _weave(contour: Contour, weave: Weave, up: FloatArray) -> Contour:
-    """A contour along which the tool weaves; events keep their fraction of the length."""
+    """Weave along a contour; events stay at the same fraction of the length."""
     with error_context(f"weave of {contour_called(contour, 0) if contour.name else 'a contour'}"):
-        wishes = asdict(weave)
-        path, woven = weave_seam(
-            contour.path, up=up if wishes.pop("plane") == "frame" else None, **wishes
-        )
+        path, woven = weave_seam(contour.path, weave, up)
     factor = path.length / contour.path.length
     events = tuple(replace(x, s=min(x.s * factor, path.length)) for x in contour.events)
     return replace(contour, path=path, events=events, ring=contour.closed, woven=woven)
@@ -298,7 +299,9 @@ def _add_leads(
     placement: LeadPlacement | None,
     number: int,
 ) -> Contour:
-    """A contour with its leads."""
+    """Add the leads, and the line down from the pierce height, to a contour."""
+    # `run_in`: part of a resumed contour before its new start, which serves as lead-in if it is
+    # long enough; `number`: index of the contour in `placement`.
     path, before = contour.path, 0.0
     parts = [path]
     if process.lead_in is not None and leads.before > REPEATED_POINT:
@@ -307,13 +310,14 @@ def _add_leads(
             lead = cut_path(run_in.path, end - leads.before, end)
         else:
             assert placement is not None
-            lead = placement.lay(number, path, process.lead_in, leads.before, after=False)
+            lead = placement.place_lead(number, path, process.lead_in, leads.before, after=False)
         before = lead.length
         parts.insert(0, lead)
     if placement and process.lead_out is not None and leads.after > REPEATED_POINT:
-        parts.append(placement.lay(number, path, process.lead_out, leads.after, after=True))
+        parts.append(placement.place_lead(number, path, process.lead_out, leads.after, after=True))
     if process.pierce is not None and process.pierce.height > REPEATED_POINT:
-        # Rounding the corner at its end would cut off the start of the contour.
+        # The tolerance is 0, because rounding of the corner at the end of the line would cut off
+        # the start of the contour.
         speed = None if np.isnan(path.speeds[0]) else float(path.speeds[0])
         drop = SegmentLimits(speed=speed, tolerance=0.0, tag=PIERCE)
         down = _axial_line(parts[0], 0.0, process.pierce.height, process.up, drop)
@@ -325,7 +329,7 @@ def _add_leads(
 
 
 def _move_to_lead(event: Event, process: Process, work: tuple[float, float], end: float) -> Event:
-    """An event on a contour with leads; switching at its ends moves to the ends of active leads."""
+    """Move an event to a contour with leads; switch events at the ends move along active leads."""
     moved = replace(event, s=event.s + work[0])
     if process.switch is None or event.name != process.switch.name:
         return moved
@@ -339,7 +343,7 @@ def _move_to_lead(event: Event, process: Process, work: tuple[float, float], end
 
 
 def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: bool) -> list[Move]:
-    """A contour with its approach and retract."""
+    """A contour with its approach and retract, as moves in order."""
     path, pierce = contour.path, process.of_layer(contour.layer).pierce
     result: list[Move] = [contour]
     segment_limits = SegmentLimits(speed=process.approach_speed)
@@ -356,7 +360,7 @@ def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: 
 def _axial_line(
     path: Path, s: float, height: float, up: FloatArray, segment_limits: SegmentLimits
 ) -> Path:
-    """The line along the tool axis, or else along `up`, to arc length s of a path."""
+    """The line of length `height` along the tool axis, or else `up`, down to arc length s."""
     end, orientation = path(s), path.orientation
     if orientation is None:
         return Path.polyline([end + height * up, end], segment_limits=segment_limits)
@@ -368,13 +372,12 @@ def _axial_line(
 def resume_program(
     program: Program, resume_at: float, *, keeps_lead: Callable[[Contour, Event], bool]
 ) -> tuple[Program, Contour | None]:
-    """The remaining program, and the part of the resumed contour before the arc length."""
+    """The rest of a program from an arc length on, and the part of its first contour before it."""
     # Outputs that are switched before the arc length are switched again: at the arc length if they
-    # are switched on the same contour, else before the first move.
+    # are switched on the same contour, or else before the first move.
     # `resume_at`: arc length at which to resume, over all contours [m]; `keeps_lead`: true if an
-    # event of a contour keeps its time advance when it is switched again.
-    # Returns the rest of the program, and the part of its first contour before the arc length; None
-    # if the program resumes at the start of a contour.
+    # event of a contour has the same time advance when it is switched again.
+    # The second result is None if the program resumes at the start of a contour.
     if resume_at == 0:
         return program, None
     if resume_at >= program.length - REPEATED_POINT:
@@ -384,7 +387,7 @@ def resume_program(
             s=resume_at,
             allowed=program.length,
         )
-    # The end of a contour counts as the start of the next one.
+    # The end of a contour counts as the start of the next contour.
     index = int(np.searchsorted(program.breaks, resume_at + REPEATED_POINT, side="right")) - 1
     s = max(resume_at - float(program.breaks[index]), 0.0)
     number = -1
@@ -416,7 +419,7 @@ def _cut_after(contour: Contour, s: float, keeps_lead: Callable[[Contour, Event]
     last: dict[str, Event] = {}
     for event in contour.events:
         if event.s <= s + REPEATED_POINT:
-            # Outputs keep the order of their last events.
+            # Events are sorted by the last event of each output.
             last.pop(event.name, None)
             lead = event.lead_time if keeps_lead(contour, event) else 0.0
             last[event.name] = replace(event, s=0.0, lead_time=lead, lead_distance=0.0)
@@ -428,14 +431,14 @@ def _cut_after(contour: Contour, s: float, keeps_lead: Callable[[Contour, Event]
     )
 
 
-class Switching:
-    """States of the outputs of `switch` and `off_between`, from contour to contour."""
+class OutputStates:
+    """States of the outputs in `switch` and `off_between`, updated from contour to contour."""
 
     def __init__(self, moves: Sequence[Move], process: Process) -> None:
         switches = (x.switch.name for x in process.variants if x.switch is not None)
         self.names = tuple(dict.fromkeys([*switches, *process.off_between]))
         self.process = process
-        # Contours of a drawing can be reordered, so they are independent of each other.
+        # Contours of a drawing can be reordered, so outputs have no state from contour to contour.
         self.in_order = any(not isinstance(x, Contour) for x in moves)
         self.states: dict[str, Event] = {}
         names: set[str] = set()
@@ -449,16 +452,16 @@ class Switching:
                     if event.value:
                         self.states[event.name] = replace(event, value=False)
 
-    def takes(self, event: Event) -> bool:
-        """True if an event between contours takes effect at the start of the next contour."""
+    def record_event(self, event: Event) -> bool:
+        """Record an event between contours; true if it applies from the next contour's start on."""
         if event.name in self.names:
             self.states[event.name] = event
         return event.name in self.names
 
-    def confine(self, contour: Contour, events: Sequence[Event]) -> Contour:
-        """A contour with events of the process, whose outputs are off at both of its ends."""
+    def add_switching(self, contour: Contour, events: Sequence[Event]) -> Contour:
+        """Add events to a contour, so that the outputs are off before and after the contour."""
         # `contour`: the contour from its start point, with laps and overlap; `events`: events of
-        # the process on the contour.
+        # the process for the contour.
         merged = sorted((*contour.events, *events), key=lambda x: x.s)
         layer = self.process.of_layer(contour.layer).switch
         confined: list[Event] = []
@@ -480,7 +483,8 @@ class Switching:
 def _confine_output(
     events: Sequence[Event], state: Event | None, switch: Switch | None, name: str, end: float
 ) -> list[Event]:
-    """Events of one output along a contour that starts and ends with the output off."""
+    """Events of one output along a contour, which is off before the start and after the end."""
+    # `state`: event with the value at the start if no event at the start sets it, or None.
     changes: list[Event] = []
     if state is not None and not (events and events[0].s <= REPEATED_POINT):
         events = [replace(state, s=0.0), *events]
@@ -500,8 +504,9 @@ def _confine_output(
 
 def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
     """Switch the process off at tabs of a closed contour, at the same positions in every lap."""
-    # `contour`: the contour from its start point, with laps and overlap; `process`: tabs and
-    # switch; a process without tabs leaves the contour as it is; `lap`: length of one lap [m].
+    # `contour`: the contour from its start point, with laps and overlap; `process`: the process
+    # with tabs and switch; `lap`: length of one lap [m].
+    # Returns the contour unchanged if the process has no tabs.
     if process.tabs is None:
         return contour
     assert process.switch is not None
@@ -515,7 +520,7 @@ def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
         off_s, on = s - width / 2, min(s + width / 2, end)
         events = [x for x in events if x.name != switch.name or not off_s <= x.s < on]
         for position, lead in ((off_s, switch.off_lead), (on, switch.on_lead)):
-            # The output stays off in gaps of the program that start or end on the tab.
+            # If the output is already off at this position, it stays off.
             value = next((x.value for x in reversed(switch_events) if x.s <= position), False)
             if value and position < end:
                 value = value if position == on else False
@@ -525,14 +530,13 @@ def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
 
 def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
     """Arc lengths of the middles of tabs on the first lap [m], (tabs,)."""
-    # Tabs are evenly spaced. Tabs that would lie on a corner or on the start point are moved next
-    # to it.
+    # Tabs are evenly spaced. A tab at a corner or at the start point is moved next to this point.
     width = tabs.width
-    count = tabs.count or _count(contour, tabs.spacing or lap, lap)
+    count = tabs.count or _count_tabs(contour, tabs.spacing or lap, lap)
     even = (np.arange(count) + 0.5) * lap / count
     inner = contour.path.breaks[1:-1][contour.path.turns > CORNER]
     corners = np.concatenate([[0.0], inner[inner < lap], [lap]])
-    margin = (0.5 + CLEAR) * width
+    margin = (0.5 + TAB_CLEARANCE) * width
     low, high = corners[:-1] + margin, corners[1:] - margin
     free = low <= high
     moved = np.clip(even[:, None], low[free], high[free])
@@ -540,31 +544,32 @@ def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
     if free.any():
         nearest = np.argmin(np.abs(moved - even[:, None]), axis=1)
         positions = np.sort(moved[np.arange(count), nearest])
-    if not free.any() or (np.diff(positions) < (1 + CLEAR) * width).any():
+    if not free.any() or (np.diff(positions) < (1 + TAB_CLEARANCE) * width).any():
         raise InvalidInput(
-            f"{_called(contour)} of {lap * 1e3:.4g} mm "
-            f"has no room for {count} tab{'s' if count > 1 else ''} of {width * 1e3:.4g} mm, which "
-            "need the distance of a width from corners, the start point and each other: take fewer "
-            "or narrower tabs, or remove them with by_layer.",
+            f"{_name_contour(contour)} of {lap * 1e3:.4g} mm "
+            f"has no room for {count} tab{'s' if count > 1 else ''} of {width * 1e3:.4g} mm. Tabs "
+            "must be at least one width away from corners, the start point and each other. "
+            "Specify fewer or narrower tabs, or remove them with by_layer.",
             allowed=lap,
             needed=2 * count * width,
         )
     return positions
 
 
-def _count(contour: Contour, spacing: float, lap: float) -> int:
-    """The number of tabs of a lap with a spacing [m]."""
+def _count_tabs(contour: Contour, spacing: float, lap: float) -> int:
+    """Number of tabs of a lap for a spacing [m]."""
     count = max(1, round(lap / spacing))
     if count > MAX_TABS:
         raise InvalidInput(
-            f"{_called(contour)} of {lap * 1e3:.4g} mm would have {count:.4g} tabs with a spacing "
-            f"of {spacing * 1e3:.4g} mm, more than {MAX_TABS}: take a larger spacing.",
+            f"{_name_contour(contour)} of {lap * 1e3:.4g} mm would have {count:.4g} tabs with a "
+            f"spacing of {spacing * 1e3:.4g} mm, but at most {MAX_TABS} are supported. Specify a "
+            "larger spacing.",
             needed=count,
             allowed=MAX_TABS,
         )
     return count
 
 
-def _called(contour: Contour) -> str:
+def _name_contour(contour: Contour) -> str:
     """Name of a contour for messages."""
     return contour_called(contour, 0) if contour.name else "A contour"

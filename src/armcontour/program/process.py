@@ -20,7 +20,6 @@ from armcontour.core.quantities import (
     Direction,
     Distance,
     Duration,
-    Frequency,
     Interval,
     Name,
     NeededName,
@@ -29,10 +28,9 @@ from armcontour.core.quantities import (
     Size,
     Speed,
     Time,
-    Tolerance,
 )
 from armcontour.geometry import SegmentLimits
-from armcontour.geometry.weave import SHAPES as WEAVES
+from armcontour.geometry.weave import Weave
 from armcontour.program.moves import Event, Value
 
 SHAPES = ("line", "arc")
@@ -41,11 +39,11 @@ SIDES = ("left", "right")
 WASTE = "waste"
 UP = checks.frozen_array([0.0, 0.0, 1.0])
 NO_LAYERS: Mapping[str, SegmentLimits] = MappingProxyType({})
-# Values of a layer that null means, for keys of the process without None.
-NONE: Mapping[str, Any] = {"overlap": 0.0, "dwell": 0.0, "events": (), "analog": ()}
+# Values for null in a layer, for fields of the process that cannot be None.
+NULL_VALUES: Mapping[str, Any] = {"overlap": 0.0, "dwell": 0.0, "events": (), "analog": ()}
 # Start point of a closed contour: "auto" moves it away from a corner, "drawn" keeps it.
 AUTO, DRAWN = "auto", "drawn"
-# Largest number of laps and tabs of a contour: more are a mistake in the unit or in a digit.
+# Largest number of laps and tabs of a contour; a larger number is a mistake in a unit or digit.
 MAX_PASSES, MAX_TABS = 1000, 1000
 ORDERS = ("auto", "drawn", "inside_first", "nearest", "shortest")
 # Side of the tool in the direction of travel, for a spindle that turns clockwise (M3).
@@ -56,7 +54,7 @@ DIRECTIONS = (DRAWN, *TOOL_SIDES, "clockwise", "counterclockwise")
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lead(Checked):
-    """A part of the path before or after a contour, on which the tool reaches or leaves its speed.
+    """A part of the path before or after a contour, on which the tool accelerates or decelerates.
 
     Args:
         length: Length of the lead [m]; None for the length that the arm needs to reach the
@@ -94,7 +92,10 @@ class Switch(Checked):
 
     def _check_together(self) -> None:
         if self.value is False:
-            raise InvalidInput(f"The switch {self.name} must have another value on than off.")
+            raise InvalidInput(
+                f"The value of the switch {self.name} is false, but it must differ from the value "
+                "while the process is off, which is false."
+            )
 
 
 @checks.explain_calls
@@ -144,12 +145,12 @@ class Analog(Checked):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tabs(Checked):
-    """Parts of closed contours without cut, where the switch of the process is off.
+    """Parts of closed contours that are not cut, because the switch of the process is off there.
 
     Args:
         width: Length along the contour over which the process is off [m].
         count: Number of tabs of every contour.
-        spacing: Approximate length of contour per tab, instead of a number [m].
+        spacing: Approximate length of the contour per tab [m]; specify this or the count.
     """
 
     width: Size = field(kw_only=False)
@@ -158,43 +159,7 @@ class Tabs(Checked):
 
     def _check_together(self) -> None:
         if (self.count is None) == (self.spacing is None):
-            raise InvalidInput("Tabs need either their count or their spacing.")
-
-
-# Directions that a weave can be perpendicular to, in addition to its seam.
-PLANES = ("tool", "frame")
-
-
-@checks.explain_calls
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Weave(Checked):
-    """Weaving to both sides of a seam, perpendicular to the seam and to the tool axis.
-
-    Args:
-        width: Distance between the crests on both sides [m].
-        pitch: Length of the seam per wave [m]; give this or the frequency.
-        frequency: Waves per second at the assigned velocity [1/s].
-        dwell: Time at each edge, during which the tool moves along the seam at its assigned
-            velocity [s].
-        speed: Assigned velocity along the seam [m/s]; by default that of the contour.
-        plane: "tool" weaves perpendicular to the tool axis, "frame" perpendicular to `up` of the
-            process, which is z of `path.frame`.
-        shape: "sine", or "zigzag": lines from crest to crest with rounded corners.
-        tolerance: Largest distance of the arcs from the sine [m].
-    """
-
-    width: Size = field(kw_only=False)
-    pitch: Size | None = None
-    frequency: Frequency | None = None
-    dwell: Duration = 0.0
-    speed: Speed | None = None
-    shape: Annotated[str, Choice(WEAVES)] = "sine"
-    plane: Annotated[str, Choice(PLANES)] = "tool"
-    tolerance: Tolerance = 1e-5
-
-    def _check_together(self) -> None:
-        if (self.pitch is None) == (self.frequency is None):
-            raise InvalidInput("A weave needs either a pitch or a frequency.")
+            raise InvalidInput("Tabs need either their count or their spacing, not both.")
 
 
 @checks.explain_calls
@@ -203,8 +168,9 @@ class LayerProcess:
     """Values for the contours of one layer, instead of those of the process.
 
     Args:
-        lead_in, lead_out, pierce, switch, tabs, weave: As in the process; None for none.
-        overlap, dwell, events, analog: As in the process; None for none.
+        lead_in, lead_out, pierce, switch, tabs, weave: As in the process; None to remove it from
+            the layer.
+        overlap, dwell, events, analog: As in the process; None to remove it from the layer.
         passes, direction: As in the process.
         kerf: As in the process; None for a layer that is not cut through, such as marks.
     """
@@ -255,7 +221,7 @@ class Process(Checked):
         switch: Events at both ends of every contour, or of its active leads.
         off_between: Names of outputs, such as a laser, that are switched off during rapids: off at
             the end of a contour, and on again at the start of the next one.
-        events: Events on every contour; an event past the end of a contour is refused.
+        events: Events on every contour; an event past the end of a contour raises an error.
         analog: Analog outputs that follow the planned tool speed.
         passes: Number of passes of every contour. Closed contours run in laps without a stop; open
             contours run again from their start, as separate contours.
@@ -266,8 +232,8 @@ class Process(Checked):
         order: Order of the contours of a drawing. "drawn" keeps it. "inside_first" runs each
             contour after all contours inside it. "nearest" continues with the nearest contour.
             "shortest" minimizes the total distance between contours; if `begin` is "auto", it also
-            chooses the start points of closed contours. A cutting process, which has a kerf or an
-            arc lead in the waste, also cuts inside first in the last two orders. "auto" is
+            chooses the start points of closed contours. In the last two orders, a cutting process,
+            which has a kerf or an arc lead in the waste, also cuts inner contours first. "auto" is
             "inside_first" for drawings that are cut, else "drawn".
         reverse_open: Whether "nearest" and "shortest" may run open contours from their end.
         kerf: Width of the cut [m]; the tool path is offset from the contour by half of it. None for
@@ -323,15 +289,18 @@ class Process(Checked):
         side = TOOL_SIDES.get(self.direction, self.kerf_side)
         if self.kerf_side not in (WASTE, side):
             raise InvalidInput(
-                f"direction {self.direction} has the tool to the {side} of the contour, but "
-                f"kerf_side is {self.kerf_side}: remove one of them."
+                f"direction {self.direction} requires the tool to the {side} of the contour, but "
+                f"kerf_side is {self.kerf_side}. Remove direction or kerf_side."
             )
         object.__setattr__(self, "begin", _checked_begin(self.begin))
         names = [x.name for x in self.analog]
         if len(set(names)) < len(names):
-            raise InvalidInput("Two analog outputs have the same name.")
+            name = next(x for x in names if names.count(x) > 1)
+            raise InvalidInput(
+                f"Two analog outputs have the same name, {name}. Their names must differ."
+            )
         length = np.linalg.norm(self.up)
-        checks.raise_if(length == 0, "up must be a direction in space.")
+        checks.raise_if(length == 0, "up must be a direction in space, but is zero.")
         object.__setattr__(self, "up", checks.frozen_array(self.up / length))
         self._check_switch()
         self._make_layers()
@@ -339,19 +308,23 @@ class Process(Checked):
     def _check_switch(self) -> None:
         """Raise InvalidInput for tabs or a pierce on which the switch has no effect."""
         if self.tabs is not None and self.switch is None:
-            raise InvalidInput("Tabs need a switch, which is off there: give switch, or no tabs.")
+            raise InvalidInput(
+                "Tabs need a switch, which is off on each tab. Specify switch, or remove tabs."
+            )
         if self.pierce is None:
             return
         if self.switch is None:
-            raise InvalidInput("A pierce needs a switch, which is on then: give switch.")
+            raise InvalidInput(
+                "A pierce needs a switch, which is on during the pierce. Specify switch."
+            )
         if self.lead_in is not None and not self.lead_in.active:
             raise InvalidInput(
-                "The tool pierces where the lead-in starts, but the process is off along the "
-                "lead-in: give lead_in the value active: true."
+                "The tool pierces at the start of the lead-in, but the process is off along the "
+                "lead-in. Set active: true in lead_in."
             )
 
     def _make_layers(self) -> None:
-        """Make the processes of layers."""
+        """Make the processes of the layers in `by_layer`."""
         allowed = tuple(x.name for x in fields(LayerProcess))
         made: dict[str, Process] = {}
         for layer, values in self.by_layer.items():
@@ -359,7 +332,7 @@ class Process(Checked):
                 for name in values:
                     checks.check_choice("name of a value", name, allowed)
                 layer_values: dict[str, Any] = {
-                    name: NONE.get(name) if x is None else x for name, x in values.items()
+                    name: NULL_VALUES.get(name) if x is None else x for name, x in values.items()
                 }
                 made[layer] = replace(self, by_layer={}, **layer_values)
         object.__setattr__(self, "by_layer", MappingProxyType(dict(self.by_layer)))
@@ -382,7 +355,7 @@ class Process(Checked):
 
     @property
     def variants(self) -> tuple[Process, ...]:
-        """The process, and those of layers that differ from it."""
+        """The process, and the processes of the layers in `by_layer`."""
         return (self, *self._of_layers.values())
 
     @property
@@ -413,7 +386,7 @@ class Process(Checked):
 
     @property
     def cuts(self) -> bool:
-        """True if material is cut off: a layer has a kerf, or an arc lead lies in the waste."""
+        """True if the process cuts: a layer has a kerf, or an arc lead lies in the waste."""
         return any(x.kerf is not None for x in self.variants) or any(
             x.shape == "arc" and x.side == WASTE for x in self.leads
         )
@@ -433,11 +406,14 @@ class Leads(Checked):
 
 
 def _checked_begin(begin: str | float | Sequence[float]) -> str | float | tuple[float, ...]:
-    """A start point of closed contours: a name, an arc length, or a point."""
+    """Checked start point of closed contours: a name, an arc length [m], or a point [m]."""
     if isinstance(begin, str):
         checks.check_choice("begin", begin, (AUTO, DRAWN))
         return begin
     coordinates = checks.check_numbers("begin", begin, "m")
     if coordinates.ndim > 1:
-        raise InvalidInput("begin must be one arc length or one point in m.")
+        raise InvalidInput(
+            "begin must be one arc length or one point in m, but is an array of shape "
+            f"{coordinates.shape}."
+        )
     return tuple(coordinates.tolist()) if coordinates.ndim else float(coordinates)

@@ -19,7 +19,8 @@ from armcontour.geometry import round_corners as round_path
 from armcontour.geometry.rounded_path import Continuity
 from armcontour.program.moves import Contour, Program
 
-# Number of points for the extent of a path, and a tolerance that no process allows [m].
+# Number of points from which the extent of a path is computed, and smallest tolerance that is
+# compared with the extent [m].
 SAMPLES, LARGE = 65, 0.02
 
 
@@ -76,7 +77,7 @@ def round_corners(
             without a stop.
 
     Raises:
-        InvalidInput: Neither case is given, a value is negative, the number of values is wrong, or
+        InvalidInput: Neither case is specified, a value is negative, their number is wrong, or
             the orientation needs an angular tolerance.
 
     Warns:
@@ -106,7 +107,7 @@ def round_corners(
 
 
 def describe_large_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> list[str]:
-    """A sentence on a corner tolerance [m] that is larger than the path; empty otherwise."""
+    """A sentence if the corner tolerance [m] is larger than the path; empty otherwise."""
     largest = 0.0 if tolerance is None else float(np.max(tolerance, initial=0.0))
     if largest <= LARGE:
         return []
@@ -115,8 +116,8 @@ def describe_large_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> lis
         return []
     return [
         f"the corner tolerance of {largest:g} m is larger than the path, which extends over "
-        f"{extent:.4g} m: it is in metres; for {largest:g} mm give {largest / 1e3:g}, in a job "
-        f"`tolerance: {largest:g} mm`."
+        f"{extent:.4g} m. The tolerance is in metres. For {largest:g} mm, specify "
+        f"{largest / 1e3:g} in Python or `tolerance: {largest:g} mm` in a job."
     ]
 
 
@@ -130,10 +131,10 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
 
     Where lines and arcs meet without a corner the curvature jumps, so a motion with a jerk limit
     stops there. A transition uses as much of both segments as the tolerance and their lengths
-    allow, and deviates from the path by at most the tolerance, which is proven. Corners stay:
-    `round_corners` with continuity "curvature" rounds them, before or after. Where less than a
-    micrometre is available for a transition, or the tool orientation requires a stop anyway, the
-    jump stays.
+    allow. Its deviation from the path is proven to be at most the tolerance. Corners are not
+    changed: round them with `round_corners` and continuity "curvature", before or after. The jump
+    remains where less than a micrometre is available for a transition, or where the tool
+    orientation requires a stop.
 
     Speeds, tolerances and tags stay on their sides of each vertex; events and the tool orientation
     keep their positions.
@@ -161,31 +162,30 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
 
 
 def draw_with_arcs(contour: Contour) -> Contour:
-    """The contour with arcs instead of the transitions of its path."""
+    """Replace the transitions of a contour's path by arcs."""
     from armcontour.geometry.arc_fit import draw_with_arcs as draw_path
 
-    if not contour.path.segments.bent.any():
+    if not contour.path.segments.is_transition.any():
         return contour
     path, pairs = draw_path(contour.path)
     return _move_to_path(contour, path, partial(_interpolate, pairs))
 
 
 def put_on_path(contour: Contour, path: RoundedPath | ShapedPath) -> Contour:
-    """The contour on another path, with events and work at the corresponding arc lengths."""
-    # `contour`: the contour on its objective path; `path`: the path that replaces the objective
-    # path.
+    """Move a contour to another path, with events and work at the corresponding arc lengths."""
+    # `contour`: the contour along its objective path; `path`: the path that replaces it.
     return _move_to_path(contour, path, path.place)
 
 
 def _interpolate(pairs: FloatArray, s: npt.ArrayLike) -> FloatArray:
-    """Corresponding arc lengths, by pairs of arc lengths, (n, 2) [m]."""
+    """Arc lengths on the second path [m], interpolated between `pairs` of arc lengths, (n, 2)."""
     return np.asarray(np.interp(np.asarray(s, dtype=np.float64), pairs[:, 0], pairs[:, 1]))
 
 
 def _move_to_path(
     contour: Contour, path: Path, map_s: Callable[[npt.ArrayLike], FloatArray]
 ) -> Contour:
-    """The contour on a path; `map_s` maps arc lengths of events and work."""
+    """Move a contour to another path; `map_s` maps the arc lengths of events and work."""
     if not contour.events and contour.work is None:
         return replace(contour, path=path)
     events = contour.events

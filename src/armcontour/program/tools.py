@@ -9,7 +9,7 @@ from armcontour.program.moves import Contour, Event, Move, Program, Value
 
 
 def tool_name(value: Value) -> str:
-    """Name of a tool by the value of its event: `T2` for the number 2."""
+    """Name of a tool from the value of its event; `T2` for the number 2."""
     return value if isinstance(value, str) else f"T{value:g}"
 
 
@@ -25,14 +25,15 @@ def tools_of_contours(program: Program) -> list[str]:
 
 
 def part_of_tool(program: Program, name: str) -> Program:
-    """The moves of a program from the changes to a tool until the next tool change."""
-    # Outputs keep the values from the moves before.
+    """The part of a program between each change to a tool and the next tool change."""
+    # At the start of each part, the last events of the skipped moves are repeated, so outputs have
+    # the same values as in the whole program.
     # `name`: name of the tool, such as T2.
     names = tools_of_contours(program)
     if name not in names:
         available = ", ".join(dict.fromkeys(x for x in names if x)) or "no tool"
         raise InvalidInput(
-            f"{program.source or 'The program'} has no contour of the tool {name}, but of "
+            f"{program.source or 'The program'} has no contour of the tool {name}, only of "
             f"{available}."
         )
     tool, moves = "", list[Move]()

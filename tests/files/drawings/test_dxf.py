@@ -584,7 +584,7 @@ def test_a_file_of_entities_alone_is_read_and_wrong_ones_are_refused():
 0|LINE|{AT}|11|1e308|21|1e308| => 1e+06 m
 0|LINE|{AT}|11|nan|21|0| => not finite
 0|CIRCLE|{AT}| => CIRCLE ... no radius
-0|CIRCLE|{AT}|40|-1| => radius of -1
+0|CIRCLE|{AT}|40|-1| => radius -1
 0|ARC|{AT}|40|1|50|inf|51|9| => angles ... not finite
 0|INSERT|2|none|{AT}| => block 'none'
 0|LINE|{AT}|11|x|21|0| => cannot be read, LINE in line ... --skip-unknown
@@ -594,21 +594,21 @@ def test_a_file_of_entities_alone_is_read_and_wrong_ones_are_refused():
     insert = f"0|INSERT|2|A|{AT}|"
     table = [
         (block("A", "B") + block("B", "a"), "'a' in itself"),
-        (block("A", "B0") + twice + block("B40"), "copies"),
+        (block("A", "B0") + twice + block("B40"), "copied"),
     ]
     refusals(lambda blocks: from_hand(insert, blocks), table)
     # Of six lines in each copy.
     blocks = block("A", *["B"] * 5) + block("B")
     counts = [(30000, 30000), (2_000_000_000, 1), (400, 200), (30000, 3)]
     many = [f"{insert}70|{columns}|71|{rows}|44|5|45|5|" for rows, columns in counts]
-    refusals(lambda x: from_hand(x, blocks), [(x, "INSERT handle A0 ... copies") for x in many])
+    refusals(lambda x: from_hand(x, blocks), [(x, "INSERT handle A0 ... copied") for x in many])
     # The file as a whole is wrong.
     table = [
         (b"", "empty"),
-        (b"\x00\xff\x12 not a drawing", "no DXF file"),
+        (b"\x00\xff\x12 not a drawing", "DXF"),
         (b"AC1032\x00\x00", "DWG ... save it as DXF"),
-        (b"  0\nSECTION\nwhat\nENTITIES\n", "no DXF file that can be read"),
-        (b"AutoCAD Binary DXF\r\n\x1a\x00\x01\x02", "no DXF file"),
+        (b"  0\nSECTION\nwhat\nENTITIES\n", "cannot be read as DXF"),
+        (b"AutoCAD Binary DXF\r\n\x1a\x00\x01\x02", "DXF"),
     ]
     refusals(read, table, "part.dxf")
 
@@ -644,4 +644,4 @@ def test_letters_of_a_text_are_contours_if_asked():
     extents = np.array([x.path.segments.extent for x in letters])
     heights = extents[:, 0, 1].min(), extents[:, 1, 1].max()
     assert heights == pytest.approx((0.005, 0.015), abs=3e-4)
-    assert "Drawn through a font" in " ".join(program.notes)
+    assert "Drawn with a font" in " ".join(program.notes)

@@ -85,9 +85,9 @@ def test_contours_are_in_the_order_of_their_first_pieces_and_layers_stay_apart()
     contours, _ = chain_pieces(given_, TOLERANCE)
     assert [(x.path, x.closed) for x in contours] == [(circle, True), (given_[1].path, False)]
     # Pieces may be kept apart.
-    apart = [dataclasses.replace(line((k, 0), (k + 1, 0)), apart=k) for k in range(3)]
+    apart = [dataclasses.replace(line((k, 0), (k + 1, 0)), group=k) for k in range(3)]
     assert [x.layer for x in chain_pieces(apart, TOLERANCE)[0]] == ["0"] * 3
-    chained([dataclasses.replace(x, apart=7) for x in apart])
+    chained([dataclasses.replace(x, group=7) for x in apart])
 
 
 def test_where_several_ends_meet_the_smallest_turn_goes_on():

@@ -240,7 +240,7 @@ G1 X1 F60|G05 P10|G5.1 Q1|G8 P1|G187 P1 E.01|X2 => 0,0 1,0 2,0 => G5 (1 ... G5.1
 G1 X1 F60|G187 P1 E.01|M0 P500|X2 => 0,0 1,0 / 1,0 2,0 => G187 (1 ... the word P (1
 G1 X1 F60|X2 Y3 M88 => 0,0 1,0 2,3 => M88
 F60|G1 X5 M88 P3|G1 X9 M67 E2 Q25 => 0,0 5,0 9,0 => M88
-G0 X1|G1 X2 => 1,0 2,0 => no feed rate ... line 2
+G0 X1|G1 X2 => 1,0 2,0 => without a feed rate, first in line 2
 G1 X1 F60|G92 S1500|G50 S900|X2|:1000 => 0,0 1,0 2,0 => G92 S
 M83|G1 X1 E1 F60|G4 P20|X2 => 0,0 1,0 / 1,0 2,0 => line 3 ... milliseconds
 M83|G90|G1 X1 F60 E2.5|X2|X3 E2.5 => 0,0 1,0 2,0 3,0 => line 3 ... M83
@@ -294,21 +294,21 @@ def test_units_speeds_and_tolerances_that_the_file_leaves_open():
 
 # A language for programs, and what only a controller stores, with words of the refusal.
 LANGUAGE = """
-O100 sub => O100 sub: flow control is not read
-o<pocket> call [1] => o<pocket> call [1]: flow
-N9 o1 if [2] => o1 if [2]: flow
+O100 sub => flow control (O100 sub)
+o<pocket> call [1] => flow control (o<pocket> call [1])
+N9 o1 if [2] => flow control (N9 o1 if [2])
 IF[#1EQ2]GOTO3 => flow control
-M98 P100 => M98: subprograms
-M99 => M99: subprograms
+M98 P100 => M98 (subprograms)
+M99 => M99 (subprograms)
 #1=5 => parameter #
 X#1 => parameter #
 X-#<a> => parameter #
 X[1 2] => expression
 X-[1] => expression
 XSIN[30] => expression
-G65 P9010 => G65, a call of a macro
-G73 X2 Z-1 R1 Q1 => G73, a canned cycle
-G84 X2 Z-1 R1 => G84, a canned cycle
+G65 P9010 => G65 is not supported (a macro call)
+G73 X2 Z-1 R1 Q1 => G73 is not supported (a canned cycle
+G84 X2 Z-1 R1 => G84 is not supported (a canned cycle
 G10 L2 P1 X0 => G10
 G10 L1 P1 R2 => G10
 G28.1 => G28.1
@@ -329,13 +329,13 @@ M83|G1 X1 E1 F60|G28 X0|G1 Y180 E1 => line 4
 G1 X1 F60|G28 X0|G1 Y180 => line 3
 G1 X1 F60|G28.2 X0 Y5|X2 => line 2 ... --skip G28.2
 G1 X1 F60|G93 X2 F2|G94 X3 => line 3 ... no feed rate
-G1 X1 F60|G92 => line 2: G92 without coordinates
+G1 X1 F60|G92 => line 2: G92 needs
 G1 X1 F60|G50 X2 => line 2: G50 with coordinates
-F60|G91|G81 X1 Z-1 R1 L999999 => line 3 ... holes and pecks together
-F60|G91|G83 X1 Z-1 R1 Q.00001 L9 => line 3 ... holes and pecks together
-G1 X1 F60|G1 Y1 Y2 => line 2 ... Y twice
+F60|G91|G81 X1 Z-1 R1 L999999 => line 3 ... holes and pecks in total
+F60|G91|G83 X1 Z-1 R1 Q.00001 L9 => line 3 ... holes and pecks in total
+G1 X1 F60|G1 Y1 Y2 => line 2 ... Y occurs twice
 G1 X1 F60|G1.23 => line 2 ... G1.23
-G1 X1 F60|G53 G1 X2 => line 2 ... no rapid
+G1 X1 F60|G53 G1 X2 => line 2 ... only a rapid move
 F60|G92 X1|G1 X2|G92.1|G1 X3 => line 5 ... G92.1
 G1 X1 F60|G123 => line 2 ... --skip G123
 G1 X1 F60|G55 X2 => line 2
@@ -345,10 +345,10 @@ G0 X1|G0 X2 => part.ngc has no contour
 G4 G64 P1 => line 1 ... G4 or G64
 F1|G2 I1 P999999999 => line 2 ... segments
 F1|G2 I1 Z1 P9999999 => line 2 ... segments
-F1|{"X1 " * 30_000} => line 2 ... characters in one line
+F1|{"X1 " * 30_000} => line 2 ... characters
 F1|G1 X1|{"(" * 60_000} => line 3 ... does not end
 F1|G1 X1|({")(" * 30_000} => line 3 ... does not end
-F1|G1 X{"1" * 60_000} => line 2 ... 60000 characters
+F1|G1 X{"1" * 60_000} => line 2 ... but has 60000
 """
 SECOND = ["SET_GCODE_OFFSET Z=0.2 MOVE=1", "RESTORE_GCODE_STATE NAME=a", "TRANS X=10", "IF[#1]"]
 SECOND += ["G28 T", "G4 P1 T-.5", "M1.5", "M72"]

@@ -102,25 +102,25 @@ def test_speeds_and_tolerances_are_those_of_the_programmed_moves():
 
 # Text behind F60, number of its refused line in it, and words of the message.
 REFUSED = """
-G41 D2 G1 X5 => 1 => the tool 2, whose diameter ... tools: {2: 3 mm}
-G41 G1 X5 => 1 => G41 without D
-G41.1 G1 X5 => 1 => G41.1 without D
-G41 D1.5 G1 X5 => 1 => D of 1.5
+G41 D2 G1 X5 => 1 => the diameter of tool 2 ... tools: {2: 3 mm}
+G41 G1 X5 => 1 => G41 needs ... D
+G41.1 G1 X5 => 1 => G41.1 needs D
+G41 D1.5 G1 X5 => 1 => tool number D ... 1.5
 G18|G41 D1 G1 X5 => 2 => G18
-G41 D1|G42 D1 => 2 => G42 while ... (G41)
+G41 D1|G42 D1 => 2 => G42 ... while ... (G41)
 G41 D1 G1 X5|G19 => 2 => G19
-G41 D1 G1 X5|G28 => 2 => G28 while
-G41 D1 G1 X5|G92 X0 => 2 => G92 while
-G41 D1 G1 X5|G81 X7 Z-1 R1 => 2 => the cycle G81 while
-G41 D1 G1 X5|T2 M6 => 2 => another tool while
-G41 D1 G1 X1 => 1 => 1 mm long ... radius of 1 mm
-G41 D1 G3 X0.5 Y0.1 R5 => 1 => radius of 1 mm
+G41 D1 G1 X5|G28 => 2 => G28 ... while
+G41 D1 G1 X5|G92 X0 => 2 => G92 ... while
+G41 D1 G1 X5|G81 X7 Z-1 R1 => 2 => the cycle G81 ... while
+G41 D1 G1 X5|T2 M6 => 2 => a tool change ... while
+G41 D1 G1 X1 => 1 => radius of the tool, 1 mm, but its length is 1 mm
+G41 D1 G3 X0.5 Y0.1 R5 => 1 => radius of the tool, 1 mm
 G41 D1 G1 X5|G3 X6 Y1 J1 => 2 => inside arc of radius 1 mm ... 2 mm
 G41 D1 G1 X5|G3 X5.5 Y.5 J.5 => 2 => inside arc of radius 0.5 mm ... 2 mm
-G41 D1 G1 X5|X9|G40|G2 X10 Y-1 J-1 => 4 => an arc as the first move after G40
-G41 D1 G1 X5|X9|Y0.5|X5 => 3 => corner at (9 mm, 0 mm) ... after it by 1 mm ... 0.5 mm
-G41 D1 G1 X5|X9|Y1.5|X5 => 4 => corner at (9 mm, 1.5 mm) ... before it by 1 mm ... 0.5
-G41 D1 G1 X5|G3 X3.5 Y1.5 I-1.5 => 2 => corner at (5 mm, 0 mm) ... does not fit
+G41 D1 G1 X5|X9|G40|G2 X10 Y-1 J-1 => 4 => the first move after G40 must be straight
+G41 D1 G1 X5|X9|Y0.5|X5 => 3 => corner at (9 mm, 0 mm) ... after the corner by 1 mm ... 0.5 mm
+G41 D1 G1 X5|X9|Y1.5|X5 => 4 => corner at (9 mm, 1.5 mm) ... before the corner by 1 mm ... 0.5
+G41 D1 G1 X5|G3 X3.5 Y1.5 I-1.5 => 2 => corner at (5 mm, 0 mm) ... too narrow
 """
 
 

@@ -154,8 +154,8 @@ def test_a_short_arc_of_a_huge_circle_ends_where_it_is_drawn():
     sine, angle = np.array([radius, half]), 2 * np.arcsin(half / radius)
     chain = ArcChain.arc(centre, ends[0] - centre, sine, angle, ends)
     np.testing.assert_allclose(chain.to_segments(TOLERANCE).ends, ends[1:], atol=1e-12)
-    # `reach` is the extent of the arc, not of the circle.
-    assert np.abs(chain.reach).max() < 1
+    # `bounding_points` is the extent of the arc, not of the circle.
+    assert np.abs(chain.bounding_points).max() < 1
 
 
 @given(seed=st.integers(0, 2**32), degree=st.integers(2, 5), extra=st.integers(0, 6))
@@ -179,7 +179,7 @@ def test_a_b_spline_with_any_knots_and_weights_is_followed(seed, degree, extra):
 
 
 def test_many_curves_at_once_are_what_each_is_alone(monkeypatch):
-    monkeypatch.setattr("armcontour.files.drawings.outlines.AT_ONCE", 20)
+    monkeypatch.setattr("armcontour.files.drawings.outlines.FIT_BATCH", 20)
     rng = np.random.default_rng(4)
     counts = 3 * rng.integers(1, 6, 16) + 1
     splines = [BezierSpline(points=rng.uniform(0, 0.1, (n, 2)), degree=3) for n in counts]

@@ -104,19 +104,19 @@ x|0|1 => column y is missing
 x,y,qx|0,0,0|1,0,0 => column qy is missing
 x,y,temp|0,0,0|1,0,0 => unknown column 'temp'
 x,x,y|0,0,0|1,0,0 => line 1: there are two columns 'x'
-x [mm],y|0,0|1,1 => 'x [mm]' has a unit and 'y' has none
+x [mm],y|0,0|1,1 => 'x [mm]' has a unit, but the column 'y' has none
 x,y,z,qx [mm],qy,qz,qw|0,0,0,0,0,0,1|1,0,0,0,0,0,1 => unit 'mm' of the column 'qx
 x,y|0,0|1 => line 3: 1 values, but 2 columns
 x,y|0,0|# note||1,a => line 5, column 'y': 'a' is not a finite number
 x;y|0;0|1,5,;1 => line 3, column 'x': '1,5,' is not a finite number
 x,y,event|0,0,"gas|1,0, => line 2: ... quotes
-x,y|0,0|1,1e9 => line 3, column 'y': must be within 1e+06 m
-x,y|0,0|,1 => line 3, column 'x': must not be empty
+x,y|0,0|1,1e9 => line 3, column 'y': the value must be within 1e+06 m
+x,y|0,0|,1 => line 3, column 'x': the value must not be empty
 x,y|0,0|0,0 => line 2 has no two different points
-x,y,speed|0,0,1|1,0,0 => line 3, column 'speed': must be above zero, but is 0
-x,y,event|0,0,=on|1,0, => line 2, column 'event': '=on' is no event
+x,y,speed|0,0,1|1,0,0 => line 3, column 'speed': the value must be above zero, but is 0
+x,y,event|0,0,=on|1,0, => line 2, column 'event': '=on' is not a valid event
 x,y,ax,ay,az|0,0,0,0,1|1,0,0,0,1 => the column z
-x,y,z,qx,qy,qz,qw|0,0,0,0,0,0,2|1,0,0,0,0,0,1 => length 1, but has 2
+x,y,z,qx,qy,qz,qw|0,0,0,0,0,0,2|1,0,0,0,0,0,1 => length 1, but has length 2
 x,y,z,ax,ay,az,roll,pitch,yaw|0,0,0,0,0,1,0,0,0|1,0,0,0,0,-1,0,0,0 => orientation twice
 x,y,z,ax,ay,az|0,0,0,0,0,-1|1,0,0,0,1,-1|1,0,0,1,1,-1|2,0,0,0,0,-1 => line 4, column 'ax ay az': 
 """
@@ -134,7 +134,7 @@ HOSTILE = [
 
 def test_errors_are_reported_with_line_and_column():
     refusals(lambda text: read(text.replace("|", "\n") + "\n" * (len(text) > 1)), WRONG)
-    refusals(read, [(b"x,y\n0,\xff\n", "not UTF-8")], "points.csv")
+    refusals(read, [(b"x,y\n0,\xff\n", "UTF-8")], "points.csv")
     for text, words in HOSTILE:
         message = refused(text)
         assert words in message and message.isprintable() and len(message) < 500

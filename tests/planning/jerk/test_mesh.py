@@ -9,6 +9,7 @@ import armcontour as ac
 from armcontour.planning.jerk.mesh import End, JerkMesh, place_mesh
 from armcontour.planning.jerk.mesh_rows import control_points
 from armcontour.planning.jerk.polynomials import basis, motion_rows, raised, to_bernstein
+from armcontour.planning.topp.limit_forms import Intervals
 
 LIMITS = ac.Limits.only(joint_velocity=[1.0] * 2, joint_acceleration=[4.0] * 2)
 # Breaks of the path lie close together around 1.2.
@@ -105,8 +106,9 @@ def test_rows_are_acceleration_and_jerk(part, degree):
     both = np.arange(2)
     motion = np.empty((1, 2 * (degree + 1), 3)), np.empty((1, 2 * degree, 3))
     of_powers = to_bernstein(degree), to_bernstein(degree - 1)
-    piece = np.zeros(1, dtype=np.intp)
-    motion_rows(coefficients, breaks, piece, s, on, degree, of_powers, (both, both), motion)
+    flat, piece = coefficients.ravel(), np.zeros(1, dtype=np.intp)
+    grid = Intervals(s, piece, breaks, flat, flat, 2)
+    motion_rows(grid, on, degree, of_powers, (both, both), motion)
     points = RNG.uniform(0.5, 1.5, 3)
     square = Polynomial([1, -2, 1]) * points[0] + Polynomial([0, 2, -2]) * points[1]
     square = (square + Polynomial([0, 0, 1]) * points[2])(Polynomial([-0.7, 1]) / width)

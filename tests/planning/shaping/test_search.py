@@ -9,7 +9,7 @@ import armcontour as ac
 from armcontour.geometry import Tube
 from armcontour.planning.shaping.curves import draw
 from armcontour.planning.shaping.nodes import place_nodes
-from armcontour.planning.shaping.search import make_searches, why_not
+from armcontour.planning.shaping.search import explain_unshaped, make_searches
 from armcontour.planning.shaping.spline_rows import JointSpline, assemble, span_rows
 from armcontour.planning.shaping.starts import (
     ARCS,
@@ -49,9 +49,9 @@ def test_every_iteration_is_within_the_tube_and_no_slower(arm, centripetal):
 
 def test_what_is_not_shaped(arm, limits):
     path = ac.shape(LINES, arm, limits, ac.Shaped(tolerance=1e-3, line_tolerance=0.0, zone=0.01))
-    assert "lines without a tolerance" in path.outcome.note
+    assert "a line has no tolerance" in path.outcome.note
     assert path.outcome.durations["shaped"] == min(path.outcome.durations.values())
-    assert why_not(LINES, Tube.around(LINES, 1e-3)) is None
+    assert explain_unshaped(LINES, Tube.around(LINES, 1e-3)) is None
     # A tolerance of zero stops at every vertex.
     plan = ac.plan(LINES, arm, limits, ac.Shaped(tolerance=0.0))
     np.testing.assert_allclose(plan.path.stops, LINES.breaks[1:-1])

@@ -30,7 +30,7 @@ def pickled(monkeypatch):
         return replies
 
     monkeypatch.setattr("armcontour.core.pool.map_in_processes", send)
-    monkeypatch.setattr(shaper, "MANY", 2)
+    monkeypatch.setattr(shaper, "MANY_CONTOURS", 2)
 
 
 def test_other_processes_shape_the_same(arm, limits, pickled, monkeypatch):
@@ -39,7 +39,7 @@ def test_other_processes_shape_the_same(arm, limits, pickled, monkeypatch):
     there = shape(
         program, arm, limits, ac.Shaped(tolerance=1e-3, iterations=2), progress=steps.append
     )
-    monkeypatch.setattr(shaper, "MANY", 3)
+    monkeypatch.setattr(shaper, "MANY_CONTOURS", 3)
     local = shape(
         program, arm, limits, ac.Shaped(tolerance=1e-3, iterations=2), progress=steps.append
     )
@@ -97,7 +97,7 @@ def test_a_long_path_is_about_as_fast_as_in_one_piece(arm, limits, monkeypatch):
         return ac.plan(path, arm, limits, ac.Shaped(**options, **more))
 
     whole = plan()
-    monkeypatch.setattr(search, "LONG", 4)
+    monkeypatch.setattr(search, "LONG_PATH", 4)
     monkeypatch.setattr(search, "CORNERS", 4)
     parts = plan()
     assert parts.duration < 1.005 * whole.duration

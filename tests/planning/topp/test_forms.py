@@ -10,7 +10,7 @@ from armcontour.planning.constraints import Constraint, JointTorque, OnGrid, lim
 from armcontour.planning.path_grid import place_grid
 from armcontour.planning.topp.kernels import MotionBounds, Rules, plan_on_grid, rows_with_friction
 from armcontour.planning.topp.limit_forms import (
-    ALONE,
+    BY_CONSTANT,
     BY_SLOPE,
     BY_U,
     BY_X,
@@ -192,7 +192,7 @@ def test_arrays_of_another_shape_are_refused_with_their_name(form):
             arrays[name] = np.ones((*shape[:k], shape[k] + 1, *shape[k + 1 :]))
             if name == list(RIGHT[form])[-1] and shape[k] == 3 and form is not Friction:
                 continue  # the last array says how many rows there are
-            with pytest.raises(ac.InvalidInput, match="constraint force have"):
+            with pytest.raises(ac.InvalidInput, match="constraint force has the shape"):
                 limits_on(path, [Own(form(**arrays))])
 
 
@@ -206,4 +206,4 @@ def test_forms_may_be_read_only_and_are_not_changed():
         line, UR5E, limits, ac.Optimal(grid=grid, constraints=[Own(Ceiling(ceiling))])
     )
     assert np.max(planned.laws[0].speeds) == pytest.approx(0.2)
-    assert BY_U + BY_X + BY_SLOPE + ALONE == 6
+    assert BY_U + BY_X + BY_SLOPE + BY_CONSTANT == 6

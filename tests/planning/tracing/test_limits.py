@@ -115,7 +115,7 @@ def test_freeing_the_tool_axis_is_no_advice_where_it_is_free_already(ur5e):
                     path.pointing([0, 0, -1]) if arm is ur5e else path, arm, limits=path_limits
                 )
             assert "tool axis" not in str(caught.value)
-    with pytest.raises(ac.Unreachable, match="or leave turning about the tool axis free"):
+    with pytest.raises(ac.Unreachable, match="or leave the rotation about the tool axis free"):
         ac.trace(LINE, ur5e, limits=narrow)
 
 

@@ -156,7 +156,7 @@ def test_threads_that_share_ways_change_no_bit(ur5e, monkeypatch):
         coefficients = []
         for processors in (1, 5):
             monkeypatch.setattr("armcontour.core.pool.processors", lambda n=processors: n)
-            monkeypatch.setattr("armcontour.planning.tracing.configurations.MANY", 0)
+            monkeypatch.setattr("armcontour.planning.tracing.configurations.THREADED_POSES", 0)
             coefficients.append([x.coefficients for x in trace_all(PATHS[kind], ur5e)])
         assert len(coefficients[0]) > 1
         for alone, shared in zip(*coefficients, strict=True):
@@ -376,7 +376,7 @@ def test_sharp_corners_are_stops_and_corners_beside_arcs_are_rounded(ur5e):
     path = ac.Path.from_segments([line, arc]).following_tangent((0, 0, 1))
     rounded = ac.round_corners(path, tolerance=1e-3, angular_tolerance=0.02)
     assert len(ac.trace(rounded, ur5e).stops) == 0
-    with pytest.raises(ac.InvalidInput, match="round a sharp corner: round the corner"):
+    with pytest.raises(ac.InvalidInput, match="at a sharp corner: round the corner"):
         ac.trace(path, ur5e)
 
 

@@ -17,7 +17,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.sampling import DEVIATION_PER_MEDIAN, interpolate, white_noise
 from armcontour.motion import SetPoints
-from armcontour.motion.log_checks import check_is_whole, find_misreading
+from armcontour.motion.log_checks import check_completeness, find_misreading
 
 # Largest difference between two clocks; a larger one means another job or unit of time.
 WORST_RATE = 0.03
@@ -142,7 +142,7 @@ def align(
             f"and more than {100 * WORST_RATE:g} % is not a clock: it is a log of another job or "
             "another speed, or its times need their unit."
         )
-    check_is_whole(source, t, duration, 2 * recording.interval)
+    check_completeness(source, t, duration, 2 * recording.interval)
     apart = recording.q - lifted.between(t, expected)
     noise = white_noise(apart, order=4)
     shift, outliers = np.zeros(lifted.dof), 0
@@ -259,7 +259,7 @@ def add_tool(
     encoded = arm.tool_position(lifted.planned + error)
     offset, rate = clock or fit_to(t, points, lifted.t, encoded)
     plan_times = offset + rate * t
-    check_is_whole(
+    check_completeness(
         "The file of tool positions",
         plan_times,
         lifted.plan.duration,

@@ -1,1 +1,1 @@
-"""Readers of drawings (DXF, SVG), G-code and tables of waypoints; each returns a `Program`."""
+"""Readers for drawings (DXF, SVG), G-code and tables of waypoints; each returns a `Program`."""

@@ -1,4 +1,4 @@
-"""Chains of lines and elliptical arcs, which stay exact until they become segments."""
+"""Exact chains of lines and elliptical arcs, and their conversion to segments."""
 
 from __future__ import annotations
 
@@ -14,32 +14,33 @@ from armcontour.geometry import Segments
 from armcontour.geometry.arc_fit import fit_arcs
 from armcontour.geometry.segments import REPEATED_POINT, close_gaps
 
-# An ellipse counts as a circle if its semi-axes differ by at most this fraction of the chord
-# tolerance,
+# An ellipse counts as a circle if both limits are satisfied: the difference of its semi-axes is at
+# most SAME_AXES times the chord tolerance, and the square of the difference is at most
+# MAX_FLATTENING times the square of the longer semi-axis.
 SAME_AXES = 0.01
-# and by at most the square root of this fraction of the longer semi-axis.
-FLAT = 0.01
-# An arc drawn by its radius may miss its end by this [m]; else it is drawn through its ends.
-SAME_END = 0.1 * REPEATED_POINT
-# Semi-axes that differ by at most this fraction differ by rounding only.
-ROUND = 1e-12
-# The chord of an arc of more than this [rad] does not define the arc accurately.
-WELL_KNOWN = 1.5 * np.pi
-# Vertices closer than this [m] are one vertex; a path sees no gap between them.
+MAX_FLATTENING = 0.01
+# Largest distance between the end of an arc drawn with its radius and the end point in the drawing
+# [m]. An arc with a larger distance is drawn through both end points.
+END_TOLERANCE = 0.1 * REPEATED_POINT
+# Relative difference of semi-axes that is due to rounding.
+AXIS_ROUNDING = 1e-12
+# An arc with a larger swept angle [rad] is not defined accurately by its chord.
+MAX_CHORD_ANGLE = 1.5 * np.pi
+# Vertices closer than this [m] are merged.
 ONE_VERTEX = 0.5 * REPEATED_POINT
-# The bounding box of an arc of more than this [rad] is taken from its whole ellipse.
-WIDE = 1.0
+# For an arc with a larger swept angle [rad], the bounding box is that of the whole ellipse.
+WIDE_ANGLE = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ArcChain:
-    """Lines and elliptical arcs, each of which starts at the end of the one before."""
+    """A sequence of lines and elliptical arcs; each starts at the end of the previous one."""
 
     # Arc i is `starts[i] + cosines[i] (cos t - 1) + sines[i] sin t` for t from 0 to `angles[i]`. A
     # line has the angle 0.
 
     starts: FloatArray  # Start points, (n, dimension)
-    # End points as the drawing gives them, not computed from the arcs, (n, dimension).
+    # End points from the drawing, which are not computed from the arcs, (n, dimension).
     ends: FloatArray
     cosines: FloatArray  # Vectors from the centres to the start points, (n, dimension)
     sines: FloatArray  # Conjugate semi-diameters of the ellipses, (n, dimension)
@@ -47,7 +48,7 @@ class ArcChain:
 
     @classmethod
     def straight(cls, points: FloatArray) -> ArcChain:
-        """The chain of lines through points, (n + 1, dimension)."""
+        """The chain of n lines through points, (n + 1, dimension)."""
         zeros = np.zeros_like(points[1:])
         return cls(
             starts=points[:-1],
@@ -66,7 +67,11 @@ class ArcChain:
         angle: float,
         ends: FloatArray | None = None,
     ) -> ArcChain:
-        """The chain of one arc; `sine` is the conjugate semi-diameter of `cosine`."""
+        """The chain of one arc with the swept angle `angle` [rad].
+
+        `cosine` is the vector from the centre to the start, `sine` its conjugate semi-diameter.
+        `ends` are the start and end point, (2, dimension); None computes these from the arc.
+        """
         if ends is None:
             start = centre + cosine
             end = centre + np.cos(angle) * cosine + np.sin(angle) * sine
@@ -81,7 +86,7 @@ class ArcChain:
 
     @classmethod
     def join(cls, chains: Sequence[ArcChain]) -> ArcChain:
-        """One chain of several chains in sequence."""
+        """Join several chains in sequence to one chain."""
         return cls(**{x: np.concatenate([getattr(y, x) for y in chains]) for x in cls.__slots__})
 
     def __getitem__(self, rows: BoolArray | IntArray) -> ArcChain:
@@ -93,14 +98,14 @@ class ArcChain:
         return ArcChain(
             starts=to(self.starts),
             ends=to(self.ends),
-            cosines=to.turn(self.cosines),
-            sines=to.turn(self.sines),
+            cosines=to.map_vectors(self.cosines),
+            sines=to.map_vectors(self.sines),
             angles=self.angles,
         )
 
     def halve(self) -> ArcChain:
         """The same curve with each line and arc split into two halves."""
-        middles, half = self._at(0.5), self.angles[:, None] / 2
+        middles, half = self._evaluate(0.5), self.angles[:, None] / 2
         c, s = np.cos(half), np.sin(half)
         first = dataclasses.replace(self, ends=middles, angles=self.angles / 2)
         second = ArcChain(
@@ -126,22 +131,27 @@ class ArcChain:
         return dataclasses.replace(self, ends=np.concatenate([self.ends[:-1], point[None]]))
 
     @property
-    def reach(self) -> FloatArray:
-        """Points whose largest coordinates bound the chain, (m, dimension)."""
+    def bounding_points(self) -> FloatArray:
+        """Points whose bounding box approximately contains the chain, (m, dimension)."""
         points = [self.starts[:1], self.ends]
         if self.angles.any():
-            wide = self.angles > WIDE
+            wide = self.angles > WIDE_ANGLE
             centres = (self.starts - self.cosines)[wide]
             sizes = np.hypot(self.cosines[wide], self.sines[wide])
             points += [centres - sizes, centres + sizes]
             narrow = (self.angles > 0) & ~wide
             if narrow.any():
-                # The ellipse of a narrow arc extends much farther than the arc.
-                points.append(self[narrow]._at(0.5))
+                # The ellipse of an arc with a small angle can be much larger than the arc, so the
+                # middle of the arc is used.
+                points.append(self[narrow]._evaluate(0.5))
         return np.concatenate(points)
 
     def to_segments(self, tolerance: float) -> Segments | None:
-        """Lines and circular arcs as drawn, others as tangent arcs; None without length."""
+        """Convert the chain to segments; None if the chain has no length.
+
+        Lines and circular arcs are not changed; other arcs become tangent arcs within the tolerance
+        [m].
+        """
         chain = self._without_points()
         if not len(chain.angles):
             return None
@@ -165,7 +175,7 @@ class ArcChain:
         return np.asarray(arc)
 
     def _without_points(self) -> ArcChain:
-        """The chain without lines and arcs that have no length; close vertices become one."""
+        """The chain without lines and arcs that have no length; close vertices are merged."""
         arc = self._long_arcs
         starts, has_length = close_gaps(self.starts, self.ends, arc, ONE_VERTEX)
         if has_length.all():
@@ -173,8 +183,8 @@ class ArcChain:
         angles = np.where(arc, self.angles, 0.0)
         return dataclasses.replace(self, starts=starts, angles=angles)[has_length]
 
-    def _is_plain(self, tolerance: float) -> BoolArray:
-        """Mask of the lines and circular arcs that are not approximated, (n,)."""
+    def _is_exact(self, tolerance: float) -> BoolArray:
+        """Mask of the lines and circular arcs with a length, which are not approximated, (n,)."""
         arc, far = self._long_arcs, np.linalg.norm(self.ends - self.starts, axis=1) > ONE_VERTEX
         return np.asarray(np.where(self.angles > 0, arc, far) & ~self._elliptical(tolerance))
 
@@ -185,19 +195,23 @@ class ArcChain:
             return arc
         u, v = self.cosines, self.sines
         long, wide, across = (np.sum(x * y, axis=1) for x, y in ((u, u), (v, v), (u, v)))
-        # The squared difference of the semi-axes, without a difference of large numbers.
+        # `flattening` is the squared difference of the semi-axes, computed without a difference of
+        # large numbers.
         area = np.sqrt(np.maximum(long * wide - across**2, 0.0))
         with np.errstate(invalid="ignore"):
             skew = np.nan_to_num(2 * across**2 / (np.sqrt(long * wide) + area))
         flattening = (np.sqrt(long) - np.sqrt(wide)) ** 2 + skew
-        # A long arc counts as a circle only if it is round to the last digit, because its chord
-        # does not define it accurately.
-        long_arc = (self.angles > WELL_KNOWN) & (self.angles < 2 * np.pi)
-        allowed = np.minimum((SAME_AXES * tolerance) ** 2, FLAT * np.maximum(long, wide))
-        return np.asarray(arc & (flattening > np.where(long_arc, ROUND**2 * long, allowed)))
+        # An arc with a large angle counts as circular only if its semi-axes are equal except for
+        # rounding, because its chord does not define the arc accurately.
+        long_arc = (self.angles > MAX_CHORD_ANGLE) & (self.angles < 2 * np.pi)
+        allowed = np.minimum((SAME_AXES * tolerance) ** 2, MAX_FLATTENING * np.maximum(long, wide))
+        return np.asarray(arc & (flattening > np.where(long_arc, AXIS_ROUNDING**2 * long, allowed)))
 
-    def _at(self, share: float | FloatArray, order: int = 0) -> FloatArray:
-        """Points of the lines and arcs, which pass exactly through their end points."""
+    def _evaluate(self, share: float | FloatArray, order: int = 0) -> FloatArray:
+        """Points (order 0) or derivatives (order 1) at a fraction of each line or arc.
+
+        The curves are corrected to pass exactly through their end points.
+        """
         fraction = np.broadcast_to(share, self.angles.shape)[:, None]
         a = self.angles[:, None]
         c, s = np.cos(a * fraction), np.sin(a * fraction)
@@ -208,22 +222,22 @@ class ArcChain:
         return np.asarray(self.starts + (c - 1) * self.cosines + s * self.sines + fraction * missed)
 
     def _fitted(self, tolerance: float) -> Segments:
-        """Segments of a chain of elliptical arcs: tangent arcs within the tolerance [m]."""
+        """Tangent circular arcs within the tolerance [m] of a chain of elliptical arcs."""
         n = len(self.angles)
 
         def curve(t: FloatArray, order: int) -> FloatArray:
-            # Arc i has the parameters from i to i + 1.
+            # Elliptical arc i has the parameters from i to i + 1.
             i = np.clip(np.floor(t).astype(np.intp), 0, n - 1)
-            return self[i]._at(t - i, order)
+            return self[i]._evaluate(t - i, order)
 
         quarters = np.maximum(np.ceil(self.angles / (np.pi / 2) - 1e-9), 1).astype(np.intp)
         i, k = number_parts(quarters)
         return fit_arcs(curve, np.append(i + k / quarters[i], n), tolerance)
 
     def _as_drawn(self) -> Segments:
-        """Segments of lines and circular arcs, which need not meet."""
-        # An arc is drawn by its radius; if it would miss its end point, it is drawn through both
-        # end points with its swept angle.
+        """Segments of lines and circular arcs; these can have gaps between them."""
+        # An arc is drawn with its radius. If its end differs from the end point, the arc is drawn
+        # through both end points with its swept angle.
         arc = self.angles > 0
         chords = self.ends - self.starts
         sizes = np.linalg.norm(chords, axis=1)
@@ -238,11 +252,13 @@ class ArcChain:
             curvatures=np.where(arc, 1 / radii, 0.0),
             lengths=np.where(arc, radii * self.angles, sizes),
         )
-        inexact = arc & (np.linalg.norm(drawn.ends - self.ends, axis=1) > SAME_END)
-        return drawn.put(inexact, self[inexact]._through_ends()) if inexact.any() else drawn
+        inexact = arc & (np.linalg.norm(drawn.ends - self.ends, axis=1) > END_TOLERANCE)
+        return (
+            drawn.replace_rows(inexact, self[inexact]._through_ends()) if inexact.any() else drawn
+        )
 
     def _through_ends(self) -> Segments:
-        """Circular arcs through their end points with their swept angles."""
+        """Segments of circular arcs through their end points with their swept angles."""
         chords, half = self.ends - self.starts, self.angles / 2
         sizes = np.linalg.norm(chords, axis=1)
         along = chords / sizes[:, None]
@@ -260,14 +276,17 @@ class ArcChain:
         )
 
 
-def draw_plain(chains: Sequence[ArcChain], tolerance: float) -> list[Segments | None]:
-    """`ArcChain.to_segments` of many chains in one step; None for chains with other curves."""
+def draw_exact(chains: Sequence[ArcChain], tolerance: float) -> list[Segments | None]:
+    """Segments of each chain that has only lines and circular arcs; None for other chains.
+
+    The result is that of `ArcChain.to_segments`, computed in one step for all chains.
+    """
     tables: list[Segments | None] = [None] * len(chains)
     count = np.array([len(x.angles) for x in chains], dtype=np.intp)
     if not count.any():
         return tables
     table, chain_of = ArcChain.join(chains), np.repeat(np.arange(len(chains)), count)
-    other = np.bincount(chain_of, ~table._is_plain(tolerance), len(chains)) > 0
+    other = np.bincount(chain_of, ~table._is_exact(tolerance), len(chains)) > 0
     indices = np.flatnonzero(~other & (count > 0))
     if len(indices):
         drawn, ends = table[~other[chain_of]]._as_drawn(), np.cumsum(count[indices])
@@ -278,23 +297,23 @@ def draw_plain(chains: Sequence[ArcChain], tolerance: float) -> list[Segments | 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Affine:
-    """The map `linear @ point + offset`."""
+    """The affine map `linear @ point + offset`."""
 
     linear: FloatArray
     offset: FloatArray
 
     def __call__(self, points: FloatArray) -> FloatArray:
-        """Images of points, (..., dimension)."""
+        """The images of points, (..., dimension)."""
         return np.asarray(points @ self.linear.T + self.offset)
 
     def __matmul__(self, inner: Affine) -> Affine:
-        """The composition of two maps: first the inner map, then this map."""
-        # An overflow is found later, by `finite`.
+        """The composition of two maps: the inner map is applied first."""
+        # `finite` detects an overflow later.
         with np.errstate(over="ignore", invalid="ignore"):
             return Affine(self.linear @ inner.linear, self.linear @ inner.offset + self.offset)
 
-    def turn(self, vectors: FloatArray) -> FloatArray:
-        """Images of differences of points, (..., dimension), without the offset."""
+    def map_vectors(self, vectors: FloatArray) -> FloatArray:
+        """The images of vectors, (..., dimension), which the offset does not change."""
         return np.asarray(vectors @ self.linear.T)
 
     @property
@@ -303,5 +322,5 @@ class Affine:
         return bool(np.isfinite(self.linear).all() and np.isfinite(self.offset).all())
 
 
-# Projection from space onto the plane z = 0.
+# The projection from space onto the plane z = 0.
 WITHOUT_Z = Affine(np.eye(3)[:2], np.zeros(2))

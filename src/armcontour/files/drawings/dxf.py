@@ -1,4 +1,4 @@
-"""DXF drawings, read from their model space into a program of contours."""
+"""Reader for DXF drawings; the entities of the model space become a program of contours."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from armcontour.files.drawings.dxf_entities import (
     SHAPES,
     Unreadable,
     check_required,
-    clip_of,
     insert_grid,
     insert_transforms,
+    read_clip,
 )
 from armcontour.files.drawings.outlines import Outline
-from armcontour.files.drawings.read_options import SKIP, ReadOptions, hex_of
+from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, hex_of
 from armcontour.files.drawings.walk import (
-    NAMED,
-    WALKED,
+    MAX_NAMED,
+    TRAVERSAL_SHARE,
     EntityOutlines,
     Inherited,
     Walk,
@@ -42,7 +42,7 @@ from armcontour.files.drawings.walk import (
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program import Program
 
-# Lengths of the units of $INSUNITS [m], by the DXF reference; 0 is a drawing without a unit.
+# Lengths of the units of $INSUNITS [m] (DXF reference). The code 0 means no unit.
 UNITS = {
     1: 0.0254,
     2: 0.3048,
@@ -65,30 +65,30 @@ UNITS = {
     23: 3600 / 3937,
     24: 6336000 / 3937,
 }
-# Largest depth of nested blocks, and largest number of copied entities: a document with more is
+# Maximum depth of nested blocks, and maximum number of copied entities. A document with more is
 # malicious.
-DEEPEST = 50
-EXPLODE = "explode it into lines and arcs in the CAD program"
+MAX_DEPTH = 50
+EXPLODE = "explode the entity into lines and arcs in the CAD program"
 MAX_COPIES = 200_000
 OFF, FROZEN = "off", "frozen"
-# Reasons for omitted entities.
+# Starts of the notes on omitted entities and on letters.
 HIDDEN = "Skipped on layers that are off or frozen"
 INVISIBLE = "Skipped because they are invisible"
-NOT_READ = "Skipped because it is no line, arc or curve"
-TEXT = "Skipped, unless its letters are contours (path.texts or --texts: contours)"
-THROUGH_FONT = "Drawn through a font of this machine, which may differ from the drawing's"
-BROKEN = "Skipped because it cannot be read"
-# Numbers of AutoCAD's colours that mean the colour of the block, of the layer, and black or white.
+NOT_READ = "Skipped because they are not lines, arcs or curves"
+TEXT = "Skipped because texts are contours only on request (path.texts or --texts: contours)"
+THROUGH_FONT = "Drawn with a font of this machine, which can differ from the font of the drawing"
+BROKEN = "Skipped because they cannot be read"
+# AutoCAD colour numbers for the colour of the block, the colour of the layer, and black or white.
 BY_BLOCK, BY_LAYER, ACI_WHITE = 0, 256, 7
 WHITE = frozenset({"7", "#ffffff", "#000000"})
 BINARY = b"AutoCAD Binary DXF"
 DRAWING_DATABASE = b"AC10"
 CUT_OFF = "The file has no end mark (EOF): it seems to be cut off, and contours may be missing."
-# Structure of the file between entities.
+# Types of the tags that structure the file and are not entities.
 STRUCTURE = ("SECTION", "ENDSEC", "TABLE", "ENDTAB", "EOF")
-# Classes of entities that ezdxf does not read without the marks of their classes, and codes that
-# come before the mark.
-CLASSES = {
+# Subclass markers, which ezdxf requires for entities of these types, and the group codes before the
+# marker.
+SUBCLASSES = {
     "LWPOLYLINE": "AcDbPolyline",
     "SPLINE": "AcDbSpline",
     "MTEXT": "AcDbMText",
@@ -98,7 +98,7 @@ CLASSES = {
 COMMON_CODES = frozenset(
     "0 5 6 8 48 60 62 67 92 102 160 284 310 330 347 348 360 370 380 390 410 420 430 440".split()
 )
-# Numbers of objects in ezdxf's messages.
+# Matches the object handle in ezdxf's messages.
 ADDRESS = re.compile(r"\(#\d+\)")
 
 
@@ -106,42 +106,42 @@ def read_dxf(
     data: bytes, *, source: str, options: ReadOptions, progress: Progress | None = None
 ) -> Program:
     """Read the contours of a DXF drawing."""
-    # Lines and arcs are kept; ellipses and splines become arcs within the chord tolerance. If all
-    # points have z = 0, the program is in the plane, otherwise in space. A contour is named after
-    # the handle of its first entity; in a block, the handle of the INSERT comes before.
+    # Lines and arcs are not changed; ellipses and splines become arcs within the chord tolerance.
+    # If all points have z = 0, the program is in the plane, otherwise in space. The name of a
+    # contour is the handle of its first entity, in a block after the handle of the INSERT.
     with silence_log(), np.errstate(all="ignore"):
         document, notes = open_document(data, source, skip=options.skips)
         walk = DxfWalk(document, partial(line_of_handle, data), source, options, progress)
-        # Without a header ezdxf adds one with metres.
+        # If the file has no header, ezdxf adds one with the unit metre, which is ignored.
         stated = b"$INSUNITS" in data
         unit = _unit(document.header.get("$INSUNITS", 0) if stated else 0, source, options)
         return walk.program(_flattened(list(walk.shapes(unit)), source), notes)
 
 
 def _unit(code: Any, source: str, options: ReadOptions) -> float:
-    """Length of the drawing's unit [m], by its code in the header."""
+    """Length of the unit [m]: the unit of the options, or else of the code in the header."""
     if options.unit is not None:
         return options.unit
     if code in UNITS:
         return UNITS[code]
-    reason = "does not say its unit" if code == 0 else f"has the unit {code!r}, which is not known"
+    reason = "does not specify its unit" if code == 0 else f"has the unknown unit {code!r}"
     raise InvalidInput(
-        f"{source} {reason} ($INSUNITS): give it, such as `units: mm` or --units mm."
+        f"{source} {reason} ($INSUNITS): specify the unit, for example `units: mm` or --units mm."
     )
 
 
 def _flattened(entities: list[EntityOutlines], source: str) -> list[EntityOutlines]:
-    """The entities in the plane if all z are 0, otherwise in space."""
+    """The entities, projected onto the plane if all z are 0; otherwise unchanged."""
 
     def is_flat(points: FloatArray) -> bool:
         return bool(np.abs(points[:, 2]).max() <= REPEATED_POINT)
 
-    flat = all(is_flat(y.reach) for x in entities for y in x.outlines)
+    flat = all(is_flat(y.bounding_points) for x in entities for y in x.outlines)
     for entity in entities:
         if entity.clips and not (flat and all(is_flat(clip.corners) for clip in entity.clips)):
             raise InvalidInput(
-                f"{source}: {entity.where} is in a block that is clipped in space, which is not "
-                "read: clip drawings at z = 0 only."
+                f"{source}: {entity.where} is in a block that is clipped in space. Clips are "
+                "supported only if the whole drawing has z = 0."
             )
     if not flat:
         return entities
@@ -156,7 +156,7 @@ def _flattened(entities: list[EntityOutlines], source: str) -> list[EntityOutlin
 
 
 class DxfWalk(Walk):
-    """Traversal of a document's entities, which records the entities that it omits."""
+    """Traversal of the entities of a DXF document, with notes on omitted entities."""
 
     part = " in its model space"
 
@@ -172,68 +172,70 @@ class DxfWalk(Walk):
         self.document, self.line_of = document, line_of
         self.texts = options.texts == "contours"
         self._copies = 0
-        self._sizes: dict[str, int] = {}
+        self._block_sizes: dict[str, int] = {}
         self._layers: dict[str, tuple[str, str]] = {}
         self._layer_colors: dict[str, frozenset[str]] = {}
 
     def explain_empty(self) -> str:
-        """The reason for a program without contours: all entities are on other layers."""
-        if not self.elsewhere:
+        """Text after the file name in the error for no contours; "" if no other layer has any."""
+        if not self.on_other_layers:
             return ""
         requested = ", ".join(repr(x) for x in sorted(self.requested_layers or ()))
-        layers = list_some([repr(x) for x in sorted(self.elsewhere)], 12)
-        return f"has no contour on the layer {requested}: it has entities on {layers}"
+        layers = list_some([repr(x) for x in sorted(self.on_other_layers)], 12)
+        return f"has no contour on the layer {requested}, only on {layers}"
 
     def shapes(self, unit: float) -> Iterator[EntityOutlines]:
-        """Yield the shapes of all entities of the model space, in the order of the document."""
+        """Yield the outlines of all entities of the model space in the order of the document."""
         try:
             for layer in self.document.layers:
                 state = FROZEN if layer.is_frozen() else OFF if layer.is_off() else ""
-                self._layers[_key(layer.dxf.name)] = (layer.dxf.name, state)
-                self._layer_colors[_key(layer.dxf.name)] = _color_names(layer, abs(layer.color))
+                self._layers[_fold_case(layer.dxf.name)] = (layer.dxf.name, state)
+                self._layer_colors[_fold_case(layer.dxf.name)] = _color_names(
+                    layer, abs(layer.color)
+                )
             entities = self.document.modelspace()
         except Exception as error:
-            raise InvalidInput(f"{self.source} is damaged: {error_line(error)}.") from None
+            raise InvalidInput(f"{self.source} is damaged ({error_line(error)}).") from None
         world = Affine(unit * np.eye(3), np.zeros(3))
         drawing = Inherited(to=world, layer="0", color=WHITE)
         for k, entity in enumerate(entities):
-            self.tell(WALKED * k / len(entities))
+            self.tell(TRAVERSAL_SHARE * k / len(entities))
             yield from self._shapes_in([entity], drawing)
 
     def _shapes_in(self, entities: Iterable[Any], block: Inherited) -> Iterator[EntityOutlines]:
-        """Yield the shapes of the entities of a block or of the drawing."""
+        """Yield the outlines of the entities of a block or of the drawing."""
         for entity in entities:
             kind = entity.dxftype()
             handle = _attribute(entity, "handle", "?")
             name = f"{block.name}/{handle}" if block.name else f"handle {handle}"
             layer, state = self._layer(entity, block)
             try:
-                if kind == "ATTDEF" and block.inside:
-                    # A template of a text; the drawing shows the texts of the INSERT.
+                if kind == "ATTDEF" and block.targets:
+                    # An ATTDEF is a template for a text, which the INSERT defines.
                     continue
                 if state == FROZEN or (state == OFF and kind != "INSERT"):
-                    self.leave_out(HIDDEN, layer)
+                    self.omit(HIDDEN, layer)
                 elif _attribute(entity, "invisible", 0):
-                    self.leave_out(INVISIBLE, kind)
+                    self.omit(INVISIBLE, kind)
                 elif kind == "INSERT":
                     yield from self._insert(entity, block, name, layer)
                 elif not self.wants_layer(layer):
-                    # Entities on other layers are ignored, also broken ones.
-                    self.elsewhere[self.labels(layer)] += kind in SHAPES
+                    # Entities on other layers are ignored, even if they are damaged.
+                    self.on_other_layers[self.labels(layer)] += kind in SHAPES
                 else:
                     yield from self._drawn(entity, kind, name, layer, block)
             except Unreadable as error:
-                self._leave(kind, name, layer, str(error), handle)
+                self._refuse_or_skip(kind, name, layer, str(error), handle)
             except InvalidInput:
                 raise
             except Exception as error:
-                # A broken entity makes ezdxf raise exceptions of any class.
-                self._leave(kind, name, layer, f"is damaged: {error_line(error)}", handle)
+                # For a damaged entity, ezdxf can raise exceptions of any class.
+                self._refuse_or_skip(kind, name, layer, f"is damaged ({error_line(error)})", handle)
 
     def _drawn(
         self, entity: Any, kind: str, name: str, layer: str, block: Inherited
     ) -> Iterator[EntityOutlines]:
-        """Yield the shapes of a visible entity, of which MLINE and TEXT have several."""
+        """Yield the outlines of a visible entity: several for MLINE and TEXT, else at most one."""
         if kind == "MLINE":
             for k, part in enumerate(entity.virtual_entities()):
                 yield from self._shape(part, kind, f"{name}[{k + 1}]", layer, block)
@@ -242,20 +244,18 @@ class DxfWalk(Walk):
         ):
             yield from self._shape(entity, kind, name, layer, block)
         elif kind == "TEXT" and self.texts:
-            self.leave_out(THROUGH_FONT, kind)
-            for k, part in enumerate(letters_of(entity)):
+            self.omit(THROUGH_FONT, kind)
+            for k, part in enumerate(text_letters(entity)):
                 yield from self._shape(part, part.dxftype(), f"{name}[{k + 1}]", layer, block)
         elif kind in NO_CONTOUR:
-            self.leave_out(
-                TEXT if kind == "TEXT" else NOT_READ, "mesh" if kind == "POLYLINE" else kind
-            )
+            self.omit(TEXT if kind == "TEXT" else NOT_READ, "mesh" if kind == "POLYLINE" else kind)
         else:
-            raise Unreadable(f"is not read: {EXPLODE}")
+            raise Unreadable(f"is of an unsupported type: {EXPLODE}")
 
     def _shape(
         self, entity: Any, kind: str, name: str, layer: str, block: Inherited
     ) -> Iterator[EntityOutlines]:
-        """Yield the shape of an entity, if it has a length and one of the chosen colours."""
+        """Yield the outline of an entity if the options select its colour."""
         if not self.wants_color(self._color(entity, layer, block)):
             return
         check_required(entity)
@@ -275,44 +275,48 @@ class DxfWalk(Walk):
         )
 
     def _color(self, entity: Any, layer: str, block: Inherited) -> frozenset[str]:
-        """The names of the colour in which an entity is drawn."""
+        """The names of the colour of an entity, which can be that of its block or layer."""
         number = _attribute(entity, "color", BY_LAYER)
         if _attribute(entity, "true_color", None) is None:
             if number == BY_BLOCK:
                 return block.color
             if number == BY_LAYER:
-                return self._layer_colors.get(_key(layer), WHITE)
+                return self._layer_colors.get(_fold_case(layer), WHITE)
         return _color_names(entity, number)
 
     def _layer(self, entity: Any, block: Inherited) -> tuple[str, str]:
-        """Name of an entity's layer, and the layer's state: off, frozen or empty."""
+        """Name of the layer of an entity, and the state of the layer: OFF, FROZEN or ""."""
         layer = str(_attribute(entity, "layer", "") or _layer_tag(entity))
-        # In a block, layer 0 means the layer of the INSERT.
-        layer = block.layer if layer == "0" and block.inside else layer
-        return self._layers.get(_key(layer), (layer, ""))
+        # In a block, layer 0 stands for the layer of the INSERT.
+        layer = block.layer if layer == "0" and block.targets else layer
+        return self._layers.get(_fold_case(layer), (layer, ""))
 
     def _insert(
         self, entity: Any, block: Inherited, name: str, layer: str
     ) -> Iterator[EntityOutlines]:
-        """Yield the shapes of all copies of a block."""
+        """Yield the outlines of all copies of the block of an INSERT."""
         if self.wants_layer(layer):
             for _ in getattr(entity, "attribs", ()):
-                self.leave_out(NOT_READ, "ATTRIB")
+                self.omit(NOT_READ, "ATTRIB")
         check_required(entity)
         called = str(_attribute(entity, "name", ""))
         content = self.document.blocks.get(called)
         if content is None:
-            raise Unreadable(f"places the block {called!r}, which does not exist")
-        if _key(called) in block.inside or len(block.inside) >= DEEPEST:
-            raise Unreadable(f"places the block {called!r} in itself")
-        if not block.inside:
+            raise Unreadable(f"inserts the block {called!r}, which does not exist")
+        if _fold_case(called) in block.targets:
+            raise Unreadable(f"inserts the block {called!r} in itself")
+        if len(block.targets) >= MAX_DEPTH:
+            raise Unreadable(f"is nested in more than {MAX_DEPTH} blocks")
+        if not block.targets:
             self._copies += self._copies_of(entity)
             if self._copies > MAX_COPIES:
-                raise Unreadable(f"raises the number of copies of entities above {MAX_COPIES}")
+                raise Unreadable(
+                    f"increases the number of copied entities above the maximum of {MAX_COPIES}"
+                )
         base = np.array(tuple(content.block.dxf.base_point), dtype=np.float64)
         affine, offsets = insert_transforms(entity, base)
         columns = insert_grid(entity)[1]
-        clip = clip_of(entity)
+        clip = read_clip(entity)
         color = self._color(entity, layer, block)
         for k, offset in enumerate(offsets):
             copy = block.to @ Affine(affine.linear, affine.offset + offset)
@@ -321,69 +325,73 @@ class DxfWalk(Walk):
                 name=name if len(offsets) == 1 else f"{name}[{row},{column}]",
                 to=copy,
                 layer=layer,
-                inside=(*block.inside, _key(called)),
+                targets=(*block.targets, _fold_case(called)),
                 color=color,
                 clips=block.clips if clip is None else (*block.clips, clip.place(copy)),
             )
             yield from self._shapes_in(content, inner)
 
     def _copies_of(self, entity: Any) -> int:
-        """Number of entities that an INSERT draws, computed without drawing them."""
-        name = _key(str(_attribute(entity, "name", "")))
-        if name not in self._sizes:
-            # A block that contains itself is refused later, with its name.
-            self._sizes[name] = 1
+        """Number of entities that an INSERT draws, including those of nested blocks."""
+        name = _fold_case(str(_attribute(entity, "name", "")))
+        if name not in self._block_sizes:
+            # The value 1 ends the recursion if a block contains itself, which is refused later.
+            self._block_sizes[name] = 1
             content = self.document.blocks.get(name)
             inner = [x for x in content or () if x.dxftype() == "INSERT"]
             count = 1 + (len(content) if content is not None else 0)
-            self._sizes[name] = count + sum(self._copies_of(x) for x in inner)
+            self._block_sizes[name] = count + sum(self._copies_of(x) for x in inner)
         rows, columns = insert_grid(entity)
-        return rows * columns * self._sizes[name]
+        return rows * columns * self._block_sizes[name]
 
-    def _leave(self, kind: str, name: str, layer: str, reason: str, handle: str) -> None:
-        """Leave out an entity that cannot be read, or refuse it."""
+    def _refuse_or_skip(self, kind: str, name: str, layer: str, reason: str, handle: str) -> None:
+        """Refuse an entity that cannot be read, or record it if the options skip such entities."""
         if kind != "INSERT" and not self.wants_layer(layer):
             return
-        # The search for a line reads the whole file, so only the first entities get their lines.
-        line = self.line_of(handle) if len(self.left_out.get(BROKEN, ())) < NAMED else ""
+        # The search for a line number reads the whole file, so only entities that the note lists
+        # get a line number.
+        line = self.line_of(handle) if len(self.omitted.get(BROKEN, ())) < MAX_NAMED else ""
         defect = f"{kind} {name}{line} on layer {layer!r} {reason}"
         if not self.skip:
             raise InvalidInput(
-                f"{self.source}: {defect}. Fix it in the drawing, choose the layers to follow "
-                f"(layers, or --layer), or {SKIP}."
+                f"{self.source}: {defect}. Correct the entity in the drawing, select other layers "
+                f"(layers, or --layer), or {SKIP_ADVICE}."
             )
-        self.leave_out(BROKEN, defect)
+        self.omit(BROKEN, defect)
 
 
-def letters_of(entity: Any) -> list[Any]:
-    """The outlines of the letters of a TEXT, as splines and polylines."""
+def text_letters(entity: Any) -> list[Any]:
+    """The outlines of the letters of a TEXT as ezdxf's splines and polylines."""
     from ezdxf.addons import text2path
 
     try:
         return list(text2path.virtual_entities(entity, kind=text2path.Kind.SPLINES))
     except Exception as error:
-        raise Unreadable(f"cannot be drawn through a font: {error_line(error)}") from None
+        raise Unreadable(f"cannot be drawn with a font ({error_line(error)})") from None
 
 
 def _attribute(entity: Any, name: str, default: Any) -> Any:
-    """An attribute of an entity; the default if the entity or its type does not have it."""
+    """An attribute of an entity; `default` if the entity or its type does not have it."""
     return entity.dxf.get(name, default) if entity.dxf.is_supported(name) else default
 
 
-def _key(name: str) -> str:
-    """The name of a layer or block in lower case: DXF ignores the case of such names."""
+def _fold_case(name: str) -> str:
+    """The name of a layer or block in lower case, because DXF ignores the case of these names."""
     return name.lower()
 
 
 def _layer_tag(entity: Any) -> str:
-    """Layer of an entity whose type ezdxf does not know."""
+    """Layer of an entity of a type that ezdxf does not support; "0" if it has none."""
     tags = getattr(entity, "xtags", None)
     layers = (x.value for part in (tags.subclasses if tags else ()) for x in part if x.code == 8)
     return str(next(layers, "0"))
 
 
 def _color_names(entity: Any, number: int) -> frozenset[str]:
-    """The names of the colour of an entity or layer: its number and #rrggbb, or its true colour."""
+    """The names of the colour of an entity or layer: AutoCAD's number and #rrggbb.
+
+    A true colour has only the name #rrggbb.
+    """
     from ezdxf.colors import aci2rgb
 
     if entity.rgb is not None:
@@ -394,20 +402,23 @@ def _color_names(entity: Any, number: int) -> frozenset[str]:
 
 
 def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[str]]:
-    """The document in a DXF file, and a sentence on the damage if ezdxf had to repair it."""
+    """Open a DXF file; returns ezdxf's document, and notes on damage.
+
+    With `skip`, entities that ezdxf cannot load are skipped with a note.
+    """
     try:
         import ezdxf  # noqa: F401
     except ImportError:
         raise InvalidInput(
             "Reading DXF files needs ezdxf: pip install 'armcontour[drawings]'."
         ) from None
-    dwg = f"{source} is a DWG file, which is not read: save it as DXF."
+    dwg = f"{source} is a DWG file, which is not supported: save it as DXF."
     raise_if(data.startswith(DRAWING_DATABASE), dwg)
     raise_if(not data.strip(), f"{source} is empty.")
     sections = data.startswith(BINARY) or b"SECTION" in data
-    raise_if(not sections, f"{source} is no DXF file: it has no section.")
-    # A broken file makes ezdxf raise exceptions of any class.
-    # The last line of an ASCII file is its end mark.
+    raise_if(not sections, f"{source} is not a DXF file, because it has no section.")
+    # For a damaged file, ezdxf can raise exceptions of any class. The last line of an ASCII file is
+    # its end mark.
     is_whole = data.startswith(BINARY) or data.rstrip(b"\0\x1a \t\r\n").endswith(b"EOF")
     notes = [] if is_whole else [CUT_OFF]
     try:
@@ -420,59 +431,60 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
         document, auditor = recover.read(io.BytesIO(data))
         changes = len(auditor.errors) + len(auditor.fixes)
         if notes and not changes:
-            # The remaining part of a truncated file is intact.
+            # The file is truncated, but its remaining part is intact.
             return document, notes
         mended = f" and was repaired in {count_noun(changes, 'place')}" if changes else ""
         reason = ADDRESS.sub("", error_line(first))
         damage = f"The file is damaged ({reason}){mended}; damaged parts may be missing."
         return document, [*notes, damage]
     except Exception:
-        intact, broken = (b"", []) if data.startswith(BINARY) else _without_broken(data)
+        intact, broken = (b"", []) if data.startswith(BINARY) else _remove_broken(data)
     if not broken:
         with contextlib.suppress(Exception):
             return _read(intact), notes
         raise InvalidInput(
-            f"{source} is no DXF file that can be read: {' '.join([_reason(first), *notes])}"
+            f"{source} cannot be read as DXF: {' '.join([_explain_error(first), *notes])}"
         )
     if not skip:
-        raise InvalidInput(f"{source} has an entity that cannot be read, {broken[0]}: {SKIP}.")
+        raise InvalidInput(
+            f"{source} has an entity that cannot be read, {broken[0]}: correct the entity, or "
+            f"{SKIP_ADVICE}."
+        )
     try:
         document = _read(intact)
     except Exception as error:
-        raise InvalidInput(
-            f"{source} is no DXF file that can be read: {error_line(error)}."
-        ) from None
+        raise InvalidInput(f"{source} cannot be read as DXF ({error_line(error)}).") from None
     return document, [
         *notes,
-        f"{BROKEN}: {list_some(broken, NAMED)}.",
+        f"{BROKEN}: {list_some(broken, MAX_NAMED)}.",
     ]
 
 
 def _read(data: bytes) -> Any:
-    """Ezdxf's document of an intact file."""
+    """Load an intact file; returns ezdxf's document."""
     from ezdxf.document import Drawing
     from ezdxf.filemanagement import dxf_stream_info
     from ezdxf.lldxf.tagger import binary_tags_loader
 
     if data.startswith(BINARY):
         return Drawing.load(binary_tags_loader(data, errors="surrogateescape"))
-    # The header names the encoding; the header itself is plain ASCII.
+    # The header contains the name of the encoding, and is itself plain ASCII.
     info = dxf_stream_info(io.StringIO(data.decode("utf-8", errors="ignore"), newline=None))
     text = data.decode(info.encoding, errors="surrogateescape")
     return Drawing.read(io.StringIO(text, newline=None))
 
 
-def _reason(error: Exception) -> str:
-    """A sentence on an error of ezdxf; internal errors of ezdxf get a general sentence."""
+def _explain_error(error: Exception) -> str:
+    """Text for a message about an error of ezdxf; internal errors have a general text."""
     from ezdxf.lldxf.const import DXFError
 
     if isinstance(error, DXFError):
         return f"{ADDRESS.sub('', error_line(error))}."
-    return "its structure is damaged. Open it in a CAD program, and save it again."
+    return "its structure is damaged. Open the file in a CAD program, and save it again."
 
 
-def _without_broken(data: bytes) -> tuple[bytes, list[str]]:
-    """An ASCII file without the entities that ezdxf cannot make, and sentences on these."""
+def _remove_broken(data: bytes) -> tuple[bytes, list[str]]:
+    """An ASCII file without the entities that ezdxf cannot load, and descriptions of these."""
     from ezdxf.entities import factory
     from ezdxf.lldxf.extendedtags import ExtendedTags
 
@@ -481,14 +493,14 @@ def _without_broken(data: bytes) -> tuple[bytes, list[str]]:
     first = next(
         (i for i, x in enumerate(lines) if x.strip() in ("BLOCKS", "ENTITIES")), len(lines)
     )
-    # Codes and values alternate; the code 0 begins an entity.
+    # Lines with codes and values alternate; the code 0 starts an entity.
     begins = [i for i in range(first + 1, len(lines) - 1, 2) if lines[i].strip() == "0"]
     intact, broken = lines[: begins[0] if begins else len(lines)], []
     marked = False
     for i, end in itertools.pairwise([*begins, len(lines)]):
         kind, part = lines[i + 1].strip(), lines[i:end]
-        if kind in CLASSES:
-            part, before = _mark_class(part, CLASSES[kind]), part
+        if kind in SUBCLASSES:
+            part, before = _add_subclass_markers(part, SUBCLASSES[kind]), part
             marked = marked or part is not before
         try:
             if kind not in STRUCTURE:
@@ -498,12 +510,12 @@ def _without_broken(data: bytes) -> tuple[bytes, list[str]]:
         else:
             intact += part
     if marked:
-        intact = _without_version_12(intact)
+        intact = _raise_version(intact)
     return "\n".join([*intact, ""]).encode("utf-8", errors="surrogateescape"), broken
 
 
-def _without_version_12(lines: list[str]) -> list[str]:
-    """A file of a later version than R12, of which ezdxf reads no attributes in classes."""
+def _raise_version(lines: list[str]) -> list[str]:
+    """The file with a version later than R12, in which ezdxf supports subclass markers."""
     names = [x.strip() for x in lines]
     version = ["9", "$ACADVER", "1", "AC1015"]
     if "$ACADVER" in names:
@@ -515,8 +527,8 @@ def _without_version_12(lines: list[str]) -> list[str]:
     return ["0", "SECTION", "2", "HEADER", *version, "0", "ENDSEC", *lines]
 
 
-def _mark_class(lines: list[str], name: str) -> list[str]:
-    """An entity with the marks of its classes, which some programs omit."""
+def _add_subclass_markers(lines: list[str], name: str) -> list[str]:
+    """The lines of an entity with its subclass markers, which some programs omit."""
     codes = [x.strip() for x in lines[::2]]
     if "100" in codes:
         return lines
@@ -525,7 +537,7 @@ def _mark_class(lines: list[str], name: str) -> list[str]:
 
 
 def line_of_handle(data: bytes, handle: str) -> str:
-    """The line of an entity as ` in line 12`; "" if the file does not contain its handle."""
+    """Text with the line number of an entity, ` in line 12`; "" if its handle is not found."""
     match = re.search(
         rb"^[ \t]*5[ \t]*\r?\n[ \t]*0*" + re.escape(handle.encode()) + rb"[ \t]*\r?$",
         data,
@@ -535,7 +547,7 @@ def line_of_handle(data: bytes, handle: str) -> str:
 
 
 def error_line(error: Exception) -> str:
-    """The first line of an exception's message, shortened to 120 characters."""
+    """First line of the message of an exception, shortened to 120 characters."""
     lines = str(error).strip().splitlines() or [type(error).__name__]
     text = lines[0].strip().rstrip(".")
     return text if len(text) <= 120 else text[:117] + "..."
@@ -543,7 +555,7 @@ def error_line(error: Exception) -> str:
 
 @contextmanager
 def silence_log() -> Iterator[None]:
-    """Switch off ezdxf's log; what the user must know is in the notes of the program."""
+    """Disable ezdxf's log, because the notes of the program inform the user."""
     logger = logging.getLogger("ezdxf")
     before = logger.disabled
     logger.disabled = True

@@ -1,4 +1,4 @@
-"""Shapes of DXF entities, in the coordinates of the drawing or block that contains them."""
+"""Shapes of DXF entities, in the coordinates of the drawing or of the block around them."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ from armcontour.files.drawings.arc_chain import Affine, ArcChain
 from armcontour.files.drawings.outlines import BezierSpline, Shape
 from armcontour.files.drawings.walk import Clip
 
-# An arc with a smaller swept angle [rad] is a full circle with rounded angles.
+# An arc with a smaller swept angle [rad] is a full circle whose angles have been rounded.
 NO_SWEEP = 1e-8
-HIGHEST_DEGREE = 25
+# Maximum degree and number of points of a spline.
+MAX_DEGREE = 25
 MAX_POINTS = 100_000
-# Flag of a polyline's vertex that is not drawn: a control point of a spline's frame.
+# Flag of a polyline vertex that is a control point of a spline frame and is not drawn.
 FRAME_POINT = 16
 # Flag of a closed spline.
 CLOSED_SPLINE = 1
-# An arc with a smaller bulge is a line: the arc deviates from its chord by half the bulge times
-# the length of the chord.
+# A segment with a smaller bulge is a line, because the arc deviates from the chord by only half the
+# bulge times the length of the chord.
 NO_BULGE = 1e-12
 
 
 class Unreadable(Exception):
-    """A defect of an entity; the message completes a sentence that starts with its name."""
+    """A defect of an entity; its text completes a sentence that starts with the entity's name."""
 
 
 def line(entity: Any) -> Shape | None:
@@ -36,11 +37,11 @@ def line(entity: Any) -> Shape | None:
 
 
 def old_line(entity: Any) -> Shape | None:
-    """Shape of a 3DLINE of release 10 and before, which ezdxf does not know."""
+    """Shape of a 3DLINE of release 10 and earlier, which ezdxf does not support."""
     values = {x.code: x.value for x in entity.xtags.noclass}
     if not {10, 11} <= values.keys():
-        raise Unreadable("has no start or no end")
-    # Points of releases before 10 may lack z.
+        raise Unreadable("must have a start and an end")
+    # Points in files of releases before 10 can be without z.
     return ArcChain.straight(_numbers("ends", [[*values[k], 0.0][:3] for k in (10, 11)]))
 
 
@@ -50,18 +51,18 @@ def circle(entity: Any) -> Shape | None:
 
 
 def arc(entity: Any) -> Shape | None:
-    """Shape of an ARC, counter-clockwise in the plane normal to its extrusion."""
+    """Shape of an ARC, which is counter-clockwise in the plane normal to its extrusion."""
     start, end = _numbers("angles", [entity.dxf.start_angle, entity.dxf.end_angle])
     return _arc(entity, np.radians(start), _swept_angle(np.radians((end - start) % 360.0)))
 
 
 def _arc(entity: Any, start: float, sweep: float) -> Shape | None:
-    """Shape of an entity with centre and radius, from a start angle over a swept angle [rad]."""
+    """Shape of an ARC or CIRCLE with a start angle and a swept angle [rad]."""
     axes = plane_axes(entity.dxf.extrusion)
     centre = axes @ _numbers("centre", tuple(entity.dxf.center))
     radius = float(_numbers("radius", entity.dxf.radius))
     if radius < 0:
-        raise Unreadable(f"has a radius of {radius:g}, which must be above zero")
+        raise Unreadable(f"has the radius {radius:g}, but it must not be negative")
     c, s = np.cos(start), np.sin(start)
     cosine, sine = radius * (axes @ [c, s, 0.0]), radius * (axes @ [-s, c, 0.0])
     return ArcChain.arc(centre, cosine, sine, sweep)
@@ -123,12 +124,12 @@ def _polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> Shape
 
 def _bulge_polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> ArcChain:
     """Lines and arcs of an open polyline with bulges."""
-    # A bulge is the tangent of a quarter of the arc's swept angle.
+    # A bulge is the tangent of a quarter of the swept angle of the arc.
     chord = np.diff(points, axis=0)
     bent = (np.abs(bulges) > NO_BULGE) & (np.abs(chord).max(axis=1, initial=0.0) > 0)
     b = np.where(bent, bulges, 1.0)[:, None]
     perpendicular = np.cross(axes[:, 2], chord)
-    # The vector from the centre to the start, without a difference of large numbers.
+    # Vectors from the centres to the starts, computed without a difference of large numbers.
     cosines = -chord / 2 - perpendicular * (1 - b * b) / (4 * b)
     sines = np.sign(b) * np.cross(axes[:, 2], cosines)
     return ArcChain(
@@ -141,35 +142,40 @@ def _bulge_polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) ->
 
 
 def spline(entity: Any) -> Shape | None:
-    """Shape of a SPLINE, from its control points or else through its fit points."""
+    """Shape of a SPLINE, from its control points or, if it has none, through its fit points."""
     if entity.control_point_count() == 0:
         return _fit_spline(entity)
     points = _numbers("control points", [tuple(x) for x in entity.control_points])
     n, degree = len(points), int(entity.dxf.degree)
-    if not 1 <= degree <= HIGHEST_DEGREE:
-        raise Unreadable(f"has degree {degree}, which must be from 1 to {HIGHEST_DEGREE}")
+    if not 1 <= degree <= MAX_DEGREE:
+        raise Unreadable(f"has degree {degree}, but it must be from 1 to {MAX_DEGREE}")
     _check_point_count(n)
     knots = _numbers("knots", list(entity.knots))
     if n <= degree or len(knots) != n + degree + 1:
         raise Unreadable(
-            f"of degree {degree} has {n} control points and {len(knots)} knots: it needs more "
+            f"has degree {degree}, {n} control points and {len(knots)} knots, but must have more "
             f"than {degree} points, and {degree + 1} knots more than points"
         )
     if (np.diff(knots) < 0).any() or knots[n] <= knots[degree]:
-        raise Unreadable("has knots that do not increase")
+        raise Unreadable("must have increasing knots, but its knots do not increase")
     weights = _numbers("weights", list(entity.weights) or np.ones(n))
     if len(weights) != n or not (weights > 0).all() or weights.max() > 1e9 * weights.min():
-        raise Unreadable(f"must have {n} weights above zero, of similar size")
-    # Parameters from 0 to 1, so that very small or large knots do not cost precision.
+        raise Unreadable(f"must have {n} weights above zero, with a ratio of at most 1e9")
+    # Knots are scaled to 0 to 1, so that very small or large knots cause no loss of precision.
     knots = (knots - knots[degree]) / (knots[n] - knots[degree])
     curve = BezierSpline.from_knots(points, weights, knots, degree)
     if curve is None:
-        raise Unreadable(f"is not continuous at a knot that occurs more than {degree} times")
+        raise Unreadable(
+            f"must be continuous, but has a gap at a knot that occurs more than {degree} times"
+        )
     return curve
 
 
 def _fit_spline(entity: Any) -> Shape | None:
-    """The cubic spline through the fit points, with chord-length parameters as in CAD programs."""
+    """The cubic spline through the fit points; None if all are one point.
+
+    The parameter is the chord length, as in CAD programs.
+    """
     from scipy.interpolate import make_interp_spline
 
     points = _numbers("fit points", [tuple(x) for x in entity.fit_points]).reshape(-1, 3)
@@ -190,34 +196,38 @@ def _fit_spline(entity: Any) -> Shape | None:
         t = _numbers("tangents", [tuple(entity.dxf.start_tangent), tuple(entity.dxf.end_tangent)])
         size = np.linalg.norm(t, axis=1)
         if (size == 0).any():
-            raise Unreadable("has an end tangent of zero")
+            raise Unreadable("must not have an end tangent of length zero")
         ends = ([(1, t[0] / size[0])], [(1, t[1] / size[1])])
     curve = make_interp_spline(
-        parameters / parameters[-1], points, k=3, bc_type=_scale_ends(ends, parameters[-1])
+        parameters / parameters[-1],
+        points,
+        k=3,
+        bc_type=_scale_end_derivatives(ends, parameters[-1]),
     )
     return BezierSpline.from_knots(curve.c, np.ones(len(curve.c)), curve.t, 3)
 
 
-def _scale_ends(ends: Any, by: float) -> Any:
-    """End derivatives times a factor, for a parameter from 0 to 1."""
+def _scale_end_derivatives(ends: Any, by: float) -> Any:
+    """The boundary conditions of `make_interp_spline` with derivatives multiplied by `by`."""
     return ends if isinstance(ends, str) else tuple([(1, by * x[0][1])] for x in ends)
 
 
 def _check_point_count(n: int) -> None:
     """Check that a spline has at most `MAX_POINTS` points."""
     if n > MAX_POINTS:
-        raise Unreadable(f"has {n} points, more than the {MAX_POINTS} that are read")
+        raise Unreadable(f"has {n} points, but at most {MAX_POINTS} are allowed")
 
 
-# Attributes that the DXF format requires, and for which ezdxf has default values.
-NEEDED = {
+# Attributes that the DXF format requires. They are checked because ezdxf has default values for
+# missing ones.
+REQUIRED = {
     "LINE": ("start", "end"),
     "ARC": ("center", "radius", "start_angle", "end_angle"),
     "CIRCLE": ("center", "radius"),
     "ELLIPSE": ("center", "major_axis", "ratio"),
     "INSERT": ("name", "insert"),
 }
-# Types of entities that draw a contour; the reader does not know the others.
+# Functions for the types of entities that draw a contour.
 SHAPES: dict[str, Callable[[Any], Shape | None]] = {
     "LINE": line,
     "3DLINE": old_line,
@@ -229,8 +239,8 @@ SHAPES: dict[str, Callable[[Any], Shape | None]] = {
     "SPLINE": spline,
     "HELIX": spline,
 }
-# Types that are skipped with a note: texts, dimensions, points, filled areas, bodies, images and
-# infinite lines. A type in neither table is refused as unknown.
+# Types of entities that are skipped with a note: texts, dimensions, points, filled areas, bodies,
+# images and infinite lines. Types in neither table are unknown and are refused.
 NO_CONTOUR = frozenset(
     {
         *("TEXT", "MTEXT", "ATTRIB", "ATTDEF", "RTEXT", "ARCALIGNEDTEXT", "SHAPE", "ACAD_TABLE"),
@@ -256,20 +266,23 @@ NO_CONTOUR = frozenset(
 
 def check_required(entity: Any) -> None:
     """Check that an entity has its required attributes."""
-    for name in NEEDED.get(entity.dxftype(), ()):
+    for name in REQUIRED.get(entity.dxftype(), ()):
         if not entity.dxf.hasattr(name):
-            raise Unreadable(f"has no {name.replace('_', ' ')}")
+            raise Unreadable(f"has no {name.replace('_', ' ')}, which DXF requires")
 
 
 def insert_grid(entity: Any) -> tuple[int, int]:
-    """Numbers of rows and columns of an INSERT's copies; without spacing the number is 1."""
+    """Numbers of rows and columns of the copies of an INSERT; 1 if the spacing is 0."""
     dxf = entity.dxf
     rows, columns = (max(int(x), 1) for x in (dxf.row_count, dxf.column_count))
     return rows if dxf.row_spacing else 1, columns if dxf.column_spacing else 1
 
 
 def insert_transforms(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray]:
-    """Affine map of the first copy of an INSERT, and the offsets of all copies from it, (n, 3)."""
+    """Affine map of the first copy of an INSERT, and offsets of all copies from it, (n, 3).
+
+    Both are in units of the drawing; `base` is the base point of the block.
+    """
     dxf = entity.dxf
     axes = plane_axes(dxf.extrusion)
     turn = np.radians(float(_numbers("rotation", dxf.rotation)))
@@ -284,8 +297,8 @@ def insert_transforms(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray
     return Affine(linear, insertion - linear @ base), offsets @ rotation.T
 
 
-def clip_of(entity: Any) -> Clip | None:
-    """The clip of an INSERT in the coordinates of its block; None if it is drawn whole."""
+def read_clip(entity: Any) -> Clip | None:
+    """The clip of an INSERT in the coordinates of its block; None if it is not clipped."""
     from ezdxf.xclip import XClip
 
     clip = XClip(entity)
@@ -294,14 +307,14 @@ def clip_of(entity: Any) -> Clip | None:
     path, limits = clip.get_block_clipping_path(), clip.get_spatial_filter()
     dxf = limits.dxf if limits is not None else None
     if dxf is None or dxf.has_front_clipping_plane or dxf.has_back_clipping_plane:
-        raise Unreadable("is clipped by planes in space, which is not read")
+        raise Unreadable("is clipped by planes in space, which is not supported")
     polygon = path.inverted_clip if path.is_inverted_clip else path.vertices
     corners = _numbers("clip", [tuple(x) for x in polygon]).reshape(-1, 2)
     if len(corners) == 2:
         (x_min, y_min), (x_max, y_max) = corners
         corners = np.array([(x_min, y_min), (x_max, y_min), (x_max, y_max), (x_min, y_max)])
     if len(corners) < 3:
-        raise Unreadable("is clipped at a polygon of fewer than three corners")
+        raise Unreadable("is clipped at a polygon that must have three corners, but has fewer")
     return Clip(np.pad(corners, ((0, 0), (0, 1))), bool(path.is_inverted_clip))
 
 
@@ -310,9 +323,9 @@ def plane_axes(extrusion: Any) -> FloatArray:
     normal = _numbers("extrusion", tuple(extrusion))
     size = np.linalg.norm(normal)
     if normal.shape != (3,) or not 0 < size < np.inf:
-        raise Unreadable("has an extrusion without direction")
+        raise Unreadable("must not have an extrusion of length zero")
     z = normal / size
-    # The format takes the world's y axis instead of z if the normal is this close to z.
+    # The algorithm uses the y axis of the world instead of z if the normal is close to z.
     near = abs(z[0]) < 1 / 64 and abs(z[1]) < 1 / 64
     x = np.cross([0.0, 1.0, 0.0] if near else [0.0, 0.0, 1.0], z)
     x /= np.linalg.norm(x)
@@ -320,16 +333,16 @@ def plane_axes(extrusion: Any) -> FloatArray:
 
 
 def _swept_angle(angle: float) -> float:
-    """The swept angle [rad], a full turn if it is about zero."""
+    """The swept angle [rad]; a full turn if the angle is approximately zero."""
     return 2 * np.pi if angle < NO_SWEEP else float(angle)
 
 
 def _numbers(name: str, values: Any) -> FloatArray:
-    """The values as an array of finite numbers; `name` is for the message."""
+    """Convert values to an array of finite numbers; `name` is for the message."""
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise Unreadable(f"has no numbers for its {name}") from None
+        raise Unreadable(f"has values that are not numbers for its {name}") from None
     if not np.isfinite(array).all():
         raise Unreadable(f"has numbers that are not finite for its {name}")
     return array

@@ -1,4 +1,4 @@
-"""Extensions of drawings and their readers, available without loading the readers."""
+"""Extensions of files and the names of their readers, without importing the readers."""
 
 from __future__ import annotations
 
@@ -16,16 +16,20 @@ READERS = {
 
 
 def find_reader(file: str | FilePath) -> tuple[FilePath, str]:
-    """The path and the extension of a file that has a reader."""
+    """The path and the lower-case extension of a file, which must have a reader."""
     if not isinstance(file, str | FilePath):
-        raise InvalidInput(f"read_path needs the path of a file, not {type(file).__name__}.")
+        raise InvalidInput(
+            f"The argument file must be the path of a file, but is of type {type(file).__name__}."
+        )
     location = FilePath(file)
     suffix = location.suffix.lower()
     if suffix == ".dwg":
-        raise InvalidInput(f"{location.name} is a DWG file, which is not read: save it as DXF.")
+        raise InvalidInput(
+            f"{location.name} is a DWG file, which is not supported: save it as DXF."
+        )
     if suffix not in READERS:
         raise InvalidInput(
-            f"{location.name} is no file that can be read as a path: its extension must be one of "
+            f"{location.name} cannot be read as a path: its extension must be one of "
             f"{', '.join(READERS)}."
         )
     return location, suffix

@@ -1,4 +1,4 @@
-"""Contours made by chaining the entities of a drawing end to end."""
+"""Chaining of the entities of a drawing to contours."""
 
 from __future__ import annotations
 
@@ -15,46 +15,46 @@ from armcontour.geometry.near_points import group_points, nearest_points
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program import Contour
 
-# Two pieces are the same if their points differ by at most this [m]; candidates for the comparison
-# have equal features on a coarser grid [m].
+# Two pieces are the same if their points differ by at most this [m].
 SAME_PIECE = 1e-9
-CANDIDATES = 1e-8
-# Smaller gaps [m] stay open: closing them would change the tangents of short segments.
-NO_GAP = 0.5 * REPEATED_POINT
-# Ends closer than this fraction of the tolerance touch.
-TOUCHING = 0.01
-# Number of candidates for joining to an end: those with the smallest turns, or the nearest ones.
+# Grid on which pieces must have equal features to be compared [m].
+FEATURE_GRID = 1e-8
+# Gaps up to this [m] stay open, because closing them would change the tangents of short segments.
+MAX_OPEN_GAP = 0.5 * REPEATED_POINT
+# Two ends touch if their distance is less than this fraction of the tolerance.
+TOUCHING_SHARE = 0.01
+# Number of candidates per end for joining: those with the smallest turns, or the nearest ones.
 MAX_CANDIDATES = 8
-# Turns that differ by less than this [rad] are equal: then the order of the pieces decides.
+# Turns that differ by less than this [rad] are equal, so that the order of the pieces decides.
 SAME_TURN = 1e-6
-# Added distance between ends on different layers [m], larger than any tolerance.
-LAYERS_APART = 1e9
+# Distance between layers in an additional coordinate [m], which is larger than any tolerance.
+LAYER_DISTANCE = 1e9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DrawnEntity:
-    """One entity of a drawing."""
+    """The path of an entity of a drawing, or of a part of an entity (a piece)."""
 
     path: Path
     name: str  # Name of the entity in the drawing
     layer: str
-    apart: int = 0  # A number; pieces with different numbers are never chained
+    group: int = 0  # Group number; pieces with different group numbers are never chained
 
 
 def chain_pieces(
     pieces: Sequence[DrawnEntity], tolerance: float
 ) -> tuple[list[Contour], list[str]]:
-    """Contours made of pieces of the same layer whose ends are closer than a tolerance.
+    """Chain pieces of the same layer whose ends are closer than a tolerance [m]; adds notes.
 
-    A piece may be reversed. The first piece of a contour gives its direction, its name and its
-    position in the order. Closed pieces are not joined to others. Where more than two ends meet,
-    ends that touch are joined before ends with a gap, then pairs with a smaller turn first, then
-    earlier pieces first. A gap is closed in its middle: the end of a line is moved; an arc keeps
-    its angle and changes its size. If an arc would move too far, a short line closes the gap. No
-    point moves by more than the tolerance.
+    Pieces can be reversed. The first piece of a contour determines the direction, the name and the
+    position in the order. Closed pieces are not joined to others. If more than two ends meet, ends
+    that touch are joined before ends with a gap, then pairs with a smaller turn first, then
+    earlier pieces first. A gap is closed at its middle: the end of a line is moved, and an arc is
+    scaled and rotated without a change of its angle. If an arc would move too far, a short line
+    closes the gap. No point moves by more than the tolerance.
 
-    Pieces that lie exactly on others of their layer are omitted, and so are open contours shorter
-    than the tolerance, whose ends are one point.
+    Pieces that coincide with others of their layer are omitted. Contours that are not longer than
+    the tolerance are omitted too, unless they are closed without gaps.
     """
     if not pieces:
         return [], []
@@ -81,30 +81,33 @@ def chain_pieces(
 
 
 def _layer_numbers(pieces: Sequence[DrawnEntity]) -> IntArray:
-    """A number for each piece, equal for pieces that may be chained, (n,)."""
-    # A dictionary and not numpy, which stores every text with the length of the longest one.
+    """Number of the layer and group of each piece, equal for pieces that may be chained, (n,)."""
+    # A dictionary needs less memory than numpy, which stores all texts with the maximum length.
     numbers: dict[tuple[str, int], int] = {}
     return np.array(
-        [numbers.setdefault((x.layer, x.apart), len(numbers)) for x in pieces], dtype=np.intp
+        [numbers.setdefault((x.layer, x.group), len(numbers)) for x in pieces], dtype=np.intp
     )
 
 
 def _meets_exactly(ends: EntityEnds, chain: Sequence[int]) -> bool:
-    """True if all ends in a closed chain meet without gaps."""
+    """True if the pieces of a chain form a closed curve without gaps."""
     entries = np.array(chain)
     gaps = ends.points[entries ^ 1] - ends.points[np.roll(entries, -1)]
     return bool((np.linalg.norm(gaps, axis=1) <= REPEATED_POINT).all())
 
 
-def _chains(partner: IntArray, left_out: BoolArray) -> list[tuple[list[int], bool]]:
-    """All chains of joined pieces."""
+def _chains(partner: IntArray, omitted: BoolArray) -> list[tuple[list[int], bool]]:
+    """The entries of each chain of joined pieces, and whether the chain is closed.
+
+    Entry 2 i is piece i forwards, 2 i + 1 piece i backwards. `partner` is that of `find_partners`.
+    """
     joined = partner.tolist()
-    used = left_out.tolist()
+    used = omitted.tolist()
     chains = []
     for i in range(len(used)):
         if used[i]:
             continue
-        # Go back to the start of the chain, or once around a closed chain.
+        # Find the start of the chain, or go once around a closed chain.
         entry = 2 * i
         while joined[entry] >= 0:
             entry = joined[entry] ^ 1
@@ -126,7 +129,7 @@ def _find_repeated(
     """Mask of the pieces that coincide with an earlier piece of their layer, (n,)."""
     n = len(pieces)
     feature = np.column_stack([table.starts + table.ends, table.middles, table.lengths])
-    cell = np.column_stack([layers, np.round(feature / CANDIDATES)])
+    cell = np.column_stack([layers, np.round(feature / FEATURE_GRID)])
     group = np.unique(cell, axis=0, return_inverse=True)[1].ravel()
     order = np.argsort(group, kind="stable")
     runs = np.flatnonzero(np.diff(group[order], prepend=-1))
@@ -134,13 +137,13 @@ def _find_repeated(
     for run in np.split(order, runs[1:]):
         if len(run) > 1:
             first = pieces[run[0]].path
-            repeated[run[1:]] = [_same(first, pieces[i].path) for i in run[1:]]
+            repeated[run[1:]] = [_coincide(first, pieces[i].path) for i in run[1:]]
     return repeated
 
 
-def _same(a: Path, b: Path) -> bool:
+def _coincide(a: Path, b: Path) -> bool:
     """True if two paths are the same within `SAME_PIECE`, in the same or opposite direction."""
-    # One may be cut into more segments than the other.
+    # The paths can have different numbers of segments, so points at equal fractions are compared.
     fractions = np.linspace(0, 1, 2 * max(len(a), len(b)) + 5)
     one, other = a(fractions * a.length), b(fractions * b.length)
     return any(float(np.abs(one - x).max(initial=0.0)) <= SAME_PIECE for x in (other, other[::-1]))
@@ -149,14 +152,14 @@ def _same(a: Path, b: Path) -> bool:
 def _notes(
     pieces: Sequence[DrawnEntity], repeated: BoolArray, short: Sequence[str], tolerance: float
 ) -> list[str]:
-    """Sentences on the pieces and the short contours that were omitted."""
+    """Sentences on repeated pieces and short contours that were omitted."""
     notes = []
     if repeated.any():
         names = [pieces[i].name for i in np.flatnonzero(repeated).tolist()]
         notes.append(f"Skipped because they coincide with others: {list_some(names, 6)}.")
     if short:
         notes.append(
-            f"Skipped because their ends are one point within {tolerance:g} m: "
+            f"Skipped because they are shorter than the join tolerance of {tolerance:g} m: "
             f"{list_some(short, 6)}."
         )
     return notes
@@ -164,10 +167,10 @@ def _notes(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EntitySegments:
-    """The segments of all pieces in sequence."""
+    """The segments of all pieces in one table."""
 
     segments: Segments
-    # Index of the first segment of each piece, then the number of segments, (pieces + 1,).
+    # Index of the first segment of each piece, and the total number of segments, (pieces + 1,).
     first: IntArray
 
     @property
@@ -204,29 +207,30 @@ class EntitySegments:
         return self.segments.evaluate(i, np.clip(half - breaks[i], 0.0, self.segments.lengths[i]))
 
     def join(self, entries: Sequence[int], closed: bool, tolerance: float) -> Path:
-        """The path through pieces in a given order, with the gaps between them closed."""
+        """The path through pieces in a given order, with the gaps between the pieces closed."""
         # Entry 2 i is piece i forwards, 2 i + 1 piece i backwards.
         entered = np.asarray(entries, dtype=np.intp)
         piece, backwards = entered // 2, entered % 2 == 1
         count = self.first[piece + 1] - self.first[piece]
         entry, within = number_parts(count)
         base = np.where(backwards, self.first[piece + 1] - 1, self.first[piece])
-        rows = self.segments.run(
+        rows = self.segments.reverse_rows(
             base[entry] + np.where(backwards, -1, 1)[entry] * within, backwards[entry]
         )
         start = np.cumsum(count) - count
         vertices, ends = start if closed else start[1:], rows.ends
         gaps = np.linalg.norm(ends[vertices - 1] - rows.starts[vertices], axis=1)
-        wide = gaps > NO_GAP
+        wide = gaps > MAX_OPEN_GAP
         if wide.any():
             rows = _close_gaps(rows, ends, vertices[wide], tolerance)
         return Path(segments=rows)
 
 
 def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance: float) -> Segments:
-    """Close gaps between segments: both neighbours are moved to the middle of the gap."""
-    # An arc that would move by more than the tolerance stays; lines connect it to the middle of the
-    # gap.
+    """Close the gaps before the segments `vertices`: both ends are moved to the middle of the gap.
+
+    An arc that would move by more than the tolerance [m] is not moved, but connected by lines.
+    """
     to_start, to_end = rows.starts.copy(), ends.copy()
     middle = (ends[vertices - 1] + rows.starts[vertices]) / 2
     to_start[vertices] = to_end[vertices - 1] = middle
@@ -236,12 +240,14 @@ def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance:
     stays = arc.copy()
     stays[arc] = _shift(rows[arc], ends[arc], to_start[arc], to_end[arc]) > tolerance
     moves = arc & ~stays
-    moved = rows.put(line, _lines(rows[line], to_start[line], to_end[line]))
+    moved = rows.replace_rows(line, _connect(rows[line], to_start[line], to_end[line]))
     if moves.any():
-        moved = moved.put(moves, _stretch(rows[moves], ends[moves], to_start[moves], to_end[moves]))
-    # Lines connect an arc that stays to the middles of the gaps before and after it; lines without
-    # length are omitted.
-    before, after = _lines(rows, to_start, rows.starts), _lines(rows, ends, to_end)
+        moved = moved.replace_rows(
+            moves, _stretch(rows[moves], ends[moves], to_start[moves], to_end[moves])
+        )
+    # Lines connect an arc that is not moved to the middles of the gaps before and after the arc.
+    # Lines without length are omitted.
+    before, after = _connect(rows, to_start, rows.starts), _connect(rows, ends, to_end)
     used = [
         stays & (before.lengths > REPEATED_POINT),
         ~line | (moved.lengths > REPEATED_POINT),
@@ -251,7 +257,7 @@ def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance:
     return Segments.join([before, moved, after])[in_order]
 
 
-def _lines(rows: Segments, starts: FloatArray, ends: FloatArray) -> Segments:
+def _connect(rows: Segments, starts: FloatArray, ends: FloatArray) -> Segments:
     """Lines between points, with the speeds and tolerances of the given segments."""
     chords = ends - starts
     lengths = np.linalg.norm(chords, axis=1)
@@ -274,21 +280,21 @@ def _shift(
     with np.errstate(divide="ignore", invalid="ignore"):
         change = np.linalg.norm(at_end - at_start, axis=1) / chord
         shift = np.linalg.norm(at_start, axis=1) + change * reach
-    # The estimate is valid for small changes only.
+    # The estimate is valid only for a small relative change of the chord.
     return np.where(change < 0.5, shift, np.inf)
 
 
 def _stretch(
     arcs: Segments, ends: FloatArray, to_start: FloatArray, to_end: FloatArray
 ) -> Segments:
-    """Scale and rotate arcs to new end points, with the arguments of `_shift`; angles stay."""
+    """Scale and rotate arcs to new end points without a change of their angles."""
     old, new = ends - arcs.starts, to_end - to_start
     size, new_size = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
     a, b = old / size[:, None], new / new_size[:, None]
     scale = new_size / size
 
     def turned(v: FloatArray) -> FloatArray:
-        # The smallest rotation from a to b.
+        # Rotates the vectors v by the smallest rotation from a to b.
         part = np.sum((a + b) * v, axis=1) / (1 + np.sum(a * b, axis=1))
         v = v - part[:, None] * (a + b) + 2 * np.sum(a * v, axis=1)[:, None] * b
         return np.asarray(v / np.linalg.norm(v, axis=1)[:, None])
@@ -304,20 +310,20 @@ def _stretch(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EntityEnds:
-    """The two ends of every piece: end 2 i is the start of piece i, end 2 i + 1 its last point."""
+    """The ends of all pieces: end 2 i is the start of piece i, end 2 i + 1 is its end point."""
 
     points: FloatArray  # Points of the ends [m], (2 n, dimension)
     inwards: FloatArray  # Unit tangents at the ends that point into the piece, same shape
-    layers: IntArray  # Number of the layer of each end, (2 n,)
+    layers: IntArray  # Number of the layer and group of each end, (2 n,)
     lengths: FloatArray  # Lengths of the pieces [m], (n,)
-    closed: BoolArray  # Whether both ends of a piece are one point, (n,)
-    free: BoolArray  # Whether an end may be joined, (2 n,)
+    closed: BoolArray  # Mask of the pieces whose ends are one point, (n,)
+    free: BoolArray  # Mask of the ends that may be joined, (2 n,)
 
     @classmethod
     def from_segments(
-        cls, pieces: EntitySegments, layers: IntArray, left_out: BoolArray
+        cls, pieces: EntitySegments, layers: IntArray, omitted: BoolArray
     ) -> EntityEnds:
-        """The ends of the pieces."""
+        """The ends of pieces; ends of closed pieces and of pieces in `omitted` are not free."""
 
         def both(a: FloatArray, b: FloatArray) -> FloatArray:
             return np.stack([a, b], axis=1).reshape(-1, a.shape[1])
@@ -330,31 +336,31 @@ class EntityEnds:
             layers=np.repeat(layers, 2),
             lengths=pieces.lengths,
             closed=closed,
-            free=np.repeat(~(closed | left_out), 2),
+            free=np.repeat(~(closed | omitted), 2),
         )
 
 
 def find_partners(ends: EntityEnds, tolerance: float) -> IntArray:
-    """The end to which each end is joined, (2 n,); -1 if it stays free."""
+    """Index of the end to which each end is joined, (2 n,); -1 for an end that is not joined."""
     # Ends at the same point are joined first, then ends that touch, then ends with a gap.
     partner = np.full(len(ends.points), -1, dtype=np.intp)
-    for near in (REPEATED_POINT, TOUCHING * tolerance, tolerance):
+    for near in (REPEATED_POINT, TOUCHING_SHARE * tolerance, tolerance):
         free = np.flatnonzero(ends.free & (partner < 0))
         if len(free) > 1:
-            candidates = _near if near == tolerance else _touching
-            _match(ends, partner, candidates(ends, free, near), tolerance)
+            candidates = _near_pairs if near == tolerance else _touching_pairs
+            _join_ends(ends, partner, candidates(ends, free, near), tolerance)
     return partner
 
 
-def _match(ends: EntityEnds, partner: IntArray, candidates: IntArray, tolerance: float) -> None:
-    """Join pairs of ends, those with the smallest turns first."""
+def _join_ends(ends: EntityEnds, partner: IntArray, candidates: IntArray, tolerance: float) -> None:
+    """Join candidate pairs, (m, 2), of free ends in the order of their turns; writes `partner`."""
     a, b = candidates.min(axis=1), candidates.max(axis=1)
     gap = np.linalg.norm(ends.points[a] - ends.points[b], axis=1)
-    # A piece shorter than the tolerance is not closed on itself.
+    # The ends of one piece are joined only if the piece is longer than the tolerance.
     allowed = (a != b) & (ends.layers[a] == ends.layers[b]) & (gap < tolerance)
     allowed &= (a // 2 != b // 2) | (ends.lengths[a // 2] > tolerance)
     a, b = a[allowed], b[allowed]
-    # The angle between the tangents, computed from its half, which is exact near zero.
+    # The turn is the angle between the tangents. The formula for its half is accurate near zero.
     u, v = ends.inwards[a], ends.inwards[b]
     turn = 2 * np.arctan2(np.linalg.norm(u + v, axis=1), np.linalg.norm(u - v, axis=1))
     order = np.lexsort([b, a, np.round(turn / SAME_TURN)])
@@ -365,12 +371,12 @@ def _match(ends: EntityEnds, partner: IntArray, candidates: IntArray, tolerance:
             partner[i], partner[j] = j, i
 
 
-def _touching(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
-    """Pairs of ends that touch, those with the smallest turns for each end, (m, 2)."""
-    # Ends in one cell of a grid are merged, so that many ends at one point make few pairs.
+def _touching_pairs(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
+    """Pairs of free ends that touch, with the smallest turns for each end, (m, 2)."""
+    # Ends in one cell of a grid are merged, so that many ends at one point cause few pairs.
     keys = np.column_stack([ends.layers[free], np.round(ends.points[free] / (near / 2))])
     _, first, cell = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    centres = np.column_stack([ends.layers[free][first] * LAYERS_APART, ends.points[free][first]])
+    centres = np.column_stack([ends.layers[free][first] * LAYER_DISTANCE, ends.points[free][first]])
     vertex = group_points(centres, near)[cell.ravel()]
     alone = np.bincount(vertex)[vertex] == 1
     free, vertex = free[~alone], vertex[~alone]
@@ -378,30 +384,30 @@ def _touching(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
 
 
 def _smallest_turns(vertex: IntArray, inwards: FloatArray) -> tuple[IntArray, IntArray]:
-    """Pairs of ends at one vertex, those with the smallest turns for each end."""
+    """Pairs of ends at the same vertex with the smallest turns for each end, as two arrays."""
     if len(vertex) == 0:
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
-    # Tangents differ by at most 2 and the coordinates of two vertices by at least 4, so a
-    # neighbour within 3 is at the same vertex.
+    # Tangents differ by at most 2, and the first coordinates at different vertices by at least 4.
+    # Therefore a neighbour within 3 is at the same vertex.
     points, opposite = (np.column_stack([4.0 * vertex, x]) for x in (inwards, -inwards))
     count = min(MAX_CANDIDATES + 1, len(vertex))
     return _drop_missing(nearest_points(opposite, points, count, 3.0), len(vertex))
 
 
-def _near(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
-    """Pairs of ends that are close to each other, the nearest ones of each end, (m, 2)."""
-    points = np.column_stack([ends.layers[free] * LAYERS_APART, ends.points[free]])
+def _near_pairs(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
+    """Pairs of free ends within the distance `near` [m], the nearest ones of each end, (m, 2)."""
+    points = np.column_stack([ends.layers[free] * LAYER_DISTANCE, ends.points[free]])
     count = min(MAX_CANDIDATES + 1, len(free))
     return _pairs(free, *_drop_missing(nearest_points(points, points, count, near), len(free)))
 
 
 def _drop_missing(neighbours: IntArray, n: int) -> tuple[IntArray, IntArray]:
-    """Pairs of points and neighbours, without the neighbours not found."""
+    """Indices of points and of their neighbours, without the entries n for missing neighbours."""
     i = np.repeat(np.arange(n), neighbours.shape[1])
     k = neighbours.ravel()
     return i[k < n], k[k < n]
 
 
 def _pairs(free: IntArray, a: IntArray, b: IntArray) -> IntArray:
-    """Sorted unique pairs of ends, (m, 2), from two arrays of indices into `free`."""
+    """Sorted unique pairs of ends, (m, 2), from indices `a` and `b` into `free`."""
     return np.unique(np.sort(np.column_stack([free[a], free[b]]), axis=1), axis=0)

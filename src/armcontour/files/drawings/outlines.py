@@ -1,4 +1,4 @@
-"""Outlines of chains and splines, and the paths that approximate them."""
+"""Outlines that consist of arc chains and Bézier splines, and the paths that approximate them."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.files.drawings.arc_chain import Affine, ArcChain, draw_plain
+from armcontour.files.drawings.arc_chain import Affine, ArcChain, draw_exact
 from armcontour.geometry import Path, Segments
 from armcontour.geometry.arc_fit import fit_many
 from armcontour.geometry.segments import REPEATED_POINT
 
-# Number of Bézier curves that are fitted at once: enough to make numpy's overhead small, and few
-# enough to keep what they need in memory below 100 MB.
-AT_ONCE = 4000
-# Largest gap inside a continuous spline, as a fraction of its size: the rounding of its points.
-SAME = 1e-9
+# Number of Bézier curves that are fitted at once: large enough for a small overhead of numpy, and
+# small enough for less than 100 MB of memory.
+FIT_BATCH = 4000
+# Largest gap in a continuous spline due to rounding, as a fraction of its size.
+SAME_RELATIVE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BezierSpline:
-    """Rational Bézier curves of one degree in sequence, each from the end of the one before."""
+    """A sequence of rational Bézier curves of one degree, each from the end of the previous one."""
 
-    # Control points; neighbouring curves share one, (curves * degree + 1, dimension).
+    # Control points, (curves * degree + 1, dimension). Neighbouring curves share one point.
     points: FloatArray
-    # Weights of the control points, same length; None if all are equal.
+    # Weights of the control points, (curves * degree + 1,); None if all are equal.
     weights: FloatArray | None = None
     degree: int = 3
 
@@ -39,19 +39,22 @@ class BezierSpline:
     def from_knots(
         cls, points: FloatArray, weights: FloatArray, knots: FloatArray, degree: int
     ) -> BezierSpline | None:
-        """The Bézier curves of a rational B-spline; None if it has a gap."""
-        # Weights are above zero, (n,); knots ascend, and the middle ones are not all equal, (n +
-        # degree + 1,).
+        """The Bézier curves of a rational B-spline; None if the spline has a gap."""
+        # The n weights are above zero. The n + degree + 1 knots are ascending, and the parameter
+        # range from knot `degree` to knot n is not empty.
         weights = weights / weights.max()
         whole = np.column_stack([weights[:, None] * points, weights])
         parts = _bezier_points(whole, knots, degree)
-        # A knot that occurs more than `degree` times separates curves that may have other weights
-        # at the same point; the scale of a curve's weights does not matter.
+        # At a knot that occurs more than `degree` times, two curves can have different weights at
+        # the same point. The weights of each curve are scaled to those of the previous curve, which
+        # does not change the curve.
         ratios = parts[:-1, -1, -1] / parts[1:, 0, -1]
         parts = parts * np.cumprod(np.append(1.0, ratios))[:, None, None]
         controls = parts[..., :-1] / parts[..., -1:]
         gaps = np.abs(controls[1:, 0] - controls[:-1, -1]).max(initial=0.0)
-        if gaps > SAME * max(float(np.ptp(points, axis=0).max()), float(np.abs(points).max())):
+        if gaps > SAME_RELATIVE * max(
+            float(np.ptp(points, axis=0).max()), float(np.abs(points).max())
+        ):
             return None
         flat = np.concatenate([controls[:, :-1].reshape(-1, points.shape[1]), controls[-1:, -1]])
         same = np.ptp(weights) == 0
@@ -77,30 +80,30 @@ class BezierSpline:
         return dataclasses.replace(self, points=np.concatenate([point[None], self.points[1:]]))
 
     def end_at(self, point: FloatArray) -> BezierSpline:
-        """A copy of the spline with another end point, (dimension,), and the same end tangent."""
+        """A copy of the spline with another end point, (dimension,), and an equal end tangent."""
         moved = [self.points[-2] + point - self.points[-1], point]
         return dataclasses.replace(self, points=np.concatenate([self.points[:-2], moved]))
 
     @property
-    def reach(self) -> FloatArray:
+    def bounding_points(self) -> FloatArray:
         """Points whose bounding box contains the spline, (n, dimension)."""
         return self.points
 
     @property
-    def pieces(self) -> int:
-        """Number of its curves."""
+    def curve_count(self) -> int:
+        """Number of Bézier curves."""
         return (len(self.points) - 1) // self.degree
 
     @property
     def has_length(self) -> bool:
-        """True if its points are not all one point."""
+        """True if the control points are not all the same point."""
         return bool(np.ptp(self.points, axis=0).max() > REPEATED_POINT)
 
 
 def _bezier_points(points: FloatArray, knots: FloatArray, degree: int) -> FloatArray:
     """Control points of the Bézier curves of a B-spline, (curves, degree + 1, dimension)."""
-    # They are the values of the curves' polar forms at the ends of their knot intervals (de Boor's
-    # algorithm with another parameter in each step).
+    # Each control point is a value of the polar form of a curve at the ends of its knot interval,
+    # computed by de Boor's algorithm with a separate parameter in each step.
     n = len(points)
     k = degree + np.flatnonzero(np.diff(knots[degree : n + 1]) > 0)
     a, b = knots[k], knots[k + 1]
@@ -120,16 +123,16 @@ def _bezier_points(points: FloatArray, knots: FloatArray, degree: int) -> FloatA
 def fit_splines(
     splines: Sequence[BezierSpline], tolerance: float
 ) -> Iterator[tuple[int, Segments]]:
-    """Yield the number of each spline, and tangent arcs within a tolerance [m] of it."""
+    """Yield the index of each spline, and tangent arcs within a tolerance [m] of the spline."""
     alike: dict[tuple[int, bool, int], list[int]] = defaultdict(list)
     for i, spline in enumerate(splines):
         alike[spline.degree, spline.weights is None, spline.points.shape[1]].append(i)
     for (degree, *_), numbers in alike.items():
         if degree == 1:
-            # Straight between the points, whatever the weights.
+            # A spline of degree 1 consists of straight lines for all weights.
             yield from ((i, Path.polyline(splines[i].points).segments) for i in numbers)
             continue
-        chunk = np.cumsum([splines[i].pieces for i in numbers]) // AT_ONCE
+        chunk = np.cumsum([splines[i].curve_count for i in numbers]) // FIT_BATCH
         for part in np.split(np.array(numbers), np.flatnonzero(np.diff(chunk)) + 1):
             yield from _fit_alike(splines, part.tolist(), tolerance)
 
@@ -137,19 +140,22 @@ def fit_splines(
 def _fit_alike(
     splines: Sequence[BezierSpline], numbers: list[int], tolerance: float
 ) -> list[tuple[int, Segments]]:
-    """Numbers and arcs of splines of one degree, as in `fit_splines`."""
-    table = _Table([splines[i] for i in numbers])
+    """Fit the splines with the indices `numbers`, which have one degree; indices and arcs."""
+    table = _SplineCurves([splines[i] for i in numbers])
     try:
         return list(zip(numbers, fit_many(table, *table.breaks, tolerance), strict=True))
     except InvalidInput as error:
         if len(numbers) == 1:
             raise InvalidInput(str(error), index=numbers[0]) from None
-    # The splines are fitted one by one to identify the failing one.
+    # The splines are fitted one by one to identify the spline that causes the error.
     return [x for i in numbers for x in _fit_alike(splines, [i], tolerance)]
 
 
-class _Table:
-    """Splines of one degree as curves for `fit_many`; curve k has the parameters k to k + 1."""
+class _SplineCurves:
+    """Splines of one degree as the curve argument of `fit_many`.
+
+    In each spline, Bézier curve k has the parameters from k to k + 1.
+    """
 
     def __init__(self, splines: Sequence[BezierSpline]) -> None:
         self.degree = splines[0].degree
@@ -158,48 +164,48 @@ class _Table:
         if not self.plain:
             weights = np.concatenate([x.weights for x in splines if x.weights is not None])[:, None]
             self._points = np.hstack([weights * self._points, weights])
-        self._counts = np.array([x.pieces for x in splines])
+        self._counts = np.array([x.curve_count for x in splines])
         sizes = self._counts * self.degree + 1
         self._first = np.cumsum(sizes) - sizes
 
     @property
     def breaks(self) -> tuple[FloatArray, IntArray]:
-        """Parameters of the ends of all curves, and the spline of each."""
+        """Parameters of the ends of all Bézier curves, and the index of their spline, (m,) each."""
         parameters = np.concatenate([np.arange(n + 1.0) for n in self._counts])
         return parameters, np.repeat(np.arange(len(self._counts)), self._counts + 1)
 
     def __call__(self, row: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """Points (order 0) or derivatives (order 1) of the splines `row` at `t`."""
+        """Points (order 0) or derivatives (order 1) of the splines `row` at `t`, (m, dimension)."""
         k = np.minimum(t.astype(np.intp), self._counts[row] - 1)
         fraction = (t - k)[:, None]
         first = self._first[row] + k * self.degree
         control = [self._points.take(first + j, axis=0) for j in range(self.degree + 1)]
         if self.plain:
-            return _blend(_slopes(control) if order else control, fraction)
-        value = _blend(control, fraction)
+            return _evaluate_bezier(_derivative_points(control) if order else control, fraction)
+        value = _evaluate_bezier(control, fraction)
         w, p = value[:, -1:], value[:, :-1] / value[:, -1:]
         if order == 0:
             return np.asarray(p)
-        change = _blend(_slopes(control), fraction)
+        change = _evaluate_bezier(_derivative_points(control), fraction)
         return np.asarray((change[:, :-1] - p * change[:, -1:]) / w)
 
 
-def _slopes(control: list[FloatArray]) -> list[FloatArray]:
+def _derivative_points(control: list[FloatArray]) -> list[FloatArray]:
     """Control points of the derivatives of Bézier curves."""
     degree = len(control) - 1
     return [degree * (b - a) for a, b in itertools.pairwise(control)]
 
 
-def _blend(control: list[FloatArray], fraction: FloatArray) -> FloatArray:
-    """Points of Bézier curves by de Casteljau's algorithm."""
+def _evaluate_bezier(control: list[FloatArray], fraction: FloatArray) -> FloatArray:
+    """Points of Bézier curves, (m, dimension), by de Casteljau's algorithm."""
     complement = 1 - fraction
     while len(control) > 1:
         control = [complement * a + fraction * b for a, b in itertools.pairwise(control)]
     return control[0]
 
 
-# The gap of a closed outline is closed by moving the end only if it is at most this fraction of
-# the length of the last line, arc or curve; otherwise a line closes it.
+# The gap of a closed outline is closed by moving the end point if the gap is at most this fraction
+# of the chord of the last line, arc or curve. A larger gap is closed by a line.
 SMALL_GAP = 0.1
 
 Shape = ArcChain | BezierSpline
@@ -207,9 +213,9 @@ Shape = ArcChain | BezierSpline
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
-    """Shapes in sequence."""
+    """A sequence of connected shapes."""
 
-    shapes: Sequence[Shape]  # The shapes, each of which starts at the end of the one before
+    shapes: Sequence[Shape]  # The shapes; each starts at the end of the previous shape
     closed: bool = False  # Whether the last shape must end where the first one starts
 
     def place(self, to: Affine) -> Outline:
@@ -217,14 +223,17 @@ class Outline:
         return Outline([x.place(to) for x in self.shapes], self.closed)
 
     @property
-    def reach(self) -> FloatArray:
-        """Points whose largest coordinates bound the outline, (m, dimension)."""
-        return np.concatenate([x.reach for x in self.shapes])
+    def bounding_points(self) -> FloatArray:
+        """Points whose bounding box approximately contains the outline, (m, dimension)."""
+        return np.concatenate([x.bounding_points for x in self.shapes])
 
     def parts(self, tolerance: float, join: float) -> list[Segments | BezierSpline]:
-        """Segments of its chains, and its splines, each from the end of the part before."""
+        """The chains of the outline as segments, and its splines; parts without length are omitted.
+
+        Each part starts exactly at the end of the previous part. `join` is that of `close_gap`.
+        """
         parts: list[Segments | BezierSpline] = []
-        for shape in self.closed_up(join):
+        for shape in self.close_gap(join):
             moved = shape
             if parts:
                 before = parts[-1]
@@ -241,8 +250,11 @@ class Outline:
                 parts.append(part)
         return parts
 
-    def closed_up(self, join: float) -> Sequence[Shape]:
-        """The shapes. If the outline is closed, so is its gap: by moving the end, or by a line."""
+    def close_gap(self, join: float) -> Sequence[Shape]:
+        """The shapes of the outline; the gap of a closed outline is closed.
+
+        A gap up to `join` [m] is closed by moving the end point, a larger gap by a line.
+        """
         if not self.closed:
             return self.shapes
         *others, last = self.shapes
@@ -261,10 +273,13 @@ def paths_of(
     join: float = 0.0,
     tell: Callable[[float], None] = lambda done: None,
 ) -> list[Path | None]:
-    """The paths of outlines, in one fit, which is faster; None for an outline without length."""
-    # Lines stay lines, and arcs of circles arcs; other curves become tangent arcs within
-    # `tolerance`. A gap of a closed outline up to `join` is closed by moving its end.
-    plain = _draw_plain(outlines, tolerance, join)
+    """The paths of outlines; None for an outline without length.
+
+    Lines and circular arcs are not changed; other curves become tangent arcs within `tolerance`
+    [m]. A gap of a closed outline up to `join` [m] is closed by moving the end point.
+    """
+    # All curves are fitted in one call, which is faster.
+    plain = _draw_exact(outlines, tolerance, join)
     parts: list[list[Segments | BezierSpline]] = []
     for i, outline in enumerate(outlines):
         with _indexed(i):
@@ -287,27 +302,27 @@ def paths_of(
     return _join_parts([[x for x in row if isinstance(x, Segments)] for row in parts])
 
 
-def _draw_plain(outlines: Sequence[Outline], tolerance: float, join: float) -> dict[int, Segments]:
-    """Segments of the outlines that are one chain of lines and circular arcs, by index."""
+def _draw_exact(outlines: Sequence[Outline], tolerance: float, join: float) -> dict[int, Segments]:
+    """Segments, by index, of the outlines that consist of one chain of lines and circular arcs."""
     alone: dict[int, ArcChain] = {}
     for i, outline in enumerate(outlines):
-        shapes = outline.closed_up(join)
+        shapes = outline.close_gap(join)
         if len(shapes) == 1 and isinstance(shapes[0], ArcChain):
             alone[i] = shapes[0]
-    drawn = draw_plain(list(alone.values()), tolerance)
+    drawn = draw_exact(list(alone.values()), tolerance)
     return {i: x for i, x in zip(alone, drawn, strict=True) if x is not None}
 
 
 def _join_parts(rows: Sequence[Sequence[Segments]]) -> list[Path | None]:
-    """A path of the parts of every outline; None for an outline without parts."""
+    """The paths that join the parts of each outline; None for an outline without parts."""
     full = [i for i, x in enumerate(rows) if x]
     bounds = np.cumsum([0, *(sum(map(len, rows[i])) for i in full)])
     paths: list[Path | None] = [None] * len(rows)
     try:
-        # One check of all segments is faster.
+        # One check of all segments together is faster.
         tables = Segments.join([x for i in full for x in rows[i]]).split(bounds) if full else []
     except InvalidInput:
-        # Separate checks give an error with the index of its outline.
+        # The check below identifies the outline that causes the error.
         tables = [Segments.join(rows[i]) for i in full]
     for i, table in zip(full, tables, strict=True):
         with _indexed(i):
@@ -317,7 +332,7 @@ def _join_parts(rows: Sequence[Sequence[Segments]]) -> list[Path | None]:
 
 @contextmanager
 def _indexed(i: int) -> Iterator[None]:
-    """Give an error the index of the outline that it comes from."""
+    """Add the index of the outline to an error that is raised in the context."""
     try:
         yield
     except InvalidInput as error:

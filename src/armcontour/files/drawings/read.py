@@ -1,4 +1,4 @@
-"""The function `read_path`, which selects a reader by the extension of a file."""
+"""The function `read_path`, which selects the reader by the extension of a file."""
 
 from __future__ import annotations
 
@@ -17,22 +17,31 @@ from armcontour.core.file_access import read_bytes
 from armcontour.core.frames import Frame
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.endings import READERS, find_reader
-from armcontour.files.drawings.read_options import FARTHEST, LARGEST, ReadOptions
+from armcontour.files.drawings.read_options import MAX_COORDINATE, MAX_FILE_SIZE, ReadOptions
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program import Program, smooth_curvature
 
-# Modules whose readers report their progress.
+# Modules whose readers report the progress.
 WITH_PROGRESS = ("gcode", "dxf", "svg")
-# Options of some kinds of files only: the modules that read these, and the kinds in words.
-ONLY = {
-    "smooth_axes": (("waypoint_table",), "smooth_axes is for tables of waypoints with tool axes"),
-    "columns": (("waypoint_table",), "columns (--waypoint-columns) is for waypoints in CSV"),
-    "colors": (("dxf", "svg"), "colors is for DXF and SVG drawings"),
-    "words": (("gcode",), 'unknown: {skip: [...]} is for G-code (others take "skip")'),
+# Options for some file formats only: the modules of these formats, and the text for the message.
+FORMAT_OPTIONS = {
+    "smooth_axes": (
+        ("waypoint_table",),
+        "smooth_axes is supported for tables of waypoints with tool axes only",
+    ),
+    "columns": (
+        ("waypoint_table",),
+        "columns (--waypoint-columns) is supported for waypoints in CSV only",
+    ),
+    "colors": (("dxf", "svg"), "colors is supported for DXF and SVG drawings only"),
+    "words": (
+        ("gcode",),
+        'unknown: {skip: [...]} is supported for G-code only (use "skip" for other files)',
+    ),
 }
-# Beyond this a stated unit is wrong; coordinates of surveys may be far from their origin [m].
+# Largest coordinate for which a specified unit is plausible [m]; surveys have large coordinates.
 LARGEST_PART = 1000.0
-# Farther than any arm reaches [m].
+# Coordinates of tables above this get a note, because no arm has such a reach [m].
 FARTHEST_ARM = 10.0
 
 
@@ -46,50 +55,51 @@ def read_path(
 ) -> Program:
     """Read the program in a drawing (DXF, SVG), in G-code, or in a table of waypoints.
 
-    Lines and arcs are kept, other curves become tangent arcs. The path of a program with one
-    contour is `program.path`.
+    Lines and arcs are not changed; other curves become tangent arcs. If the program has one
+    contour, `program.path` is its path.
 
     >>> program = ac.read_path("part.csv", frame=ac.Frame((0.0, 0.1, 0.0)))
     >>> len(program.contours)
     1
 
     Args:
-        file: The file; the extension decides how it is read.
-        options: How to read it, such as ReadOptions(units="mm", layers=["CUT"]).
-        frame: Frame of the drawing; if it lifts or tilts the drawing, the program is in space.
-        progress: Called from time to time with the name of the file and the fraction of it that is
-            read, if the reader supports it.
+        file: Path of the file; the extension selects the reader.
+        options: Options for reading, such as ReadOptions(units="mm", layers=["CUT"]).
+        frame: Frame of the drawing. If it moves the drawing out of the plane z = 0, the program is
+            in space.
+        progress: Function that is called with the name of the file and the fraction that has been
+            read. Tables of waypoints report no progress.
 
     Raises:
-        InvalidInput: The file cannot be read, or has no use for an option; the message names the
-            line, the element or the row.
+        InvalidInput: The file cannot be read, or does not support an option. The message contains
+            the line, the element or the row.
     """
     location, suffix = find_reader(file)
     module, name = READERS[suffix]
-    for option, (modules, purpose) in ONLY.items():
+    for option, (modules, purpose) in FORMAT_OPTIONS.items():
         checks.raise_if(
             bool(getattr(options, option)) and module not in modules,
-            f"{purpose}, and {location.name} is none: remove it.",
+            f"{purpose}, so it is not valid for {location.name}: remove the option.",
         )
     read = getattr(importlib.import_module(f"armcontour.files.drawings.{module}"), name)
     if module in WITH_PROGRESS:
         read = partial(read, progress=progress)
     program: Program = read(
-        read_bytes(location, "file", maximum=LARGEST), source=location.name, options=options
+        read_bytes(location, "file", maximum=MAX_FILE_SIZE), source=location.name, options=options
     )
     factor, unit = options.scale, options.unit
     program = _select(program, options)
     far = _farthest(program) * factor
     checks.raise_if(
         far > LARGEST_PART and unit is not None,
-        f"With the unit {options.units}, {program.source} reaches {far:.4g} m from its origin, "
-        f"more than {LARGEST_PART:g} m: check the unit.",
+        f"With the unit {options.units}, {program.source} has coordinates up to {far:.4g} m, but "
+        f"at most {LARGEST_PART:g} m are allowed: check the unit.",
     )
     if far > FARTHEST_ARM and (unit, module) == (None, "waypoint_table"):
         note = (
-            f"the coordinates of {program.source} reach {far:.4g} m from their origin, farther "
-            "than arms do. Columns without a unit are in metres: if these are mm, write x [mm], or "
-            "give `units: mm` or --units mm."
+            f"the coordinates of {program.source} are up to {far:.4g} m, which is more than the "
+            "reach of an arm. Columns without a unit are in metres. If the coordinates are in mm, "
+            "write x [mm] in the heading, or specify `units: mm` or --units mm."
         )
         program = replace(program, notes=(*program.notes, note))
     if options.ignore_z:
@@ -105,32 +115,32 @@ def read_path(
 
 
 def _select(program: Program, options: ReadOptions) -> Program:
-    """The program's contours on the layers and with the names of the options."""
+    """The program with only the contours that the options select by layer and name."""
     layers = options.layers
     if isinstance(layers, Mapping):
-        # The mapping has settings for layers; a drawing need not have all of these layers.
+        # A mapping contains settings for layers, and a drawing need not have all these layers.
         existing = {x.layer for x in program.contours}
-        notes = [f"there is nothing on the layer {x!r}." for x in layers if x not in existing]
+        notes = [f"the layer {x!r} has no contour." for x in layers if x not in existing]
         program = replace(program, notes=(*program.notes, *notes))
         layers = [x for x in layers if x in existing] or list(layers)
     return program.selected(layers=layers, names=options.names)
 
 
 def _farthest(program: Program) -> float:
-    """The largest coordinate of all contours [m]."""
+    """Largest absolute coordinate of all contours [m]."""
     return max(float(np.abs(x.path.vertices).max()) for x in program.contours)
 
 
 def _check_scaled_size(program: Program, factor: float) -> None:
-    """Check that a scale leaves coordinates and contours within the limits of the readers."""
+    """Check that coordinates and contour lengths are within the limits after scaling."""
     far = _farthest(program)
     short = min(x.path.length for x in program.contours)
-    if not far <= FARTHEST:
-        problem, limit = f"reaches {far:.3g} m far", f"more than {FARTHEST:g} m"
+    if not far <= MAX_COORDINATE:
+        problem = f"coordinates up to {far:.3g} m, but at most {MAX_COORDINATE:g} m are allowed"
     elif short <= REPEATED_POINT:
-        problem, limit = f"has a contour of {short:.3g} m", f"no more than {REPEATED_POINT:g} m"
+        problem = f"a contour of {short:.3g} m, but the length must exceed {REPEATED_POINT:g} m"
     else:
         return
     raise InvalidInput(
-        f"With the scale {factor:g} {program.source} {problem}, {limit}: check the scale."
+        f"With the scale {factor:g}, {program.source} has {problem}: check the scale."
     )

@@ -1,4 +1,4 @@
-"""Options of all readers of drawings, and the names, colours and progress that they share."""
+"""Options of all readers for drawings, and their shared functions for names, colours, progress."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ from armcontour.geometry.tangent_repair import RepairedPath, repair_tangents
 from armcontour.program import Contour, Program
 from armcontour.program.moves import Move
 
-# Largest file that is read [bytes]: the data structures made from it take many times its size.
-LARGEST = SMALL
-# Length of a name that is cut [characters]; a number is appended if two cut names are equal.
-KEPT = LONGEST_NAME - 12
-# Advice in messages to choose "skip".
-SKIP = "skip it (unknown: skip, or --skip-unknown)"
-# Names of CSS that drawings for lasers and plotters use; other names are used as written.
-NAMED = {
+# Maximum size of a file [bytes]. The data structures need many times the size of the file.
+MAX_FILE_SIZE = SMALL
+# Length to which a too long name is cut [characters]. A number is appended to equal cut names.
+CUT_LENGTH = LONGEST_NAME - 12
+# Advice in messages to set `unknown` to "skip".
+SKIP_ADVICE = "skip it (unknown: skip, or --skip-unknown)"
+# CSS colour names that drawings for lasers and plotters use; other names are used as written.
+CSS_COLORS = {
     "black": "#000000",
     "white": "#ffffff",
     "red": "#ff0000",
@@ -68,7 +68,7 @@ Tell = Callable[[float], None]
 
 
 def fraction_reporter(progress: Progress | None, source: str) -> Tell:
-    """A function that reports the fraction of a file that is read, in whole percents."""
+    """A function that reports the fraction of a file that is read, at each new whole percent."""
     if progress is None:
         return lambda share: None
     say, shown = subprogress(progress, source), -1
@@ -85,16 +85,16 @@ def fraction_reporter(progress: Progress | None, source: str) -> Tell:
 
 @dataclass(slots=True)
 class Labels:
-    """Converts names of entities and layers to names that contours can have."""
+    """Converts names of entities and layers in a drawing to valid names of contours and layers."""
 
-    # A name that is too long is cut, and characters that are not printable become escapes: some CAD
-    # programs write such names, and the user cannot change them. Different names stay different.
+    # A name that is too long is cut, and characters that are not printable become escapes, because
+    # some CAD programs write such names. Different names stay different.
 
-    _changed: dict[str, str] = field(default_factory=dict)
-    _alike: Counter[str] = field(default_factory=Counter)
+    _changed: dict[str, str] = field(default_factory=dict)  # New names by the changed names
+    _alike: Counter[str] = field(default_factory=Counter)  # Numbers of equal new names
 
     def __call__(self, name: str) -> str:
-        """The name of a contour or layer for a name in the drawing."""
+        """The valid name for a name in the drawing; the same name if it is valid."""
         if len(name) <= LONGEST_NAME and name.isprintable():
             return name
         if name not in self._changed:
@@ -105,49 +105,50 @@ class Labels:
         """A printable, unique name of at most `LONGEST_NAME` characters."""
         plain = make_printable(name[: LONGEST_NAME + 1])
         short = len(name) <= LONGEST_NAME and len(plain) <= LONGEST_NAME
-        first = plain if short else f"{plain[:KEPT]}..."
+        first = plain if short else f"{plain[:CUT_LENGTH]}..."
         self._alike[first] += 1
         count = self._alike[first]
-        return first if count == 1 else f"{plain[:KEPT]}... ({count})"
+        return first if count == 1 else f"{plain[:CUT_LENGTH]}... ({count})"
 
     @property
     def notes(self) -> list[str]:
-        """Notes on changed names; empty if there are none."""
+        """A sentence on the changed names, as a list; empty if no name was changed."""
         if not self._changed:
             return []
         name, label = next(iter(self._changed.items()))
         return [
-            f"Names that have more than {LONGEST_NAME} characters, or some that are not printable, "
-            f"were changed ({len(self._changed)}), such as {show(name)} to '{label}'."
+            f"Names with more than {LONGEST_NAME} characters or with characters that are not "
+            f"printable were changed ({len(self._changed)}), for example {show(name)} to "
+            f"'{label}'."
         ]
 
 
 def color_of(text: str) -> str:
-    """A colour as `#rrggbb`, from a name, #rgb, #rrggbb or rgb(r, g, b); else lower-case text."""
+    """Convert a colour (name, #rgb, #rrggbb, rgb(r, g, b)) to `#rrggbb`; else to lower case."""
     plain = text.strip().lower()
     if short := _SHORT.fullmatch(plain):
         return "#" + "".join(2 * x for x in short.groups())
     if parts := _RGB.fullmatch(plain):
         factor = 2.55 if parts[2] else 1.0
         return hex_of(*(min(round(float(parts[k]) * factor), 255) for k in (1, 3, 4)))
-    return NAMED.get(plain, plain)
+    return CSS_COLORS.get(plain, plain)
 
 
 def hex_of(red: int, green: int, blue: int) -> str:
-    """A colour as `#rrggbb`, from its parts from 0 to 255."""
+    """The colour `#rrggbb` with components from 0 to 255."""
     return f"#{red:02x}{green:02x}{blue:02x}"
 
 
-# Largest coordinate [m]: beyond it floating point does not resolve the smallest distance between
-# two points. Such a drawing has a wrong unit.
-FARTHEST = 1e6
-# Largest number of a tool: tables have some hundred, and G-code eight digits at most.
+# Largest coordinate [m]. Above this value, doubles do not resolve the smallest distance between
+# two points; a drawing with such coordinates has a wrong unit.
+MAX_COORDINATE = 1e6
+# Largest number of a tool, which has at most eight digits in G-code.
 MAX_TOOLS = 99_999_999
 UNKNOWN = ("refuse", "skip")
 TEXTS = ("leave_out", "contours")
-# Share of the chord tolerance that arcs take where transitions between them take the rest.
+# Share of the chord tolerance for fitted arcs; curvature transitions have the rest.
 FIT_SHARE = 0.5
-# Codes and letters of G-code that can be skipped by name.
+# Matches the codes and letters of G-code that options can skip.
 WORD = re.compile(r"[GM]\d{1,4}(\.\d)?|[ABCDEHLPQSTUVW]")
 
 
@@ -161,39 +162,40 @@ class ReadOptions(Checked):
     'mm'
 
     Args:
-        units: Unit of the file's lengths, such as "mm", or its length in metres; replaces the unit
-            that a drawing gives. None takes that unit. A table column with its own
-            unit keeps it.
-        scale: Factor of the file's lengths; tools keep their diameters.
-        layers: Layers to read. Or a mapping from layers to speed and tolerance of their contours,
-            for segments without their own values; missing layers are ignored.
+        units: Unit of the lengths in the file, such as "mm", or the length of the unit in metres.
+            It replaces the unit that a drawing specifies, but not the unit of a table column. None
+            uses the unit of the file.
+        scale: Factor for all lengths in the file. Diameters of tools are not scaled.
+        layers: Layers to read, or a mapping from layers to the speed and tolerance of their
+            contours, for segments that have none. Layers of a mapping that do not exist are
+            ignored.
         names: Names of contours to read: ids of elements (SVG), handles of entities (DXF), "line
             12" (G-code).
         colors: Colours of DXF entities, or of strokes in SVG, to read: names, "#rrggbb", and for
             DXF also AutoCAD's numbers.
-        ignore_z: Whether to remove z and the tool orientation of the file.
-        chord_tolerance: Largest distance between a curve and the arcs that replace it [m].
-        join_tolerance: Distance below which two ends are one point [m].
-        mend_vertices: Largest rounding error of coordinates [m]: vertices whose turn such an error
-            can explain are made tangent within it, with a note. The default suits three decimals
-            of a millimetre and four of an inch; 0 changes no vertex.
-        smooth_axes: For tables of waypoints with tool axes, the largest correction that makes noisy
-            measured axes turn smoothly [rad]; 0 leaves the axes unchanged.
-        columns: For waypoints in CSV, names of the columns in place of the first line, or of a line
-            that is missing, such as "x [mm],y [mm],-"; "-" skips a column.
-        unknown: Whether to refuse elements that the reader does not know, or skip them with a note;
-            for G-code, `{skip: [T, M6]}` skips these words.
-        texts: For DXF, "contours" draws the letters of TEXT through a font of this machine, with a
-            note; "leave_out" skips texts with a note.
-        tools: For G41 and G42 of G-code, diameters of tools [m] by their numbers, such as
-            `{1: 0.003}`; a negative diameter offsets the tool to the other side.
-        continuity: "curvature" puts transitions where the curvature jumps without a corner, for
-            motions with a limit of jerk (`smooth_curvature`): curves then become arcs within half
-            of the chord tolerance, and transitions leave lines and arcs by the other half at most.
-            "tangent" keeps lines and arcs.
+        ignore_z: Whether to ignore z and the tool orientation in the file.
+        chord_tolerance: Maximum distance between a curve and the arcs that replace it [m].
+        join_tolerance: Distance below which two ends are the same point [m].
+        mend_vertices: Largest rounding error of coordinates [m]. A vertex is made tangent, with a
+            note, if an error of this size can explain its turn. The default suits three decimals
+            of a millimetre and four of an inch. 0 changes no vertex.
+        smooth_axes: For tables of waypoints with tool axes, the largest angle by which noisy
+            measured axes are corrected to turn smoothly [rad]. 0 does not change the axes.
+        columns: For waypoints in CSV, names of the columns, such as "x [mm],y [mm],-". They replace
+            the first line of the file or a missing heading; "-" skips a column.
+        unknown: Whether to "refuse" unknown elements or "skip" them with a note. For G-code,
+            `{skip: [T, M6]}` skips these words.
+        texts: For DXF, "contours" draws the letters of TEXT with a font of this machine, with a
+            note. "leave_out" skips texts with a note.
+        tools: For G41 and G42 of G-code, diameters of tools [m] by tool number, such as
+            `{1: 0.003}`. A negative diameter offsets the tool to the other side.
+        continuity: "tangent" does not change lines and arcs. "curvature" inserts transitions where
+            the curvature jumps without a corner, for motions with a jerk limit
+            (`smooth_curvature`). Fitted arcs then use half of the chord tolerance, and transitions
+            deviate from lines and arcs by at most the other half.
 
     Raises:
-        InvalidInput: An unknown unit, word or choice, or a number out of range.
+        InvalidInput: A unit, word or choice is unknown, or a number is out of range.
     """
 
     units: Annotated[str | float | None, About("--units")] = None
@@ -225,55 +227,55 @@ class ReadOptions(Checked):
     continuity: Continuity = "tangent"
 
     def _check_together(self) -> None:
-        # Invalid options are refused before any file is read.
+        # The properties raise errors for invalid options before a file is read.
         _ = self.unit, self.layer_set, self.color_set, self.words, self.unscaled_tools
 
     @property
     def unit(self) -> float | None:
-        """Length of the unit of the file [m]; None takes that of the file."""
+        """Length of the specified unit [m]; None if the unit of the file is used."""
         if isinstance(self.units, str):
             try:
                 return parse_quantity(f"1 {self.units}", "m")
             except ValueError:
                 raise InvalidInput(
-                    f"units must be a unit of length such as mm, not {self.units!r}."
+                    f"units must be a unit of length such as mm, but is {self.units!r}."
                 ) from None
         return None if self.units is None else checks.positive("units", self.units, "m")
 
     @property
     def fit_tolerance(self) -> float:
-        """Largest distance between a curve and its arcs [m]; transitions may add the rest."""
+        """Maximum distance between a curve and its fitted arcs [m], without transitions."""
         fraction = 1.0 if self.continuity == "tangent" else FIT_SHARE
         return fraction * self.chord_tolerance
 
     @property
     def skips(self) -> bool:
-        """True if elements that the reader does not know are skipped."""
+        """True if unknown elements are skipped."""
         return self.unknown == "skip"
 
     @property
     def words(self) -> frozenset[str]:
-        """Words and codes of G-code to skip, such as G43 or T."""
+        """Words and codes of G-code to skip, without leading zeros, such as G43 or T."""
         if isinstance(self.unknown, str):
             return frozenset()
         if list(self.unknown) != ["skip"]:
             raise InvalidInput(
                 'unknown must be "refuse", "skip", or {"skip": [...]} with the words of G-code to '
-                f"skip, such as M6 or T, not {show(self.unknown)}."
+                f"skip, such as M6 or T, but is {show(self.unknown)}."
             )
         words = checks.check_sequence("unknown: skip", self.unknown["skip"], str, "words of G-code")
         plain = {x.strip().upper() for x in words}
         wrong = next((x for x in sorted(plain) if WORD.fullmatch(x) is None), None)
         if wrong is not None:
             raise InvalidInput(
-                f"unknown: {{skip: ...}} names {wrong!r}, which cannot be skipped: it takes codes "
-                "such as G43 or M6, and letters other than X, Y, Z, I, J, K, R, F, N and O."
+                f"unknown: {{skip: [...]}} must list codes such as G43 or M6, or letters other "
+                f"than X, Y, Z, I, J, K, R, F, N and O, but has {wrong!r}."
             )
         return frozenset(re.sub(r"(?<=[GM])0+(?=\d)", "", x) for x in plain)
 
     @property
     def layer_set(self) -> frozenset[str] | None:
-        """The names of layers; None for all layers."""
+        """Names of the selected layers; None if all layers are selected."""
         if self.layers is None:
             return None
         names = [self.layers] if isinstance(self.layers, str) else self.layers
@@ -282,22 +284,24 @@ class ReadOptions(Checked):
 
     @property
     def layer_tolerances(self) -> dict[str, float]:
-        """Largest corner errors on layers that have one [m], by their names."""
+        """Maximum permitted corner errors [m] by layer name, for the layers that have one."""
         limits = self.layers if isinstance(self.layers, Mapping) else {}
         return {name: x.tolerance for name, x in limits.items() if x.tolerance is not None}
 
     @property
     def color_set(self) -> frozenset[str] | None:
-        """The colours as `color_of` names them; None for all colours."""
+        """The selected colours as names by `color_of`; None if all colours are selected."""
         if self.colors is None:
             return None
         if not self.colors:
-            raise InvalidInput('colors must be one colour or more, such as ["red", "#00ff00"].')
+            raise InvalidInput(
+                'colors must have at least one colour, such as ["red", "#00ff00"], but is empty.'
+            )
         return frozenset(color_of(str(x)) for x in self.colors)
 
     @property
     def unscaled_tools(self) -> dict[int, float]:
-        """Diameters of tools by their numbers, in metres of the file before it is scaled."""
+        """Diameters of tools by tool number, divided by the scale that is applied later [m]."""
         return {
             checks.check_int("number of a tool", number, 0, MAX_TOOLS): diameter / self.scale
             for number, diameter in (self.tools or {}).items()
@@ -305,8 +309,8 @@ class ReadOptions(Checked):
 
 
 def repair_vertices(program: Program, options: ReadOptions) -> Program:
-    """The program with vertices made tangent that rounded coordinates can have bent."""
-    # Contours with a tool orientation stay.
+    """Make vertices tangent whose turn can be explained by rounded coordinates, and add a note."""
+    # Contours with a tool orientation are not changed.
     moves: list[Move] = list(program.moves)
     tolerances, changed = options.layer_tolerances, []
     for i, move in enumerate(moves):
@@ -320,18 +324,18 @@ def repair_vertices(program: Program, options: ReadOptions) -> Program:
             moves[i] = dataclasses.replace(move, path=mended.path, events=events)
     if not changed:
         return program
-    notes = (*program.notes, _note(changed))
+    notes = (*program.notes, _describe_repairs(changed))
     return dataclasses.replace(program, moves=tuple(moves), notes=notes)
 
 
-def _note(done: list[RepairedPath]) -> str:
-    """A note on the repaired vertices."""
+def _describe_repairs(done: list[RepairedPath]) -> str:
+    """A note on the number, turn and displacement of the repaired vertices."""
     count = sum(x.count for x in done)
     kink, deviation = (max(getattr(x, y) for x in done) for y in ("kink", "deviation"))
     vertices = f"{count} vertices" if count > 1 else "1 vertex"
     return (
         f"Repaired {vertices} whose turn of at most {digits(math.degrees(kink), 2)}° can be "
-        "explained by rounded coordinates: the path is tangent there, at most "
-        f"{digits(deviation * 1e3, 2)} mm from the file's (path.mend_vertices: 0 mm keeps such "
-        "turns, at which the tool stops)."
+        "explained by rounded coordinates. The path is tangent there, and deviates from the path "
+        f"of the file by at most {digits(deviation * 1e3, 2)} mm. With path.mend_vertices: 0 mm "
+        "the turns stay, and the tool stops there."
     )

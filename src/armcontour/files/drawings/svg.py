@@ -1,4 +1,4 @@
-"""SVG drawings, read into a program of contours in metres with y up."""
+"""Reader for SVG drawings, which become programs of contours in metres with y up."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.arc_chain import Affine, ArcChain
-from armcontour.files.drawings.read_options import SKIP, ReadOptions, color_of
+from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, color_of
 from armcontour.files.drawings.svg_elements import (
-    FONT,
+    DEFAULT_FONT_SIZE,
     IDENTITY,
     INCH,
     PIXEL,
@@ -22,19 +22,19 @@ from armcontour.files.drawings.svg_elements import (
     ViewBox,
     affine,
     font_size,
-    is_flat,
-    length_of,
+    is_singular,
     make_absolute,
-    number_of,
+    parse_tree,
+    read_length,
+    read_length_or_zero,
     transform_of,
-    tree_of,
     view_box,
     viewbox_transform,
 )
-from armcontour.files.drawings.svg_shapes import SHAPES, shape_of
+from armcontour.files.drawings.svg_shapes import SHAPES, element_outlines
 from armcontour.files.drawings.walk import (
     NO_SIZE,
-    WALKED,
+    TRAVERSAL_SHARE,
     Clip,
     EntityOutlines,
     Inherited,
@@ -43,14 +43,15 @@ from armcontour.files.drawings.walk import (
 )
 from armcontour.program import Program
 
-# Versions of Inkscape with 90 px per inch; the comment of Illustrator, which has 72 px per inch,
-# and the number of bytes in which it occurs; lengths in absolute units.
+# Matches versions of Inkscape with 90 px per inch.
 OLD_INKSCAPE = re.compile(r"0\.(?:[0-8]\d?|9|9[01])(?!\d)[.\d]*")
+# Matches the comment of Illustrator, which has 72 px per inch, in the first COMMENT_RANGE bytes.
 ILLUSTRATOR = re.compile(rb"Generator:\s*Adobe\s+Illustrator", re.IGNORECASE)
-BEGINNING = 10_000
+COMMENT_RANGE = 10_000
+# Matches a length in an absolute unit.
 ABSOLUTE = re.compile(r"\d\s*(?:mm|cm|in|pt|pc|q)$", re.IGNORECASE)
 # Elements that draw nothing.
-SILENT = (
+UNDRAWN = (
     "",
     "clipPath",
     "defs",
@@ -67,28 +68,28 @@ SILENT = (
     "title",
     "view",
 )
-# Elements that draw their children or the element that they refer to.
+# Elements that draw their children, or the element to which they refer.
 CONTAINERS = ("g", "a", "svg", "symbol", "use", "switch")
-# Elements that are no outline, skipped with a note.
+# Elements that have no outline and are skipped with a note.
 NO_OUTLINE = ("text", "image", "foreignObject")
-# Properties that add marks to the ends of outlines, skipped with a note.
+# Properties that add markers to the vertices of outlines; the markers are skipped with a note.
 MARKERS = ("marker", "marker-start", "marker-mid", "marker-end")
-# Style sheets are not evaluated, so declarations of these properties are refused, except for the
-# harmless values.
+# Matches declarations of style sheets that can change the contours. Style sheets are not evaluated,
+# so these declarations are refused unless their value is in HARMLESS; `display: none` is refused.
 _SHEET = re.compile(r"(?<![\w-])(display|visibility|transform|clip-path|mask)\s*:\s*(\w+)")
-MARKED = "Skipped: the markers of"
-NOT_READ = "Skipped because it is no outline"
+MARKED = "Skipped the markers of"
+NOT_READ = "Skipped because they have no outline"
 HARMLESS = ("none", "inline", "block", "visible", "inherit")
 _STROKE = re.compile(r"(?<![\w-])stroke\s*:")
-# Values of properties that change nothing.
-NOTHING = ("", "none", "inherit", "initial", "unset")
+# Values of properties that have no effect.
+NO_EFFECT = ("", "none", "inherit", "initial", "unset")
 _URL = re.compile(r"url\(\s*['\"]?#([^'\")]+)['\"]?\s*\)")
-HIDDEN = "Skipped because hidden"
-# Largest number of segments, a curve counted as one; no drawing of contours has more.
+HIDDEN = "Skipped because they are hidden"
+# Maximum number of segments (a curve is one segment), which no drawing of contours exceeds.
 MAX_SEGMENTS = 500_000
-# Largest number of elements drawn by reference; a file with more is malicious.
+# Maximum number of elements drawn by reference; a file with more is malicious.
 MAX_REPEATED = 100_000
-# Largest depth of references in references.
+# Maximum depth of nested references.
 DEEPEST_USE = 50
 
 
@@ -97,41 +98,47 @@ def read_svg(
 ) -> Program:
     """Read the outlines of an SVG drawing.
 
-    Shapes become contours in drawing order, placed by their groups, transforms and references;
+    Shapes become contours in drawing order. Groups, transforms and references are applied, and
     each subpath is a contour. Separate elements whose ends touch are chained. Strokes, fills and
-    the edges of the page have no effect; hidden elements are omitted.
+    the edges of the page have no effect. Hidden elements are omitted.
 
     Coordinates are in metres from the lower left corner of the page, x to the right and y up.
     `options.unit` is the length of the user unit. If it is None, width, height and viewBox define
-    the user unit, and without them it is a pixel: 1/72 inch in files of Illustrator, 1/90 inch in
-    those of Inkscape before 0.92, else 1/96 inch as in CSS.
+    the user unit. Without these the user unit is a pixel: 1/72 inch in files of Illustrator, 1/90
+    inch in files of Inkscape before 0.92, else 1/96 inch as in CSS.
 
-    Lines are kept, and so are arcs that are still circular after all transforms; other curves
-    become tangent arcs within `options.fit_tolerance`.
+    Lines stay lines, and arcs that are circular after all transforms stay arcs. Other curves become
+    tangent arcs within `options.fit_tolerance`.
     """
-    root = tree_of(data, source)
+    root = parse_tree(data, source)
     page, view, notes = _page(root, options, data)
     walk = SvgWalk(root, options, progress)
     return walk.program(walk.shapes(page, view), notes)
 
 
 def _program_pixel(root: Element, data: bytes) -> tuple[float, str]:
-    """Length of a px of the program that wrote a file [m], and its name; "" for CSS pixels."""
+    """Length of a px [m] in the program that wrote a file, and the program's name.
+
+    The name is "" if the length is that of CSS.
+    """
     version = root.get("inkscape:version")
     if version:
         number = OLD_INKSCAPE.match(version)
         return (INCH / 90, f"Inkscape {number[0]}") if number else (PIXEL, "")
-    # The file may be UTF-16.
-    illustrator = ILLUSTRATOR.search(data[:BEGINNING].replace(b"\0", b""))
+    # Zero bytes are removed because the file can be in UTF-16.
+    illustrator = ILLUSTRATOR.search(data[:COMMENT_RANGE].replace(b"\0", b""))
     return (INCH / 72, "Adobe Illustrator") if illustrator else (PIXEL, "")
 
 
 def _page(
     root: Element, options: ReadOptions, data: bytes
 ) -> tuple[Affine, ViewBox | None, list[str]]:
-    """The coordinates of the page."""
+    """The map from user units to metres with y up, the viewport (None if unknown), and notes."""
     if root.get("transform"):
-        root.refuse("a transform of the outermost svg is not read: put a group with it inside")
+        root.refuse(
+            "a transform of the outermost svg element is not supported: move the transform to a "
+            "group inside"
+        )
     box = view_box(root)
     width, height = _page_extent(root, "width"), _page_extent(root, "height")
     unit = PIXEL if options.unit is None else options.unit
@@ -141,115 +148,125 @@ def _page(
         unit, program = _program_pixel(root, data)
         if program:
             notes.append(
-                f"{root.source} is by {program}, whose px is 1/{INCH / unit:.0f} inch: it is read "
-                "so, and not as the 1/96 inch of CSS. To change this, give the unit."
+                f"{root.source} was written by {program}, whose px is 1/{INCH / unit:.0f} inch "
+                "instead of the 1/96 inch of CSS. If the size is wrong, specify the unit."
             )
         if absolute:
             # Absolute lengths of the page do not depend on the size of a px.
             width, height = (x and x * PIXEL / unit for x in (width, height))
     if box is not None:
-        # If only one of width and height is given, the aspect ratio of the viewBox gives the other.
+        # If only width or height is specified, the other follows from the viewBox's aspect ratio.
         if options.unit is not None or (width is None and height is None):
             width, height = box.width, box.height
         wide = width if width is not None else (height or 0.0) * box.width / box.height
         high = height if height is not None else wide * box.height / box.width
         inner = viewbox_transform(root, box, ViewBox(0.0, 0.0, wide, high))
-        return _up(high, unit) @ inner, box, notes
+        return _to_world(high, unit) @ inner, box, notes
     if height is None:
         notes.append(
-            f"{root.source} gives no height of its page: y is 0 at its upper edge and negative "
-            "below."
+            f"{root.source} has no page height, so y is 0 at the upper edge of the page and "
+            "negative below."
         )
-        return _up(0.0, unit), None, notes
+        return _to_world(0.0, unit), None, notes
     view = ViewBox(0.0, 0.0, width, height) if width is not None else None
-    return _up(height, unit), view, notes
+    return _to_world(height, unit), view, notes
 
 
 def _page_extent(root: Element, key: str) -> float | None:
-    """Width or height of the page in user units; None without it, or if it is a percentage."""
-    value = None if root.get(key).endswith("%") else length_of(root, key, default=None)
+    """Width or height of the page [user units]; None if it is missing or a percentage."""
+    value = None if root.get(key).endswith("%") else read_length(root, key, default=None)
     if value is not None and value <= 0:
         root.refuse(f"{key} must be above zero, but is {root.get(key)}")
     return value
 
 
-def _up(height: float, unit: float) -> Affine:
-    """The map from page coordinates with y down to metres with y up from the lower edge."""
+def _to_world(height: float, unit: float) -> Affine:
+    """The map from the page [user units, y down] to metres with y up from the lower edge."""
     return affine(unit, 0.0, 0.0, -unit, 0.0, height * unit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _SvgInherited(Inherited):
-    """The properties that an element inherits from the elements around it."""
+    """The properties that an element of an SVG drawing inherits from its ancestors."""
 
-    view: ViewBox | None  # Viewport in the element's coordinates; None if it is not known
-    inkscape: bool = False  # Whether the layer is one of Inkscape
+    view: ViewBox | None  # Viewport in the coordinates of the element; None if it is unknown
+    inkscape: bool = False  # Whether the layer is a layer of Inkscape, not a group
     hidden: bool = False  # Whether the element is hidden
     used_by: Element | None = None  # The use element that refers directly to this element
-    font: float = FONT  # Size of the font in user units
+    font: float = DEFAULT_FONT_SIZE  # Font size [user units]
 
 
 class SvgWalk(Walk):
-    """Traversal of a drawing's elements, which records the elements that it omits."""
+    """Traversal of the elements of an SVG drawing, with notes on omitted elements."""
 
-    apart = True
+    separates_parts = True
 
     def __init__(self, root: Element, options: ReadOptions, progress: Progress | None) -> None:
         super().__init__(root.source, options, progress)
         self.root = root
-        self._all = _all_elements(root)
-        # The first element, if several have the same id.
-        self._ids = {x.attributes["id"]: x for x in reversed(self._all) if "id" in x.attributes}
+        self._elements = _all_elements(root)
+        # If several elements have the same id, references use the first one.
+        self._ids = {
+            x.attributes["id"]: x for x in reversed(self._elements) if "id" in x.attributes
+        }
         self._repeated = self._segments = 0
 
     def explain_empty(self) -> str:
-        """The reason for a program without contours: the file is a font."""
-        if all(x.tag != "glyph" for x in self._all):
+        """Text after the file name in the error for no contours; "" if the file is not a font."""
+        if all(x.tag != "glyph" for x in self._elements):
             return ""
-        return "is a font, whose glyphs are no drawing: give one whose text is converted to paths"
+        return "is a font, not a drawing: specify a drawing whose text has been converted to paths"
 
     def shapes(self, to: Affine, view: ViewBox | None) -> Iterator[EntityOutlines]:
-        """Yield the shapes in the order in which they are drawn."""
+        """Yield the outlines of all selected elements in drawing order."""
         counts = dict.fromkeys(SHAPES, 0)
         color = frozenset({color_of(self.root.style("stroke") or "none")})
-        inherited = _SvgInherited(to=to, view=view, color=color, font=font_size(self.root, FONT))
+        inherited = _SvgInherited(
+            to=to, view=view, color=color, font=font_size(self.root, DEFAULT_FONT_SIZE)
+        )
         todo = [(x, inherited) for x in reversed(self.root.children)]
         visited = 0
         while todo:
             element, around = todo.pop()
             visited += 1
-            self.tell(WALKED * min(visited / len(self._all), 1.0))
-            self._repeated += bool(around.inside)
+            self.tell(TRAVERSAL_SHARE * min(visited / len(self._elements), 1.0))
+            self._repeated += bool(around.targets)
             if self._repeated > MAX_REPEATED:
-                element.refuse(f"use repeats more than {MAX_REPEATED} elements by here")
+                element.refuse(
+                    f"the drawing has more than {MAX_REPEATED} elements drawn by use up to here: "
+                    "simplify the drawing"
+                )
             if element.tag in SHAPES:
                 counts[element.tag] += 1
-            inner = self._enter(element, around)
+            inner = self._inherit(element, around)
             if inner is None:
                 continue
             if element.tag not in SHAPES:
-                todo.extend(reversed(self._inside(element, inner)))
+                todo.extend(reversed(self._content(element, inner)))
             elif inner.hidden:
-                self.leave_out(HIDDEN, element.name)
+                self.omit(HIDDEN, element.name)
             elif self.wants_color(inner.color):
                 name = element.get("id") or inner.name or f"{element.tag} {counts[element.tag]}"
-                yield self._drawn(element, inner, name)
+                yield self._outlines(element, inner, name)
 
-    def _drawn(self, element: Element, inherited: _SvgInherited, name: str) -> EntityOutlines:
-        """The outlines of a shape."""
+    def _outlines(self, element: Element, inherited: _SvgInherited, name: str) -> EntityOutlines:
+        """The outlines of a shape on the page [m]."""
 
-        def spend(segments: int) -> None:
+        def count_segments(segments: int) -> None:
             self._segments += segments
             if self._segments > MAX_SEGMENTS:
                 element.refuse(
-                    f"the drawing has more than {MAX_SEGMENTS} segments by here: split it"
+                    f"the drawing has more than {MAX_SEGMENTS} segments up to here: split the "
+                    "drawing"
                 )
 
         outlines = []
-        for outline in shape_of(make_absolute(element, inherited.view, inherited.font), spend):
+        for outline in element_outlines(
+            make_absolute(element, inherited.view, inherited.font), count_segments
+        ):
             placed, defect = place_outline(outline, inherited.to)
             if defect:
-                element.refuse(f"it {defect}")
+                element.refuse(f"the element {defect}")
             outlines.append(placed)
         return EntityOutlines(
             outlines=outlines,
@@ -259,25 +276,25 @@ class SvgWalk(Walk):
             clips=inherited.clips,
         )
 
-    def _enter(self, element: Element, around: _SvgInherited) -> _SvgInherited | None:
-        """The properties that the children of an element inherit; None if it draws nothing."""
+    def _inherit(self, element: Element, around: _SvgInherited) -> _SvgInherited | None:
+        """The properties of an element and its children; None if the element draws nothing."""
         tag = element.tag
         if tag == "symbol" and around.used_by is None:
             return None
         if tag not in (*SHAPES, *CONTAINERS):
-            # SVG does not draw unknown elements.
+            # By the SVG standard, unknown elements are not drawn.
             self._check_undrawn(element, around.layer)
             return None
         if element.style("display") == "none":
-            self.leave_out(HIDDEN, element.name)
+            self.omit(HIDDEN, element.name)
             return None
         self._check_style(element)
         transform = transform_of(element)
         to = around.to if transform is IDENTITY else around.to @ transform
         if not to.finite:
-            element.refuse("its transforms together have numbers that are too large")
-        if is_flat(to):
-            self.leave_out(NO_SIZE, element.name)
+            element.refuse("the product of its transforms is too large for doubles")
+        if is_singular(to):
+            self.omit(NO_SIZE, element.name)
             return None
         visibility = element.style("visibility")
         hidden = around.hidden if visibility in ("", "inherit") else visibility != "visible"
@@ -292,72 +309,76 @@ class SvgWalk(Walk):
             font=font_size(element, inherited.font),
         )
         clip = element.style("clip-path")
-        if clip not in NOTHING:
+        if clip not in NO_EFFECT:
             inherited = self._clipped(element, inherited, clip)
         if tag in ("svg", "symbol"):
             return self._viewport(element, inherited, around.used_by)
         return inherited
 
     def _check_undrawn(self, element: Element, layer: str) -> None:
-        """Record an element without an outline, and style sheets that change what is drawn."""
+        """Record an element without an outline; refuse a style sheet that can change contours."""
         if element.tag in NO_OUTLINE and element.style("display") != "none":
             if self.wants_layer(layer):
-                self.leave_out(NOT_READ, element.name)
+                self.omit(NOT_READ, element.name)
         if element.tag != "style":
             return
         sheet = "".join(element.text)
         if self.colors is not None and _STROKE.search(sheet):
-            self._unknown(element, "style sheets are not followed, and it sets stroke")
+            self._refuse_or_ignore(element, "style sheets that set stroke are not supported")
         for key, value in _SHEET.findall(sheet):
             if value not in HARMLESS or (key, value) == ("display", "none"):
-                self._unknown(element, f"style sheets are not followed, and it sets {key}")
+                self._refuse_or_ignore(element, f"style sheets that set {key} are not supported")
                 break
 
     def _check_style(self, element: Element) -> None:
-        """Refuse or record style properties that are not evaluated."""
-        if element.style("mask") not in NOTHING:
-            self._unknown(element, "its mask is not followed")
-        if any(element.style(key) not in NOTHING for key in MARKERS):
-            self.leave_out(MARKED, element.name)
+        """Refuse or record style properties that are not supported."""
+        if element.style("mask") not in NO_EFFECT:
+            self._refuse_or_ignore(element, "masks are not supported")
+        if any(element.style(key) not in NO_EFFECT for key in MARKERS):
+            self.omit(MARKED, element.name)
         if element.style_property("transform") or element.style("transform-origin"):
-            self._unknown(element, "transforms by style, or about an origin, are not followed")
+            self._refuse_or_ignore(
+                element, "transforms in a style or with an origin are not supported"
+            )
 
     def _clipped(self, element: Element, inherited: _SvgInherited, reference: str) -> _SvgInherited:
-        """The properties of an element with the clip that its clip-path names."""
+        """The properties of an element with the clip to which its clip-path refers."""
         name = _URL.fullmatch(reference)
         target = self._ids.get(name[1]) if name else None
         corners = None if target is None else self._clip_corners(target, inherited)
         if corners is None:
-            self._unknown(element, "its clip-path is no single polygon of this file")
+            self._refuse_or_ignore(element, "clip paths other than one polygon are not supported")
             return inherited
         return dataclasses.replace(inherited, clips=(*inherited.clips, Clip(corners)))
 
     def _clip_corners(self, target: Element, inherited: _SvgInherited) -> FloatArray | None:
-        """Corners of the polygon of a clipPath on the page, (n, 2); None for another form."""
-        drawn = [x for x in target.children if x.tag not in SILENT]
+        """Corners of the polygon of a clipPath on the page [m], (n, 2); None for other shapes."""
+        drawn = [x for x in target.children if x.tag not in UNDRAWN]
         units = target.get("clipPathUnits") or "userSpaceOnUse"
         if target.tag != "clipPath" or units != "userSpaceOnUse" or len(drawn) != 1:
             return None
         (shape,) = drawn
         if shape.tag not in SHAPES or target.get("clip-path") or shape.get("clip-path"):
             return None
-        outlines = shape_of(make_absolute(shape, inherited.view, inherited.font), lambda n: None)
+        outlines = element_outlines(
+            make_absolute(shape, inherited.view, inherited.font), lambda n: None
+        )
         chains = outlines[0].shapes if len(outlines) == 1 else []
         if len(chains) != 1 or not isinstance(chains[0], ArcChain) or chains[0].angles.any():
             return None
         corners = np.concatenate([chains[0].starts, chains[0].ends[-1:]])
         return (inherited.to @ transform_of(target) @ transform_of(shape))(corners)
 
-    def _unknown(self, element: Element, reason: str) -> None:
-        """Record an unknown element, or refuse it; `reason` is the reason."""
+    def _refuse_or_ignore(self, element: Element, reason: str) -> None:
+        """Refuse an unsupported property, or record that it is ignored if the options say so."""
         if not self.skip:
-            element.refuse(f"{reason}: change it in the drawing, or {SKIP}")
-        self.leave_out(reason, element.name)
+            element.refuse(f"{reason}: change the element in the drawing, or {SKIP_ADVICE}")
+        self.omit(f"{reason[0].upper()}{reason[1:]} and are ignored", element.name)
 
-    def _inside(
+    def _content(
         self, element: Element, inherited: _SvgInherited
     ) -> list[tuple[Element, _SvgInherited]]:
-        """The elements that a container draws, with the properties that they inherit."""
+        """The elements that a container draws, each with its inherited properties."""
         if element.tag == "use":
             return [self._resolve_use(element, inherited)]
         inside = element.children
@@ -369,19 +390,25 @@ class SvgWalk(Walk):
     def _resolve_use(
         self, element: Element, inherited: _SvgInherited
     ) -> tuple[Element, _SvgInherited]:
-        """The element that a use element refers to, with the properties that it inherits."""
+        """The element to which a use element refers, with its inherited properties."""
         reference = element.get("href") or element.get("xlink:href")
         target = self._ids.get(reference[1:]) if reference.startswith("#") else None
         if target is None:
-            element.refuse(f"it refers to {reference[:60]!r}, which is no element of this file")
-        if target in inherited.inside or len(inherited.inside) >= DEEPEST_USE:
-            element.refuse(f"it refers to {reference[:60]!r}, which refers back to it")
+            element.refuse(
+                f"the element refers to {reference[:60]!r}, which is not an element of this file"
+            )
+        if target in inherited.targets:
+            element.refuse(
+                f"the element refers to {reference[:60]!r}, which refers back to this element"
+            )
+        if len(inherited.targets) >= DEEPEST_USE:
+            element.refuse(f"references are nested more than {DEEPEST_USE} levels deep")
         plain = make_absolute(element, inherited.view, inherited.font)
-        shift = affine(1, 0, 0, 1, number_of(plain, "x"), number_of(plain, "y"))
+        shift = affine(1, 0, 0, 1, read_length_or_zero(plain, "x"), read_length_or_zero(plain, "y"))
         inner = dataclasses.replace(
             inherited,
             to=inherited.to @ shift,
-            inside=(*inherited.inside, target),
+            targets=(*inherited.targets, target),
             used_by=element,
             name=element.get("id") or inherited.name,
         )
@@ -390,43 +417,43 @@ class SvgWalk(Walk):
     def _viewport(
         self, element: Element, inherited: _SvgInherited, user: Element | None
     ) -> _SvgInherited | None:
-        """The properties that the children of a nested svg or symbol inherit; None without size."""
+        """The properties that children of a nested svg or symbol inherit; None without a size."""
         outer = inherited.view
         element = make_absolute(element, outer, inherited.font)
         user = None if user is None else make_absolute(user, outer, inherited.font)
         width = _extent(element, user, "width", outer.width if outer else None)
         height = _extent(element, user, "height", outer.height if outer else None)
-        x, y = number_of(element, "x"), number_of(element, "y")
+        x, y = read_length_or_zero(element, "x"), read_length_or_zero(element, "y")
         box = view_box(element)
         if width is None or height is None:
             if box is not None:
-                element.refuse("it has a viewBox and needs a width and a height to fit it into")
+                element.refuse("an element with a viewBox must have a width and a height")
             shift = affine(1, 0, 0, 1, x, y)
             return dataclasses.replace(inherited, to=inherited.to @ shift, view=None)
         if width <= 0 or height <= 0:
-            self.leave_out(NO_SIZE, element.name)
+            self.omit(NO_SIZE, element.name)
             return None
         if box is None:
             box = ViewBox(0.0, 0.0, width, height)
         inner = inherited.to @ viewbox_transform(element, box, ViewBox(x, y, width, height))
-        if not inner.finite or is_flat(inner):
-            element.refuse("its viewBox does not fit its width and height")
+        if not inner.finite or is_singular(inner):
+            element.refuse("the ratio of its viewBox to its width and height is out of range")
         return dataclasses.replace(inherited, to=inner, view=box)
 
 
 def _extent(element: Element, user: Element | None, key: str, whole: float | None) -> float | None:
-    """Width or height of a viewport; None if it is not known."""
-    # The value is taken from the use element, else from the element, else it is that of the outer
+    """Width or height of a viewport [user units]; None if it is unknown."""
+    # The use element has priority over the element; the default is the extent of the outer
     # viewport.
     for source in (user, element):
         if source is not None and source.get(key) not in ("", "auto"):
-            return length_of(source, key)
+            return read_length(source, key)
     return whole
 
 
 def _layer(element: Element, around: _SvgInherited) -> _SvgInherited:
-    """The inherited properties with the layer of a group."""
-    # A layer is a layer of Inkscape, or else the innermost group with a name.
+    """The inherited properties, with a new layer if the element is a group that is a layer."""
+    # The layer is the innermost layer of Inkscape; without one, the innermost group with a name.
     if element.tag != "g":
         return around
     name = element.get("inkscape:label") or element.get("id")
@@ -436,7 +463,7 @@ def _layer(element: Element, around: _SvgInherited) -> _SvgInherited:
 
 
 def _all_elements(root: Element) -> list[Element]:
-    """All elements in their order."""
+    """All elements of a tree in the order of the file."""
     elements, todo = [], [root]
     while todo:
         elements.append(todo.pop())

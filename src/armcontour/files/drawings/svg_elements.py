@@ -1,4 +1,4 @@
-"""Elements of SVG files: their tree, styles, lengths and transforms."""
+"""Parser for SVG files: the tree of elements, and their styles, lengths and transforms."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from armcontour.core.errors import InvalidInput
 from armcontour.files.drawings.arc_chain import Affine
 
 SVG = "http://www.w3.org/2000/svg"
-# Namespaces of attributes that are read, with their usual prefixes.
+# Namespaces of the attributes that are read, and the prefixes for their names.
 PREFIXES = {
     "http://www.w3.org/1999/xlink": "xlink:",
     "http://www.inkscape.org/namespaces/inkscape": "inkscape:",
     SVG: "",
 }
-# Largest number of elements; no drawing of contours has more.
+# Maximum number of elements, which no drawing of contours exceeds.
 MAX_ELEMENTS = 500_000
-# Largest number of characters that entities may add to a file; namespaces need some thousand.
+# Maximum number of characters that XML entities may add; entities for namespaces need thousands.
 MAX_EXPANDED = 1_000_000
 
 
@@ -33,13 +33,13 @@ MAX_EXPANDED = 1_000_000
 class Element:
     """An element of an SVG file."""
 
-    tag: str  # Name of the element without a namespace; "" if it belongs to another namespace
-    # Attributes by name, those of the namespaces in `PREFIXES` with their prefix.
+    tag: str  # Name of the element without a namespace; "" if the namespace is not SVG
+    # Attributes by name; names in the namespaces of `PREFIXES` have the prefix.
     attributes: Mapping[str, str]
-    source: str
+    source: str  # Name of the file
     line: int  # Line of the file in which the element starts
     children: list[Element] = field(default_factory=list)
-    # Parts of the element's text; stored for style sheets only.
+    # Parts of the text of the element; empty for elements other than style.
     text: list[str] = field(default_factory=list)
 
     @property
@@ -49,11 +49,11 @@ class Element:
         return f"{self.tag[:40]}{f' {identifier[:60]!r}' if identifier else ''} in line {self.line}"
 
     def get(self, key: str) -> str:
-        """An attribute without the blanks around it; "" if it is missing."""
+        """An attribute without surrounding white space; "" if it is missing."""
         return self.attributes.get(key, "").strip()
 
     def style(self, key: str) -> str:
-        """A property from the attribute style, or else the attribute of that name; "" if none."""
+        """A property from the attribute style, else the attribute with its name; "" if missing."""
         return self.style_property(key) or self.get(key)
 
     def style_property(self, key: str) -> str:
@@ -67,50 +67,48 @@ class Element:
         return ""
 
     def refuse(self, defect: str) -> NoReturn:
-        """Refuse the element with a description of its defect."""
+        """Raise an error with the name of the element and a description of its defect."""
         raise InvalidInput(f"{self.source}: {self.name}: {defect}.")
 
 
-def tree_of(data: bytes, source: str) -> Element:
-    """The outermost element of an SVG file, with all elements in it."""
-    # Entities must be plain text in the file, and together add at most `MAX_EXPANDED` characters,
-    # as a short file could expand to any size. Other files are never loaded.
+def parse_tree(data: bytes, source: str) -> Element:
+    """Parse an SVG file into the tree of its elements; returns the outermost element."""
+    # XML entities must be defined in the file as plain text, and add at most `MAX_EXPANDED`
+    # characters, because a short file can expand to any size. External files are never loaded.
     from xml.parsers import expat
 
     if data[:2] == b"\x1f\x8b":
-        raise InvalidInput(f"{source} is compressed (svgz): unpack it first.")
+        raise InvalidInput(f"{source} is compressed (svgz): decompress the file first.")
     builder = _Builder(source, data)
     try:
         parser = expat.ParserCreate(namespace_separator="\n")
         parser.buffer_text = True
-        builder.listen(parser)
+        builder.register_handlers(parser)
         parser.Parse(data, True)
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)
         raise InvalidInput(
-            f"{source}, line {error.lineno}: this is not well-formed XML: {reason}."
+            f"{source}, line {error.lineno}: the file is not well-formed XML ({reason})."
         ) from None
     except (LookupError, ValueError) as error:
         if isinstance(error, InvalidInput):
             raise
-        raise InvalidInput(f"{source} cannot be read as XML: {str(error)[:200]}.") from None
+        raise InvalidInput(f"{source} cannot be parsed as XML ({str(error)[:200]}).") from None
     return _svg_element(builder.root, source)
 
 
 def _svg_element(root: Element | None, source: str) -> Element:
-    """The outermost element of a file, if it is svg."""
+    """Check that the outermost element of a file is svg, and return it."""
     if root is None or root.tag != "svg":
-        beginning = (
-            f"begins with {root.tag[:40] or 'an element of another language'}"
-            if root
-            else "is empty"
+        name = (root.tag[:40] or "an element of another namespace") if root else "missing"
+        raise InvalidInput(
+            f"{source} is not an SVG file: its outermost element must be svg, but is {name}."
         )
-        raise InvalidInput(f"{source} is no SVG file: it {beginning}, not with svg.")
     return root
 
 
 class _Builder:
-    """Builds the tree of elements from the events of the XML parser."""
+    """Builds the tree of elements from events of the XML parser."""
 
     def __init__(self, source: str, data: bytes) -> None:
         self.source = source
@@ -121,7 +119,7 @@ class _Builder:
         self._count = 0
         self._line = 0
 
-    def listen(self, parser: object) -> None:
+    def register_handlers(self, parser: object) -> None:
         """Register this builder's methods as handlers of the parser."""
 
         def start(name: str, attributes: dict[str, str]) -> None:
@@ -137,26 +135,29 @@ class _Builder:
         parser.EntityDeclHandler = entity  # type: ignore[attr-defined]
 
     def _check_entity(self, name: str, value: str | None, line: int) -> None:
-        """Refuse an entity that is not plain text in the file, or expands to too much."""
+        """Refuse an XML entity that is not plain text in the file or that expands too much."""
         location = f"{self.source}, line {line}: the entity {name[:60]!r}"
         if value is None or "&" in value or "%" in value or "<" in value:
             raise InvalidInput(
-                f"{location} is not plain text in the file, which is not read: save it as plain "
-                "SVG."
+                f"{location} must be plain text within the file, but is not: save the drawing as "
+                "plain SVG."
             )
-        # Counted before the parser expands it; the file's encoding must contain ASCII.
+        # The references are counted before the parser expands them, which requires an encoding that
+        # contains ASCII.
         self._expanded += len(value) * self._data.count(f"&{name};".encode())
         if self._expanded > MAX_EXPANDED or b"<!ENTITY" not in self._data:
             raise InvalidInput(
-                f"{location} would make the file longer by more than {MAX_EXPANDED} characters, "
-                "or by an unknown number: save it as plain SVG."
+                f"{location} expands the file by more than {MAX_EXPANDED} characters or by an "
+                "unknown number: save the drawing as plain SVG."
             )
 
     def _start(self, name: str, attributes: dict[str, str], line: int) -> None:
         """Add an element to the innermost open element."""
         self._count += 1
         if self._count > MAX_ELEMENTS:
-            raise InvalidInput(f"{self.source} has more than {MAX_ELEMENTS} elements: split it.")
+            raise InvalidInput(
+                f"{self.source} has more than {MAX_ELEMENTS} elements: split the drawing."
+            )
         space, _, local = name.rpartition("\n")
         read = {}
         for key, value in attributes.items():
@@ -179,7 +180,7 @@ class _Builder:
             self._open[-1].text.append(data)
 
 
-# Lengths of an inch and of a CSS pixel [m]; a CSS pixel is SVG's user unit if there is no viewBox.
+# Lengths of an inch and of a CSS pixel [m]. Without a viewBox, the user unit of SVG is a CSS pixel.
 INCH = 0.0254
 PIXEL = INCH / 96
 # CSS pixels per unit.
@@ -193,27 +194,28 @@ PIXELS = {
     "pt": 96 / 72,
     "pc": 16.0,
 }
-# Units that depend on the viewport or the font, and attributes with percentages of the viewport's
-# width and of its height; others are of its diagonal over the square root of 2.
+# Units that depend on the viewport or the font.
 RELATIVE = ("%", "em", "ex", "rem")
-ACROSS = frozenset({"x", "x1", "x2", "cx", "rx", "width"})
-UPWARDS = frozenset({"y", "y1", "y2", "cy", "ry", "height"})
-LENGTHS = ACROSS | UPWARDS | {"r"}
+# Attributes whose percentages refer to the width, or to the height, of the viewport. Percentages of
+# other attributes refer to its diagonal divided by the square root of 2.
+WIDTH_KEYS = frozenset({"x", "x1", "x2", "cx", "rx", "width"})
+HEIGHT_KEYS = frozenset({"y", "y1", "y2", "cy", "ry", "height"})
+LENGTHS = WIDTH_KEYS | HEIGHT_KEYS | {"r"}
 SQRT2 = math.sqrt(2)
 # Default font size of browsers [CSS pixels].
-FONT = 16.0
+DEFAULT_FONT_SIZE = 16.0
 NUMBER = r"[-+]?(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?+"
 NUMBERS = re.compile(rf"(?:[\s,]*+{NUMBER})*+[\s,]*+")
 EACH_NUMBER = re.compile(NUMBER)
 _LENGTH = re.compile(rf"({NUMBER})\s*([A-Za-z]*|%)")
 _TRANSFORM = re.compile(r"[\s,]*+([A-Za-z]++)\s*+\(([^()]*+)\)")
-# Largest number of transforms in one list; no drawing has more.
+# Maximum number of transforms in one list, which no drawing exceeds.
 MAX_TRANSFORMS = 1000
 _ALIGN = re.compile(r"(?:defer\s+)?(?:(none)|x(Min|Mid|Max)Y(Min|Mid|Max))(?:\s+(meet|slice))?")
-# Largest number of numbers in one list; no drawing of contours has more.
+# Maximum number of values in one list, which no drawing of contours exceeds.
 MAX_NUMBERS = 4_000_000
-# Possible numbers of arguments of each transform.
-COUNTS = {
+# Valid numbers of arguments of each transform.
+ARGUMENT_COUNTS = {
     "matrix": (6,),
     "translate": (1, 2),
     "scale": (1, 2),
@@ -221,20 +223,20 @@ COUNTS = {
     "skewX": (1,),
     "skewY": (1,),
 }
-# Fraction of the free space before the viewBox, for each alignment.
-SHARES = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
+# Fraction of the unused space of the viewport that is before the viewBox, by alignment.
+ALIGNMENT_SHARES = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
 
 
 IDENTITY = Affine(frozen_array(np.eye(2)), frozen_array(np.zeros(2)))
 
 
 def affine(a: float, b: float, c: float, d: float, e: float, f: float) -> Affine:
-    """The transform that SVG writes as `matrix(a b c d e f)`."""
+    """The affine map of SVG's `matrix(a b c d e f)`."""
     return Affine(np.array([[a, c], [b, d]]), np.array([e, f]))
 
 
-def is_flat(transform: Affine) -> bool:
-    """True if a transform maps every area to zero."""
+def is_singular(transform: Affine) -> bool:
+    """True if a transform is singular, so that it maps every area to zero."""
     size = float(np.abs(transform.linear).max())
     if size == 0:
         return True
@@ -242,12 +244,14 @@ def is_flat(transform: Affine) -> bool:
     return bool(abs(unit[0, 0] * unit[1, 1] - unit[0, 1] * unit[1, 0]) <= 1e-12)
 
 
-def numbers_of(element: Element, key: str, text: str) -> list[float]:
-    """The numbers in a text, separated by blanks or commas; `key` is for messages."""
+def parse_numbers(element: Element, key: str, text: str) -> list[float]:
+    """Parse numbers separated by white space or commas; `key` is for messages."""
     if not NUMBERS.fullmatch(text):
         bad = NUMBERS.match(text)
         position = bad.end() if bad else 0
-        element.refuse(f"{key} has {text[position : position + 20]!r} where a number should be")
+        element.refuse(
+            f"{key} must be a list of numbers, but has {text[position : position + 20]!r}"
+        )
     return check_numbers(
         element, key, [float(x[0]) for x in limit_matches(EACH_NUMBER.finditer(text))]
     )
@@ -259,16 +263,16 @@ def limit_matches(matches: Iterable[re.Match[str]]) -> Iterable[re.Match[str]]:
 
 
 def check_numbers(element: Element, key: str, values: list[float]) -> list[float]:
-    """Return the numbers of a list if they are finite and not too many; `key` is for messages."""
+    """Return a list of numbers; refuse too many or infinite numbers. `key` is for messages."""
     if len(values) > MAX_NUMBERS:
-        element.refuse(f"{key} has more than {MAX_NUMBERS} numbers: split it")
+        element.refuse(f"{key} has more than {MAX_NUMBERS} numbers: split the element")
     if not all(map(math.isfinite, values)):
-        element.refuse(f"{key} has a number that is too large")
+        element.refuse(f"{key} has a number that is too large for a double")
     return values
 
 
-def length_of(element: Element, key: str, *, default: float | None = 0.0) -> float | None:
-    """An attribute that is a length, in user units; `default` if it is missing or auto."""
+def read_length(element: Element, key: str, *, default: float | None = 0.0) -> float | None:
+    """The length in an attribute [user units]; `default` if the attribute is missing or auto."""
     text = element.get(key)
     if text in ("", "auto"):
         return default
@@ -276,27 +280,27 @@ def length_of(element: Element, key: str, *, default: float | None = 0.0) -> flo
     factor = PIXELS.get(match[2].lower()) if match else None
     if match is None or factor is None:
         reason = (
-            " because the reference of the percentage is unknown"
+            ", because the reference of the percentage is unknown"
             if match and match[2] == "%"
             else ""
         )
         element.refuse(
-            f"{key}={text[:40]!r} is not a length that is read{reason}: write a number, or one in "
-            "px, mm, cm, in, pt or pc"
+            f"{key}={text[:40]!r} is not a supported length{reason}: write a number, or a number "
+            "with the unit px, mm, cm, in, pt or pc"
         )
     value = float(match[1]) * factor
     if not math.isfinite(value):
-        element.refuse(f"{key}={text[:40]!r} is too large")
+        element.refuse(f"{key}={text[:40]!r} is too large for a double")
     return value
 
 
-def number_of(element: Element, key: str) -> float:
-    """An attribute that is a length, in user units; 0 if it is missing or auto."""
-    return length_of(element, key) or 0.0
+def read_length_or_zero(element: Element, key: str) -> float:
+    """The length in an attribute [user units]; 0 if the attribute is missing or auto."""
+    return read_length(element, key) or 0.0
 
 
 def make_absolute(element: Element, view: ViewBox | None, font: float) -> Element:
-    """The element with its lengths in % and em as numbers."""
+    """The element with lengths in %, em, ex and rem converted to user units, if possible."""
     changed = {}
     for key in LENGTHS & element.attributes.keys():
         match = _LENGTH.fullmatch(element.get(key))
@@ -304,11 +308,11 @@ def make_absolute(element: Element, view: ViewBox | None, font: float) -> Elemen
         if match is None or unit not in RELATIVE:
             continue
         if unit != "%":
-            whole: float | None = {"em": font, "ex": font / 2, "rem": FONT}[unit]
+            whole: float | None = {"em": font, "ex": font / 2, "rem": DEFAULT_FONT_SIZE}[unit]
         elif view is None:
             whole = None
         else:
-            side = "width" if key in ACROSS else "height" if key in UPWARDS else ""
+            side = "width" if key in WIDTH_KEYS else "height" if key in HEIGHT_KEYS else ""
             whole = getattr(view, side) if side else math.hypot(view.width, view.height) / SQRT2
             whole /= 100
         if whole is not None:
@@ -319,44 +323,44 @@ def make_absolute(element: Element, view: ViewBox | None, font: float) -> Elemen
 
 
 def font_size(element: Element, inherited: float) -> float:
-    """Size of an element's font in user units, from its font-size or else the inherited one."""
+    """Font size of an element [user units]; `inherited` if the element has no valid font-size."""
     match = _LENGTH.fullmatch(element.style("font-size"))
     unit = match[2].lower() if match else ""
     if match is None or (unit not in PIXELS and unit not in RELATIVE):
         return inherited
-    whole = {"%": inherited / 100, "em": inherited, "ex": inherited / 2, "rem": FONT}
+    whole = {"%": inherited / 100, "em": inherited, "ex": inherited / 2, "rem": DEFAULT_FONT_SIZE}
     size = float(match[1]) * (whole[unit] if unit in whole else PIXELS[unit])
     return size if math.isfinite(size) else inherited
 
 
 def transform_of(element: Element) -> Affine:
-    """The affine map of an element's attribute transform."""
+    """The affine map of the attribute transform of an element."""
     text = element.get("transform")
     if text in ("", "none"):
         return IDENTITY
     whole, position, count = IDENTITY, 0, 0
     while position < len(text):
         match = _TRANSFORM.match(text, position)
-        if match is None or match[1] not in COUNTS or count >= MAX_TRANSFORMS:
+        if match is None or match[1] not in ARGUMENT_COUNTS or count >= MAX_TRANSFORMS:
             if not text[position:].strip(" \t\r\n,"):
                 break
             element.refuse(
-                f"transform has {text[position : position + 30].strip()!r}, which is not one of "
-                f"{', '.join(COUNTS)}"
+                f"transform must be a list of at most {MAX_TRANSFORMS} transforms "
+                f"{', '.join(ARGUMENT_COUNTS)}, but has {text[position : position + 30].strip()!r}"
             )
-        values = numbers_of(element, f"transform {match[1]}", match[2])
-        if len(values) not in COUNTS[match[1]]:
-            counts = " or ".join(map(str, COUNTS[match[1]]))
-            element.refuse(f"{match[1]} takes {counts} numbers, but has {len(values)}")
+        values = parse_numbers(element, f"transform {match[1]}", match[2])
+        if len(values) not in ARGUMENT_COUNTS[match[1]]:
+            counts = " or ".join(map(str, ARGUMENT_COUNTS[match[1]]))
+            element.refuse(f"{match[1]} must have {counts} numbers, but has {len(values)}")
         whole = whole @ _single_transform(match[1], values)
         position, count = match.end(), count + 1
     if not whole.finite:
-        element.refuse("transform has numbers that are too large")
+        element.refuse("transform has numbers whose product is too large for a double")
     return whole
 
 
 def _single_transform(kind: str, values: list[float]) -> Affine:
-    """The affine map of one transform, such as rotate, with its arguments."""
+    """The affine map of one transform, such as "rotate", with the given arguments."""
     first = values[0]
     if kind == "matrix":
         return affine(*values)
@@ -387,7 +391,7 @@ def _cos_sin(degrees: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class ViewBox:
-    """A rectangle with sides along the axes."""
+    """A rectangle parallel to the axes [user units]: a viewBox or a viewport."""
 
     x: float
     y: float
@@ -396,26 +400,30 @@ class ViewBox:
 
 
 def view_box(element: Element) -> ViewBox | None:
-    """The viewBox of an element; None if it has none."""
+    """The viewBox of an element; None if the element has no viewBox."""
     text = element.get("viewBox")
     if not text or text == "none":
         return None
-    values = numbers_of(element, "viewBox", text)
+    values = parse_numbers(element, "viewBox", text)
     if len(values) != 4 or values[2] <= 0 or values[3] <= 0:
         element.refuse(
-            f"viewBox={text[:60]!r} must be x, y, width and height, the last two above zero"
+            f"viewBox must be x, y, width and height, with width and height above zero, but is "
+            f"{text[:60]!r}"
         )
     return ViewBox(*values)
 
 
 def viewbox_transform(element: Element, inner: ViewBox, outer: ViewBox) -> Affine:
-    """The map from the viewBox of an element into its viewport, by its preserveAspectRatio."""
+    """The map from the viewBox `inner` of an element to its viewport `outer`."""
     text = element.get("preserveAspectRatio") or "xMidYMid"
     match = _ALIGN.fullmatch(text)
     if match is None:
-        element.refuse(f"preserveAspectRatio={text[:40]!r} is not known")
+        element.refuse(
+            "preserveAspectRatio must be none, or an alignment such as xMidYMid with meet or "
+            f"slice, but is {text[:40]!r}"
+        )
     x, y = outer.width / inner.width, outer.height / inner.height
-    shares = SHARES[match[2] or "Min"], SHARES[match[3] or "Min"]
+    shares = ALIGNMENT_SHARES[match[2] or "Min"], ALIGNMENT_SHARES[match[3] or "Min"]
     if match[1] is None:
         x = y = max(x, y) if match[4] == "slice" else min(x, y)
     x_offset = outer.x + shares[0] * (outer.width - x * inner.width) - x * inner.x

@@ -1,4 +1,4 @@
-"""Outlines of SVG paths and shapes, in the coordinates of their elements."""
+"""Outlines of SVG paths and basic shapes, in the coordinates of their elements."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.files.drawings.arc_chain import WELL_KNOWN, ArcChain
+from armcontour.files.drawings.arc_chain import MAX_CHORD_ANGLE, ArcChain
 from armcontour.files.drawings.outlines import BezierSpline, Outline, Shape
 from armcontour.files.drawings.svg_elements import (
     EACH_NUMBER,
@@ -19,20 +19,20 @@ from armcontour.files.drawings.svg_elements import (
     NUMBERS,
     Element,
     check_numbers,
-    length_of,
     limit_matches,
-    number_of,
-    numbers_of,
+    parse_numbers,
+    read_length,
+    read_length_or_zero,
 )
 
-# Number of arguments of each command.
-COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
-# Commands of further points after a move command.
+# Number of arguments of each path command.
+ARGUMENT_COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
+# Commands for the further points of a move command, which are lines.
 FURTHER = {"M": "L", "m": "l"}
-LETTERS = "".join(COUNTS) + "".join(COUNTS).lower()
+LETTERS = "".join(ARGUMENT_COUNTS) + "".join(ARGUMENT_COUNTS).lower()
 _LETTER = re.compile(r"([A-DF-Za-df-z])")
 _NO_COMMAND = re.compile(r"[^\WMmLlHhVvCcSsQqTtAaZzEe\d_]")
-# Between the two flags of an arc no separator is needed.
+# The flags of an arc need no separators.
 _GAP = r"[\s,]*+"
 _ARC = re.compile(
     rf"{_GAP}({NUMBER}){_GAP}({NUMBER}){_GAP}({NUMBER}){_GAP}([01]){_GAP}([01]){_GAP}({NUMBER})"
@@ -41,17 +41,17 @@ _ARC = re.compile(
 Command = tuple[str, list[float]]
 
 
-def outlines_of(element: Element, spend: Callable[[int], None]) -> list[Outline]:
+def path_outlines(element: Element, count_segments: Callable[[int], None]) -> list[Outline]:
     """The outlines of a path, one per subpath."""
     pen = Pen(element)
-    for letter, numbers in _commands(element, spend):
-        pen.obey(letter, numbers)
-    pen.lift(closed=False)
+    for letter, numbers in _commands(element, count_segments):
+        pen.execute(letter, numbers)
+    pen.end_subpath(closed=False)
     return pen.outlines
 
 
-def _commands(element: Element, spend: Callable[[int], None]) -> Iterator[Command]:
-    """Yield the commands of a path, each repetition with its own numbers."""
+def _commands(element: Element, count_segments: Callable[[int], None]) -> Iterator[Command]:
+    """Yield the commands of a path; a command with repeated arguments is yielded repeatedly."""
     text = element.get("d")
     if text == "none":
         return
@@ -60,84 +60,84 @@ def _commands(element: Element, spend: Callable[[int], None]) -> Iterator[Comman
         element.refuse(
             f"path data has the unknown command {unknown[0]!r} at character {unknown.start() + 1}"
         )
-    # Each command is a segment; repetitions are added below.
-    spend(sum(text.count(x) for x in LETTERS))
+    # Each command counts as a segment; repetitions are counted below.
+    count_segments(sum(text.count(x) for x in LETTERS))
     parts = _LETTER.split(text)
     position = len(parts[0])
     if parts[0].strip() or (len(parts) > 1 and parts[1] not in "Mm"):
-        element.refuse(f"path data begins with {text[:20]!r}: it must begin with M")
+        element.refuse(f"path data must begin with M, but begins with {text[:20]!r}")
     for letter, chunk in zip(parts[1::2], parts[2::2], strict=True):
-        count = COUNTS[letter.upper()]
-        values = (_arcs if count == 7 else _numbers)(element, chunk, position + 1)
+        count = ARGUMENT_COUNTS[letter.upper()]
+        values = (_parse_arcs if count == 7 else _parse_numbers)(element, chunk, position + 1)
         repeats, remainder = divmod(len(values), count) if count else (1, len(values))
         if remainder or not repeats:
             element.refuse(
-                f"the command {letter} at character {position + 1} of the path data takes {count} "
-                f"numbers, but has {len(values)}"
+                f"the command {letter} at character {position + 1} of the path data must have "
+                f"{count} numbers or a multiple, but has {len(values)}"
             )
         position += 1 + len(chunk)
-        spend(repeats - 1)
+        count_segments(repeats - 1)
         for k in range(repeats):
             yield FURTHER.get(letter, letter) if k else letter, values[k * count : (k + 1) * count]
 
 
-def _numbers(element: Element, chunk: str, position: int) -> list[float]:
-    """The arguments of a command, whose text `chunk` starts at character `position` (from 0)."""
+def _parse_numbers(element: Element, chunk: str, position: int) -> list[float]:
+    """Parse the arguments of a command, whose text `chunk` starts at `position` of the data."""
     good = NUMBERS.match(chunk)
     end = good.end() if good else 0
     if end < len(chunk):
-        _refuse(element, chunk, position, end)
+        _refuse_arguments(element, chunk, position, end)
     values = [float(x[0]) for x in limit_matches(EACH_NUMBER.finditer(chunk))]
     return check_numbers(element, f"path data after character {position}", values)
 
 
-def _arcs(element: Element, chunk: str, position: int) -> list[float]:
-    """The arguments of a command A, whose text `chunk` starts at character `position` (from 0)."""
+def _parse_arcs(element: Element, chunk: str, position: int) -> list[float]:
+    """Parse the arguments of a command A, whose text `chunk` starts at `position` of the data."""
     values: list[float] = []
     end = 0
     while (match := _ARC.match(chunk, end)) and len(values) <= MAX_NUMBERS:
         values += [float(x) for x in match.groups()]
         end = match.end()
     if match is None and chunk[end:].strip(" \t\r\n,"):
-        _refuse(element, chunk, position, end)
+        _refuse_arguments(element, chunk, position, end)
     return check_numbers(element, f"path data after character {position}", values)
 
 
-def _refuse(element: Element, chunk: str, position: int, end: int) -> None:
-    """Refuse the arguments of a command from character `end` of its text."""
+def _refuse_arguments(element: Element, chunk: str, position: int, end: int) -> None:
+    """Raise an error for the character `end` of the arguments of a command."""
     element.refuse(
         f"path data has {chunk[end : end + 20].strip()!r} at character {position + end + 1}, which "
-        "is not what its command takes"
+        "is not a valid argument of the command"
     )
 
 
 @dataclass(slots=True, eq=False)
 class Pen:
-    """Executes the commands of a path one after the other; points are complex numbers."""
+    """Executes the commands of a path in sequence; points are complex numbers x + i y."""
 
     element: Element
     outlines: list[Outline] = field(default_factory=list)  # Outlines of the completed subpaths
     shapes: list[Shape] = field(default_factory=list)  # Shapes of the current subpath
-    here: complex = 0j
+    position: complex = 0j  # Current point
     start: complex = 0j  # Start point of the current subpath
-    # Points of lines, or control points of Bézier curves, that are not yet a shape.
-    drawn: list[complex] = field(default_factory=list)
-    curved: bool = False  # Whether the points of `drawn` are control points of Bézier curves
-    # The previous command, in capitals, and its last control point.
-    before: tuple[str, complex] = ("", 0j)
+    # Points of lines, or control points of Bézier curves, that are not in `shapes` yet.
+    pending: list[complex] = field(default_factory=list)
+    curved: bool = False  # Whether the points of `pending` are control points of Bézier curves
+    # The previous command as a capital letter, and its last control point.
+    previous: tuple[str, complex] = ("", 0j)
 
-    def obey(self, letter: str, numbers: Sequence[float]) -> None:
+    def execute(self, letter: str, numbers: Sequence[float]) -> None:
         """Execute one command with its arguments."""
-        kind, base = letter.upper(), self.here if letter.islower() else 0j
-        control = self.here
+        kind, base = letter.upper(), self.position if letter.islower() else 0j
+        control = self.position
         if kind in "MZ":
-            self.lift(closed=kind == "Z")
-            self.here = self.start if kind == "Z" else complex(*numbers) + base
-            self.start = self.here
+            self.end_subpath(closed=kind == "Z")
+            self.position = self.start if kind == "Z" else complex(*numbers) + base
+            self.start = self.position
         elif kind == "H":
-            self._line(complex(numbers[0] + base.real, self.here.imag))
+            self._line(complex(numbers[0] + base.real, self.position.imag))
         elif kind == "V":
-            self._line(complex(self.here.real, numbers[0] + base.imag))
+            self._line(complex(self.position.real, numbers[0] + base.imag))
         elif kind == "A":
             self._arc(numbers[:5], complex(*numbers[5:]) + base)
         else:
@@ -146,11 +146,11 @@ class Pen:
                 self._line(points[0])
             else:
                 control = self._bezier(kind, points)
-        self.before = kind, control
+        self.previous = kind, control
 
-    def lift(self, *, closed: bool) -> None:
-        """End the current subpath; it becomes an outline if it has shapes."""
-        self._finish()
+    def end_subpath(self, *, closed: bool) -> None:
+        """End the current subpath, which becomes an outline if it has shapes."""
+        self._add_pending()
         if self.shapes:
             self.outlines.append(Outline(self.shapes, closed))
         self.shapes = []
@@ -160,47 +160,47 @@ class Pen:
         self._draw(False, [end])
 
     def _bezier(self, kind: str, points: list[complex]) -> complex:
-        """Draw a command C, S, Q or T; returns its last control point."""
-        last, control = self.before
+        """Draw a Bézier curve (command C, S, Q or T); return its last control point."""
+        last, control = self.previous
         if kind in "ST":
-            # The control point of the previous curve, mirrored at the current point.
+            # The first control point is that of the previous curve, mirrored at the current point.
             smooth = last in ("CS" if kind == "S" else "QT") and bool(last)
-            points = [2 * self.here - control if smooth else self.here, *points]
+            points = [2 * self.position - control if smooth else self.position, *points]
         if kind in "CS":
             self._draw(True, points)
             return points[1]
-        # A quadratic Bézier curve as an equal cubic one.
-        (b, c), a = points, self.here
+        # A quadratic Bézier curve is converted to the equivalent cubic curve.
+        (b, c), a = points, self.position
         self._draw(True, [a + 2 / 3 * (b - a), c + 2 / 3 * (b - c), c])
         return b
 
     def _draw(self, curved: bool, points: list[complex]) -> None:
-        """Append points of a line or control points of a curve, after the current point."""
+        """Append points of a line, or control points of a curve, and move the current point."""
         if self.curved != curved:
-            self._finish()
+            self._add_pending()
         self.curved = curved
-        self.drawn = self.drawn or [self.here]
-        if not curved or any(x != self.here for x in points):
-            self.drawn += points
-        self.here = points[-1]
+        self.pending = self.pending or [self.position]
+        if not curved or any(x != self.position for x in points):
+            self.pending += points
+        self.position = points[-1]
 
-    def _finish(self) -> None:
-        """Make a shape of the points in `drawn`."""
-        if len(self.drawn) > 1:
-            points = _plane(self.drawn)
+    def _add_pending(self) -> None:
+        """Convert the points in `pending` to a shape."""
+        if len(self.pending) > 1:
+            points = _plane(self.pending)
             self.shapes.append(
                 BezierSpline(points=points) if self.curved else ArcChain.straight(points)
             )
-        self.drawn = []
+        self.pending = []
 
     def _arc(self, numbers: Sequence[float], end: complex) -> None:
-        """Draw an arc from the current point, with the arguments of A before its end point."""
+        """Draw an arc from the current point; `numbers` are radii, tilt and flags of A."""
         rx, ry, tilt, large, sweep = numbers
-        if rx == 0 or ry == 0 or self.here == end:
+        if rx == 0 or ry == 0 or self.position == end:
             self._line(end)
             return
-        self._finish()
-        first, last = _plane([self.here, end])
+        self._add_pending()
+        first, last = _plane([self.position, end])
         with np.errstate(all="ignore"):
             try:
                 arc = _arc_between(
@@ -209,13 +209,15 @@ class Pen:
             except (ValueError, ZeroDivisionError, OverflowError):
                 arc = None
         if arc is None or not all(np.isfinite(x).all() for x in (arc.cosines, arc.angles)):
-            self.element.refuse("an arc of the path data has radii that do not fit its ends")
+            self.element.refuse(
+                "an arc of the path data has radii that cannot be scaled to its end points"
+            )
         self.shapes.append(arc)
-        self.here = end
+        self.position = end
 
 
 def _plane(points: Sequence[complex]) -> FloatArray:
-    """Complex numbers as points in the plane, (n, 2)."""
+    """Convert complex numbers to points in the plane, (n, 2)."""
     array = np.array(points, dtype=np.complex128)
     return np.stack([array.real, array.imag], axis=-1)
 
@@ -228,11 +230,11 @@ def _arc_between(
     large: bool,
     sweep: bool,
 ) -> ArcChain:
-    """The elliptical arc between two points as defined by SVG's command A."""
-    # Radii that are too small are increased until the ellipse passes through both points.
+    """The elliptical arc between two points as defined for SVG's command A."""
+    # Radii that are too small are scaled so that the ellipse passes through both points.
     c, s = math.cos(tilt), math.sin(tilt)
     axes = np.array([[c, -s], [s, c]]) * radii
-    # The vector between the points, in coordinates in which the ellipse is a unit circle.
+    # The vector between the points, in coordinates that map the ellipse to a unit circle.
     step = np.array([[c, s], [-s, c]]) @ (last - first) / radii
     half = math.hypot(*step) / 2
     if half > 1:
@@ -245,42 +247,44 @@ def _arc_between(
     sine = np.array([center[1], -center[0]]) * (1.0 if sweep else -1.0)
     ends = np.stack([first, last])
     arc = ArcChain.arc(first + axes @ center, axes @ -center, axes @ sine, angle, ends)
-    return arc.halve() if angle > WELL_KNOWN else arc
+    return arc.halve() if angle > MAX_CHORD_ANGLE else arc
 
 
-Spend = Callable[[int], None]
+CountSegments = Callable[[int], None]
 
 
-def shape_of(element: Element, spend: Spend) -> list[Outline]:
-    """The outlines of an element with a tag of `SHAPES`; empty if it has no size."""
-    return SHAPES[element.tag](element, spend)
+def element_outlines(element: Element, count_segments: CountSegments) -> list[Outline]:
+    """The outlines of an element with a tag in `SHAPES`; empty if the shape has no size."""
+    return SHAPES[element.tag](element, count_segments)
 
 
-def _line(element: Element, spend: Spend) -> list[Outline]:
+def _line(element: Element, count_segments: CountSegments) -> list[Outline]:
     """The outline of a line; empty if it has no length."""
-    spend(1)
-    x1, y1, x2, y2 = (number_of(element, key) for key in ("x1", "y1", "x2", "y2"))
+    count_segments(1)
+    x1, y1, x2, y2 = (read_length_or_zero(element, key) for key in ("x1", "y1", "x2", "y2"))
     if (x1, y1) == (x2, y2):
         return []
     return [Outline([ArcChain.straight(np.array([[x1, y1], [x2, y2]]))])]
 
 
-def _polyline(element: Element, spend: Spend) -> list[Outline]:
+def _polyline(element: Element, count_segments: CountSegments) -> list[Outline]:
     """The outline of a polyline or polygon; empty if it has fewer than two points."""
-    values = numbers_of(element, "points", element.get("points"))
+    values = parse_numbers(element, "points", element.get("points"))
     if len(values) % 2:
-        element.refuse(f"points are pairs of x and y, but there are {len(values)} numbers")
-    spend(len(values) // 2)
+        element.refuse(f"points must be pairs of x and y, but has {len(values)} numbers")
+    count_segments(len(values) // 2)
     points = np.array(values).reshape(-1, 2)
     closed = element.tag == "polygon"
     return [Outline([ArcChain.straight(points)], closed)] if len(points) > 1 else []
 
 
-def _rect(element: Element, spend: Spend) -> list[Outline]:
-    """The outline of a rect with sharp or round corners; empty without width or height."""
-    spend(8)
-    x, y, width, height = (number_of(element, key) for key in ("x", "y", "width", "height"))
-    radii = [length_of(element, key, default=None) for key in ("rx", "ry")]
+def _rect(element: Element, count_segments: CountSegments) -> list[Outline]:
+    """The outline of a rect with sharp or rounded corners; empty if it has no width or height."""
+    count_segments(8)
+    x, y, width, height = (
+        read_length_or_zero(element, key) for key in ("x", "y", "width", "height")
+    )
+    radii = [read_length(element, key, default=None) for key in ("rx", "ry")]
     rx, ry = (b if a is None else a for a, b in (radii, radii[::-1]))
     rx, ry = rx or 0.0, ry or 0.0
     for key, value in (("width", width), ("height", height), ("rx", rx), ("ry", ry)):
@@ -306,40 +310,42 @@ def _rect(element: Element, spend: Spend) -> list[Outline]:
         ("A", (rx, ry, 0, 0, 1, x + rx, y)),
         ("Z", ()),
     ):
-        pen.obey(letter, numbers)
+        pen.execute(letter, numbers)
     return pen.outlines
 
 
-def _circle(element: Element, spend: Spend) -> list[Outline]:
-    """The outline of a circle; empty without a radius."""
-    spend(1)
-    radius = number_of(element, "r")
-    return _around(element, (radius, radius), ("r", "r"))
+def _circle(element: Element, count_segments: CountSegments) -> list[Outline]:
+    """The outline of a circle; empty if the radius is zero."""
+    count_segments(1)
+    radius = read_length_or_zero(element, "r")
+    return _full_ellipse(element, (radius, radius), ("r", "r"))
 
 
-def _ellipse(element: Element, spend: Spend) -> list[Outline]:
-    """The outline of an ellipse; empty without radii."""
-    spend(1)
-    radii = [length_of(element, key, default=None) for key in ("rx", "ry")]
+def _ellipse(element: Element, count_segments: CountSegments) -> list[Outline]:
+    """The outline of an ellipse; empty if a radius is zero."""
+    count_segments(1)
+    radii = [read_length(element, key, default=None) for key in ("rx", "ry")]
     rx, ry = (b if a is None else a for a, b in (radii, radii[::-1]))
-    return _around(element, (rx or 0.0, ry or 0.0), ("rx", "ry"))
+    return _full_ellipse(element, (rx or 0.0, ry or 0.0), ("rx", "ry"))
 
 
-def _around(element: Element, radii: tuple[float, float], keys: tuple[str, str]) -> list[Outline]:
-    """The outline of a full ellipse; empty if a radius is zero."""
+def _full_ellipse(
+    element: Element, radii: tuple[float, float], keys: tuple[str, str]
+) -> list[Outline]:
+    """The outline of a full ellipse with radii from the attributes `keys`; empty if one is 0."""
     for key, value in zip(keys, radii, strict=True):
         if value < 0:
             element.refuse(f"{key} must not be negative, but is {value:g}")
     if not all(radii):
         return []
-    center = np.array([number_of(element, "cx"), number_of(element, "cy")])
-    # SVG draws an ellipse from its point with the largest x.
+    center = np.array([read_length_or_zero(element, "cx"), read_length_or_zero(element, "cy")])
+    # By the SVG standard, an ellipse starts at its point with the largest x.
     cosine, sine = np.diag(radii)
     return [Outline([ArcChain.arc(center, cosine, sine, 2 * np.pi)], closed=True)]
 
 
-SHAPES: dict[str, Callable[[Element, Spend], list[Outline]]] = {
-    "path": outlines_of,
+SHAPES: dict[str, Callable[[Element, CountSegments], list[Outline]]] = {
+    "path": path_outlines,
     "line": _line,
     "polyline": _polyline,
     "polygon": _polyline,

@@ -1,4 +1,4 @@
-"""Traversal of DXF and SVG drawings: inheritance, clips, omitted entities, and the contours."""
+"""Traversal of DXF and SVG drawings: inherited properties, clips, omitted entities, contours."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from armcontour.files.drawings.arc_chain import Affine
 from armcontour.files.drawings.entity_chains import DrawnEntity, chain_pieces
 from armcontour.files.drawings.outlines import Outline, paths_of
 from armcontour.files.drawings.read_options import (
-    FARTHEST,
+    MAX_COORDINATE,
     Labels,
     ReadOptions,
     fraction_reporter,
@@ -33,8 +33,9 @@ from armcontour.program.moves import describe_not_run
 class Clip:
     """A polygon at which entities are cut."""
 
-    corners: FloatArray  # Its corners, (n, dimension); the inside has a winding number other than 0
-    outside: bool = False  # Whether the clip keeps the outside instead of the inside
+    # Corners [m], (n, dimension). A point is inside if its winding number is not 0.
+    corners: FloatArray
+    outside: bool = False  # Whether the parts outside are drawn instead of the parts inside
 
     def place(self, to: Affine) -> Clip:
         """The image of the clip under an affine map."""
@@ -42,9 +43,9 @@ class Clip:
 
 
 def clip_path(path: Path, *clips: Clip) -> list[Path]:
-    """The parts of a path in the plane that all clips keep, in their order."""
-    # Lines and arcs are cut where they cross the edges; a closed path that begins inside goes on
-    # through its start.
+    """The parts of a path in the plane that no clip removes, in the order of the path."""
+    # Lines and arcs are cut at the edges of the clips. If a closed path starts in a visible part,
+    # this part continues through the start of the path.
     parts = [path]
     for clip in clips:
         parts = [x for part in parts for x in _clip_once(part, clip)]
@@ -52,10 +53,10 @@ def clip_path(path: Path, *clips: Clip) -> list[Path]:
 
 
 def _clip_once(path: Path, clip: Clip) -> list[Path]:
-    """The parts of a path that one clip keeps."""
+    """The parts of a path that one clip does not remove."""
     table, polygon = path.segments, clip.corners
     i, begin, end = _cut_at_edges(table, polygon)
-    inside = _kept(table.evaluate(i, (begin + end) / 2), clip)
+    inside = _visible(table.evaluate(i, (begin + end) / 2), clip)
     if not inside.any():
         return []
     if inside.all():
@@ -70,7 +71,7 @@ def _clip_once(path: Path, clip: Clip) -> list[Path]:
 
 
 def _cut_at_edges(table: Segments, polygon: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Segment, begin and end [m] of the parts between the crossings with a polygon's edges."""
+    """Parts of segments between crossings with a polygon: segment index, start and end [m]."""
     n = len(table)
     rows, distances = [np.arange(n)], [np.zeros(n)]
     for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
@@ -79,7 +80,7 @@ def _cut_at_edges(table: Segments, polygon: FloatArray) -> tuple[IntArray, Float
             continue
         along = (b - a) / size
         for u in _crossings(table, a, np.array([-along[1], along[0]])):
-            # Crossings at the ends of a segment or outside of the edge do not cut.
+            # Crossings at the ends of a segment or outside of the edge are ignored.
             good = (u > REPEATED_POINT) & (u < table.lengths - REPEATED_POINT)
             i = np.flatnonzero(good)
             coordinate = (table.evaluate(i, u[i]) - a) @ along
@@ -96,20 +97,25 @@ def _cut_at_edges(table: Segments, polygon: FloatArray) -> tuple[IntArray, Float
 
 
 def _crossings(table: Segments, a: FloatArray, normal: FloatArray) -> list[FloatArray]:
-    """Distances along each segment [m] at which it meets a straight line; not finite for none."""
+    """Arc lengths [m] at which segments cross a line: two arrays of (n,), not finite if none.
+
+    The line passes through `a`, and is perpendicular to the unit vector `normal`.
+    """
     k = table.curvatures
     height = (table.starts - a) @ normal
     rise, normal_rise = table.tangents @ normal, table.normals @ normal
     with np.errstate(divide="ignore", invalid="ignore"):
         straight = -height / rise
-        # k height + bend + rise sin(ku) - bend cos(ku) = 0, and rise² + bend² = 1 for an arc.
+        # An arc with the curvature k crosses the line at the arc length u if
+        # k height + normal_rise + rise sin(ku) - normal_rise cos(ku) = 0.
+        # In the plane, rise² + normal_rise² = 1 for an arc.
         middle, half = np.arctan2(rise, -normal_rise), np.arccos(-(k * height + normal_rise))
         turns = [np.mod(middle + x, 2 * np.pi) / k for x in (-half, half)]
     return [np.where(k > 0, x, straight) for x in turns]
 
 
-def _kept(points: FloatArray, clip: Clip) -> BoolArray:
-    """Mask of the points that a clip keeps, (n,)."""
+def _visible(points: FloatArray, clip: Clip) -> BoolArray:
+    """Mask of the points that a clip does not remove; points on its edges are included, (n,)."""
     winding = np.zeros(len(points), dtype=np.intp)
     near = np.zeros(len(points), dtype=bool)
     for a, b in zip(clip.corners, np.roll(clip.corners, -1, axis=0), strict=True):
@@ -124,42 +130,42 @@ def _kept(points: FloatArray, clip: Clip) -> BoolArray:
     return np.asarray(((winding != 0) != clip.outside) | near)
 
 
-# Share of the reading of a drawing after which its entities are known and their curves are fitted.
-WALKED = 0.4
-# Largest number of entities that a note names.
-NAMED = 9
-NO_SIZE = "Skipped because of no size"
+# Share of the progress that is reported for the traversal of a drawing; the rest is for fitting.
+TRAVERSAL_SHARE = 0.4
+# Largest number of entities that a note lists.
+MAX_NAMED = 9
+NO_SIZE = "Skipped because they have no size"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Inherited:
-    """Properties that the entities in a group, block or reference inherit."""
+    """Properties that the entities inside a group, block or reference inherit."""
 
-    to: Affine  # Map from their coordinates to the page or the world [m]
-    layer: str = ""  # Layer of entities without a layer
-    name: str = ""  # Name of the reference or INSERT around them
-    inside: tuple[object, ...] = ()  # Targets of the references or INSERTs around them
-    color: frozenset[str] = frozenset()
-    clips: tuple[Clip, ...] = ()  # Clips around them [m]
+    to: Affine  # Map from the coordinates of the entities to the page or the world [m]
+    layer: str = ""  # Layer of entities that have none
+    name: str = ""  # Name of the innermost reference or INSERT
+    targets: tuple[object, ...] = ()  # Targets of the nested references or INSERTs, outermost first
+    color: frozenset[str] = frozenset()  # Names of the colour
+    clips: tuple[Clip, ...] = ()  # Clips that apply to the entities [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EntityOutlines:
-    """The outlines of one entity in metres."""
+    """The outlines of one entity [m], with the data of its contours."""
 
     outlines: Sequence[Outline]
     where: str  # Name of the entity for messages
     name: str
     layer: str
-    clips: tuple[Clip, ...] = ()  # Clips around it [m]
+    clips: tuple[Clip, ...] = ()  # Clips that apply to the entity [m]
 
 
 class Walk:
-    """Base of the traversals of drawings: selection of entities, notes, and contours."""
+    """Base class of the traversals of drawings: selects entities, and makes contours and notes."""
 
-    # True if the parts of one entity are never chained and share its name.
-    apart = False
-    # The part of a file that is read, for messages.
+    # Whether the parts of one entity have the same name and are never chained.
+    separates_parts = False
+    # Part of the file that is read, for messages.
     part = ""
 
     def __init__(self, source: str, options: ReadOptions, progress: Progress | None) -> None:
@@ -167,44 +173,45 @@ class Walk:
         self.requested_layers, self.colors = options.layer_set, options.color_set
         self.tell = fraction_reporter(progress, source)
         self.labels = Labels()
-        # Names of omitted items by the reasons; entities on other layers and of other colours.
-        self.left_out: dict[str, Counter[str]] = {}
-        self.elsewhere: Counter[str] = Counter()
-        self.others: Counter[str] = Counter()
+        # Names of omitted entities by the reason, with their counts.
+        self.omitted: dict[str, Counter[str]] = {}
+        # Numbers of entities on layers, and of colours, that are not selected.
+        self.on_other_layers: Counter[str] = Counter()
+        self.of_other_colors: Counter[str] = Counter()
 
-    def leave_out(self, reason: str, name: str) -> None:
-        """Record an omitted item and the reason."""
-        self.left_out.setdefault(reason, Counter())[name] += 1
+    def omit(self, reason: str, name: str) -> None:
+        """Count an omitted entity under a reason, which starts the note."""
+        self.omitted.setdefault(reason, Counter())[name] += 1
 
     def wants_layer(self, layer: str) -> bool:
-        """True if contours on a layer are read."""
+        """True if the options select a layer."""
         return self.requested_layers is None or self.labels(layer) in self.requested_layers
 
     def wants_color(self, names: frozenset[str]) -> bool:
-        """True if entities of a colour are read; counts other entities."""
+        """True if the options select a colour; otherwise the entity is counted as omitted."""
         if self.colors is None or names & self.colors:
             return True
-        self.others[min(names)] += 1
+        self.of_other_colors[min(names)] += 1
         return False
 
     @property
     def notes(self) -> list[str]:
-        """Notes on omitted entities and changed names."""
-        sentences = [f"{why}: {list_counted(x)}." for why, x in self.left_out.items()]
+        """Sentences on omitted entities and changed names."""
+        sentences = [f"{why}: {list_counted(x)}." for why, x in self.omitted.items()]
         return sentences + self.labels.notes
 
     def explain_empty(self) -> str:
-        """The reason for a program without contours, if the notes do not explain it."""
+        """Text after the file name in the error for no contours; "" selects the general text."""
         return ""
 
     def program(self, entities: Iterable[EntityOutlines], notes: Sequence[str]) -> Program:
-        """The program of all contours."""
-        pieces = self._pieces(list(entities))
+        """Chain all entities to a program; its notes are `notes` and those of the traversal."""
+        pieces = self._clipped_entities(list(entities))
         contours, chaining_notes = chain_pieces(pieces, self.options.join_tolerance)
         notes = [*notes, *self.notes, *chaining_notes]
         if not contours:
-            if self.others:
-                notes.append(f"Of other colours than chosen: {list_counted(self.others)}.")
+            if self.of_other_colors:
+                notes.append(f"Entities of other colours: {list_counted(self.of_other_colors)}.")
             reason = f" ({' '.join(notes).rstrip('.')})" if notes else ""
             reason = self.explain_empty() or f"has no contour to follow{self.part}{reason}"
             raise InvalidInput(f"{self.source} {reason}.")
@@ -212,13 +219,13 @@ class Walk:
             moves=tuple(contours),
             source=self.source,
             notes=tuple(notes),
-            remarks=describe_not_run(self.elsewhere),
-            other_layers=tuple(self.elsewhere),
+            remarks=describe_not_run(self.on_other_layers),
+            other_layers=tuple(self.on_other_layers),
         )
         return repair_vertices(program, self.options)
 
-    def _pieces(self, entities: Sequence[EntityOutlines]) -> list[DrawnEntity]:
-        """The paths of all outlines, clipped."""
+    def _clipped_entities(self, entities: Sequence[EntityOutlines]) -> list[DrawnEntity]:
+        """The clipped paths of all outlines, as entities for chaining."""
         options = self.options
         try:
             with np.errstate(over="ignore", invalid="ignore"):
@@ -226,7 +233,7 @@ class Walk:
                     [y for x in entities for y in x.outlines],
                     options.fit_tolerance,
                     options.join_tolerance,
-                    lambda share: self.tell(WALKED + (1 - WALKED) * share),
+                    lambda share: self.tell(TRAVERSAL_SHARE + (1 - TRAVERSAL_SHARE) * share),
                 )
         except InvalidInput as error:
             assert error.index is not None
@@ -237,30 +244,34 @@ class Walk:
         for entity in entities:
             whole = [path for path in islice(drawn, len(entity.outlines)) if path is not None]
             if not whole:
-                self.leave_out(NO_SIZE, entity.where)
+                self.omit(NO_SIZE, entity.where)
             parts = [part for path in whole for part in clip_path(path, *entity.clips)]
             first = len(pieces) + 1
             for k, path in enumerate(parts):
                 is_split = len(parts) > 1
-                name = f"{entity.name}[{k + 1}]" if is_split and not self.apart else entity.name
-                apart = first + k if is_split and self.apart else 0
-                pieces.append(DrawnEntity(path=path, name=name, layer=entity.layer, apart=apart))
+                name = (
+                    f"{entity.name}[{k + 1}]"
+                    if is_split and not self.separates_parts
+                    else entity.name
+                )
+                group = first + k if is_split and self.separates_parts else 0
+                pieces.append(DrawnEntity(path=path, name=name, layer=entity.layer, group=group))
         return pieces
 
 
 def list_counted(names: Counter[str]) -> str:
-    """The first names with their numbers above 1, such as `2 TEXT, HATCH`."""
-    return list_some([x if n == 1 else f"{n} {x}" for x, n in names.items()], NAMED)
+    """Text that lists the first names, with their counts if above 1: `2 TEXT, HATCH`."""
+    return list_some([x if n == 1 else f"{n} {x}" for x, n in names.items()], MAX_NAMED)
 
 
 def place_outline(outline: Outline, to: Affine) -> tuple[Outline, str]:
-    """The image of an outline under an affine map [m], and its defect if it is too far away."""
+    """The image of an outline under an affine map [m], and a text if it is too far away, or ""."""
     with np.errstate(over="ignore", invalid="ignore"):
         placed = outline.place(to)
-        reach = float(np.abs(placed.reach).max())
-    if reach <= FARTHEST:
+        reach = float(np.abs(placed.bounding_points).max())
+    if reach <= MAX_COORDINATE:
         return placed, ""
     return placed, (
-        f"reaches {reach:.3g} m far, more than {FARTHEST:g} m: give the unit in which it is drawn, "
-        "such as units: mm"
+        f"has coordinates up to {reach:.3g} m, but at most {MAX_COORDINATE:g} m are allowed: "
+        "specify the unit of the drawing, for example units: mm"
     )

@@ -1,4 +1,4 @@
-"""Read waypoints from CSV tables: points, tool orientations, speeds, events."""
+"""Reader for waypoints in CSV tables: points, tool orientations, speeds, tolerances, events."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import QUATERNION_TOLERANCE, angle_between, from_rpy
 from armcontour.core.text import plain_number, show
 from armcontour.files.csv_table import CsvTable, Title, read_table
-from armcontour.files.drawings.read_options import FARTHEST, ReadOptions, repair_vertices
+from armcontour.files.drawings.read_options import MAX_COORDINATE, ReadOptions, repair_vertices
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.smooth_axes import smooth_axes
@@ -27,7 +27,7 @@ ANGLES = ("roll", "pitch", "yaw")
 AXIS = ("ax", "ay", "az")
 TEXTS = ("contour", "layer", "event")
 KNOWN = (*POINT, *QUATERNION, *ANGLES, *AXIS, "speed", "tolerance", *TEXTS)
-# SI units of the columns that have one.
+# SI units of the columns with a unit.
 UNITS = {
     **dict.fromkeys((*POINT, "tolerance"), "m"),
     **dict.fromkeys(ANGLES, "rad"),
@@ -38,15 +38,15 @@ SWITCHED = {"on": True, "true": True, "yes": True, "off": False, "false": False,
 
 
 def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program:
-    """Read a program from a table of waypoints, which are joined by straight lines.
+    """Read a program from a table of waypoints, which are connected by straight lines.
 
     The columns are `x`, `y` and, in space, `z`. Optional columns are the tool orientation (`qx`,
     `qy`, `qz`, `qw`, or `roll`, `pitch`, `yaw` about fixed axes, or the tool axis `ax`, `ay`, `az`
     with free rotation about the axis), `speed`, `tolerance`, `contour`, `layer` and `event`. A unit
-    follows in brackets or as a suffix: `x [mm]`, `x_mm`. Without a unit, lengths are in the unit of
-    the reading or m, speeds in that unit per second, angles in rad. Speed and tolerance of a row
-    belong to the line that ends at the row. A new name in `contour` or `layer` starts a new
-    contour.
+    follows in brackets or as a suffix: `x [mm]`, `x_mm`. Without a unit, lengths are in
+    `options.unit` or m, speeds in this unit per second, and angles in rad. Speed and tolerance of a
+    row apply to the line that ends at the waypoint of the row. A new name in `contour` or `layer`
+    starts a new contour.
     """
     table, notes = _read(data, source, options)
     values = _quantities(table, options)
@@ -79,7 +79,9 @@ def _read(data: bytes, source: str, options: ReadOptions) -> tuple[CsvTable[str]
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise InvalidInput(f"{source} is not UTF-8 text: save it as CSV in UTF-8.") from None
+        raise InvalidInput(
+            f"{source} must be text in UTF-8, but is not: save it as CSV in UTF-8."
+        ) from None
     table = read_table(
         text,
         source,
@@ -90,8 +92,9 @@ def _read(data: bytes, source: str, options: ReadOptions) -> tuple[CsvTable[str]
     )
     if table.unknown and not options.skips:
         raise InvalidInput(
-            f"{table.heading}: unknown column {show(table.unknown[0])}: the columns are "
-            f"{', '.join(KNOWN)}, with a unit in brackets; unknown: skip ignores others."
+            f"{table.heading}: unknown column {show(table.unknown[0])}. The columns must be "
+            f"{', '.join(KNOWN)}, with a unit in brackets. To ignore other columns, set "
+            "unknown: skip (--skip-unknown)."
         )
     for group in (POINT[:2], QUATERNION, ANGLES, AXIS):
         if group[0] in POINT or not table.columns.keys().isdisjoint(group):
@@ -102,7 +105,7 @@ def _read(data: bytes, source: str, options: ReadOptions) -> tuple[CsvTable[str]
 
 
 def _title(name: str, has_unit: bool) -> Title[str] | None:
-    """The content of a column by its title; None if unknown."""
+    """Content and unit of a column from its title; None if the title is unknown."""
     match = _NAME.fullmatch(name.strip())
     key = match["name"].lower() if match else ""
     key = "event" if key == "events" else key
@@ -113,13 +116,13 @@ def _title(name: str, has_unit: bool) -> Title[str] | None:
 
 
 def _quantities(table: CsvTable[str], options: ReadOptions) -> dict[str, FloatArray]:
-    """All numbers in SI units, by their columns; NaN where a cell is empty."""
+    """Numbers in SI units by column, (rows,) each; NaN if a cell is empty."""
     has_unit = {x: table.columns[x].unit is not None for x in POINT if x in table.columns}
     if len(set(has_unit.values())) > 1:
         has, lacks = (next(k for k, v in has_unit.items() if v is x) for x in (True, False))
         raise InvalidInput(
-            f"{table.source}: the column {table.columns[has].title!r} has a unit and "
-            f"{table.columns[lacks].title!r} has none: give both one."
+            f"{table.source}: the column {table.columns[has].title!r} has a unit, but the column "
+            f"{table.columns[lacks].title!r} has none: add a unit to this column."
         )
     keys, values = [x for x in table.columns if x not in TEXTS], {}
     for key, numbers in zip(keys, table.read(keys)[0].T, strict=True):
@@ -129,14 +132,17 @@ def _quantities(table: CsvTable[str], options: ReadOptions) -> dict[str, FloatAr
             numbers = numbers * (options.unit or 1.0)
         for bad, must in (
             (np.isnan(numbers) & (key in POINT), "must not be empty"),
-            (np.abs(numbers) > FARTHEST, f"must be within {FARTHEST / column.factor:g} {unit}"),
+            (
+                np.abs(numbers) > MAX_COORDINATE,
+                f"must be within {MAX_COORDINATE / column.factor:g} {unit}",
+            ),
             ((numbers <= 0) & (key == "speed"), "must be above zero"),
             ((numbers < 0) & (key == "tolerance"), "must not be negative"),
         ):
             if bad.any():
                 i = int(np.argmax(bad))
                 but = "" if np.isnan(numbers[i]) else f", but is {table.cell(i, key)}"
-                raise InvalidInput(f"{table.place(i, key)}: {must}{but}.", index=i)
+                raise InvalidInput(f"{table.place(i, key)}: the value {must}{but}.", index=i)
         values[key] = numbers
     return values
 
@@ -144,43 +150,45 @@ def _quantities(table: CsvTable[str], options: ReadOptions) -> dict[str, FloatAr
 def _orientation(
     table: CsvTable[str], values: Mapping[str, FloatArray]
 ) -> tuple[tuple[str, ...], FloatArray] | None:
-    """The columns of the tool orientation, and their numbers, (rows, 3 or 4); None without."""
+    """Columns of the tool orientation and their numbers, (rows, 3 or 4); None if there are none."""
     kinds = [x for x in (QUATERNION, ANGLES, AXIS) if x[0] in values]
     if not kinds:
         return None
     if len(kinds) > 1:
         raise InvalidInput(
-            f"{table.source} gives the tool orientation twice, by {kinds[0][0]} and by "
-            f"{kinds[1][0]}: remove one."
+            f"{table.source} defines the tool orientation twice, in the columns "
+            f"{', '.join(kinds[0])} and {', '.join(kinds[1])}: remove one of these groups."
         )
     keys = kinds[0]
     if "z" not in values:
-        raise InvalidInput(f"{table.source}: a tool orientation needs space: add the column z.")
+        raise InvalidInput(
+            f"{table.source}: a tool orientation requires points in space: add the column z."
+        )
     numbers = np.stack([values[key] for key in keys], axis=1)
-    # A quaternion must have the length 1; a tool axis may have any length above 0.
+    # A quaternion must have length 1; a tool axis may have any length above 0.
     size = np.linalg.norm(numbers, axis=1)
     if keys == QUATERNION:
-        bad, must = np.abs(size - 1) > QUATERNION_TOLERANCE, "must have the length 1, but has"
+        bad, must = np.abs(size - 1) > QUATERNION_TOLERANCE, "a quaternion must have length 1, but"
     else:
-        bad, must = (size == 0) & (keys == AXIS), "must have a length above 0, but has"
+        bad, must = (size == 0) & (keys == AXIS), "a tool axis must have a length above 0, but"
     partial = np.isnan(numbers).any(axis=1) & ~np.isnan(numbers).all(axis=1)
-    for wrong, text in ((partial, "some are empty and some are not"), (bad, must)):
+    for wrong, text in ((partial, "fill all cells of the tool orientation or none"), (bad, must)):
         if wrong.any():
             i = int(np.argmax(wrong))
-            length = f" {size[i]:.6g}" if text is must else ""
+            length = f" has length {size[i]:.6g}" if text is must else ""
             raise InvalidInput(f"{table.place(i, *keys)}: {text}{length}.", index=i)
     return keys, numbers
 
 
 def _texts(table: CsvTable[str], key: str) -> list[str]:
-    """A column as text; empty cells without it."""
+    """Texts of a column, one per row; empty texts if the column is missing."""
     if key not in table.columns:
         return [""] * len(table.lines)
     return [x for _, (texts,) in table.texts([key]) for x in texts]
 
 
 def _fill_down(texts: Iterable[str]) -> Iterator[str]:
-    """The texts of a column, in which an empty cell repeats the cell above."""
+    """Yield the texts of a column, with each empty cell replaced by the cell above."""
     last = ""
     for text in texts:
         last = text or last
@@ -188,19 +196,19 @@ def _fill_down(texts: Iterable[str]) -> Iterator[str]:
 
 
 def _changes(texts: Mapping[str, Sequence[str]]) -> list[int]:
-    """Rows at which a new contour starts."""
+    """Indices of the rows at which a new contour starts, without the first row."""
     rows = list(zip(*texts.values(), strict=True))
     return [i for i in range(1, len(rows)) if rows[i] != rows[i - 1]]
 
 
 def _path(table: CsvTable[str], values: Mapping[str, FloatArray], rows: slice) -> Path:
-    """Lines through the points of some rows."""
+    """The path of straight lines through the points of some rows, with speeds and tolerances."""
     points = np.stack([values[key][rows] for key in POINT if key in values], axis=1)
     first = int(table.numbers[rows][0])
     if (np.linalg.norm(points - points[0], axis=1) <= REPEATED_POINT).all():
         raise InvalidInput(
             f"{table.source}: the contour that starts in line {first} has no two different "
-            "points: give it more, or remove it."
+            "points: add a waypoint, or remove the contour."
         )
     path = Path.polyline(points)
     ends = np.delete(np.arange(len(points)), path.merged)[1:]
@@ -218,7 +226,7 @@ def _orient(
     orientation: tuple[tuple[str, ...], FloatArray] | None,
     rows: slice,
 ) -> Path:
-    """Give a path the tool orientation of some rows."""
+    """The path with the tool orientation of some rows; unchanged if these rows have none."""
     if orientation is None:
         return path
     keys, numbers = orientation[0], orientation[1][rows]
@@ -228,8 +236,8 @@ def _orient(
     if empty.any():
         i = rows.start + int(np.argmax(empty))
         raise InvalidInput(
-            f"{table.place(i, *keys)}: empty, but other rows of the contour give the tool "
-            "orientation: fill all or none.",
+            f"{table.place(i, *keys)}: the tool orientation is empty, but other rows of the "
+            "contour have one: fill these columns in all rows of the contour or in none.",
             index=i,
         )
     from scipy.spatial.transform import Rotation
@@ -250,11 +258,14 @@ def _smooth(
     rows: slice,
     tolerance: float,
 ) -> tuple[Path, list[str]]:
-    """The path of some rows with smooth tool axes, if it has any, and a sentence on them."""
+    """The path of some rows with smoothed tool axes, and a note as a list.
+
+    A path without orientation is returned unchanged, with an empty list.
+    """
     if orientation is None or orientation[0] != AXIS:
         raise InvalidInput(
-            f"{table.source}: smooth_axes (path.smooth_axes) is for tool axes in the columns "
-            f"{', '.join(AXIS)}, which are missing: remove it."
+            f"{table.source}: smooth_axes (path.smooth_axes) requires tool axes in the columns "
+            f"{', '.join(AXIS)}, which are missing: remove the option."
         )
     if path.orientation is None:
         return path, []
@@ -263,24 +274,24 @@ def _smooth(
     smooth = smooth_axes(path.vertices[path.waypoints], axes, tolerance)
     before = axes / np.linalg.norm(axes, axis=1, keepdims=True)
     largest_turn = float(angle_between(smooth, before).max())
-    # A repeated point has the axis of the one before it.
+    # A repeated point has the axis of the point before it.
     every = np.searchsorted(indices, np.arange(rows.stop - rows.start), side="right") - 1
     turned = path.pointing(smooth[every])
     first_line = int(table.numbers[rows][0])
     return turned, [
-        f"Smoothed the tool axes of {len(indices)} waypoints from line {first_line} on: they are "
-        f"turned by up to {np.degrees(largest_turn):.3g}°, and {np.degrees(tolerance):.3g}° are "
-        "allowed (path.smooth_axes)."
+        f"Smoothed the tool axes of {len(indices)} waypoints from line {first_line} on: the axes "
+        f"are rotated by up to {np.degrees(largest_turn):.3g}°, at most "
+        f"{np.degrees(tolerance):.3g}° are allowed (path.smooth_axes)."
     ]
 
 
 def _events(
     table: CsvTable[str], texts: Sequence[str], rows: slice, path: Path
 ) -> tuple[Event, ...]:
-    """Events at the rows of a contour, from text such as `laser=on; gas=2.5`."""
+    """Events of the rows of a contour, parsed from text such as `laser=on; gas=2.5`."""
     if "event" not in table.columns:
         return ()
-    # A point that repeats the point before is not a vertex of its own.
+    # A point that repeats the previous point shares its vertex.
     repeated = np.zeros(rows.stop - rows.start, dtype=np.intp)
     repeated[list(path.merged)] = 1
     vertices = np.arange(len(repeated)) - np.cumsum(repeated)
@@ -290,8 +301,8 @@ def _events(
             name, equals, value = (x.strip() for x in part.partition("="))
             if not name or (equals and not value):
                 raise InvalidInput(
-                    f"{table.place(i, 'event')}: {texts[i][:40]!r} is no event: write name=value, "
-                    "such as laser=on, with semicolons between several.",
+                    f"{table.place(i, 'event')}: {texts[i][:40]!r} is not a valid event: write "
+                    "name=value, such as laser=on, and separate events by semicolons.",
                     index=i,
                 )
             s = float(path.breaks[vertices[i - rows.start]])
@@ -303,7 +314,7 @@ def _events(
 
 
 def _value(text: str) -> bool | float | str:
-    """The value of an event, from text such as on, 2.5 or a word."""
+    """Convert the text of an event's value (on, 2.5, a word) to a bool, number or text."""
     if text.lower() in SWITCHED:
         return SWITCHED[text.lower()]
     number = plain_number(text)
@@ -311,10 +322,10 @@ def _value(text: str) -> bool | float | str:
 
 
 def _note_unused(table: CsvTable[str], values: Mapping[str, FloatArray], first: int) -> list[str]:
-    """Notes on speed and tolerance in the first row of a contour, where no line ends."""
+    """Notes on speed and tolerance in the first row of a contour, which have no effect."""
     return [
-        f"{table.place(first, key)}: no line ends at the first waypoint of a contour, so its "
-        f"{key} is not used."
+        f"{table.place(first, key)}: the {key} of the first waypoint of a contour is not used, "
+        "because no line ends there."
         for key in ("speed", "tolerance")
         if key in values
         and not math.isnan(values[key][first])

@@ -32,20 +32,20 @@ from armcontour.planning.topp.limit_forms import (
     Rounds,
     Squares,
     check_form,
-    collect,
+    combine_forms,
 )
 from armcontour.planning.topp.on_grid import OnGrid
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States, use_of
 from armcontour.robot.limits import JERK_LIMITS, UNITS
 
-# Relative times of the samples inside an interval.
+# Times of the samples of an interval as shares of its duration, (5, 1)
 INSIDE = np.linspace(0.0, 1.0, 5)[:, None]
 
 
 @dataclass(frozen=True)
 class IntervalEnds:
-    """A plan at the starts (index 0) and ends (1) of all intervals, and inside them."""
+    """Motion of a plan at both ends (index 0 and 1) of all intervals, and at samples inside."""
 
     arm: Arm
     law: PathLaw
@@ -70,7 +70,7 @@ class IntervalEnds:
 
     @cached_property
     def states(self) -> States:
-        """Joint states at the start and the end of every interval in turn, (2 n, dof)."""
+        """Joint states at the start and the end of each interval, alternating, (2 n, dof)."""
         piece, s = np.repeat(self.grid.piece, 2), np.repeat(self.grid.s, 2)[1:-1]
         q = self.grid.joint_path.on_interval(piece, s)
         x, u = self.x[..., None], self.u[..., None]
@@ -80,7 +80,7 @@ class IntervalEnds:
 
     @cached_property
     def places(self) -> tuple[IntArray, FloatArray]:
-        """Interval and time [s] of samples in every interval, ends included, (samples n,) each."""
+        """Interval indices and times [s] of the samples of all intervals, (5 n,) each."""
         breaks = self.law.breaks
         t = breaks[:-1] + INSIDE * np.diff(breaks)
         t[-1] = breaks[1:]
@@ -88,12 +88,13 @@ class IntervalEnds:
 
     @cached_property
     def inside(self) -> States:
-        """Joint states with their jerks at all `places`."""
+        """Joint states, including jerks, at the samples `places`."""
         return States(self.arm, self.law.motion(*self.places, 3))
 
     def largest_use(self, name: str, limits: Limits) -> FloatArray:
-        """Largest used share of a limit on every interval, (n, joints or 1)."""
-        # Jerk is `q''' ds³ + 3 q'' ds dds + q' s'''`, which may be largest between the ends.
+        """Largest used share of a limit on each interval, (n, dof); for the tool (n, 1)."""
+        # The jerk `q''' ds³ + 3 q'' ds dds + q' s'''` can be largest inside an interval, so it is
+        # sampled.
         n = len(self.grid)
         if name not in JERK_LIMITS:
             ratio = self.states.use(name, limits).ratio.reshape(n, 2, -1)
@@ -110,26 +111,26 @@ class Constraint:
     """One limit along a path; this base class limits nothing."""
 
     name = ""  # Name in messages, such as "acceleration"
-    limit_name = ""  # The field of `Limits` of the constraint, for messages
+    limit_name = ""  # Name of the field of `Limits` that sets the limit, for messages
     limit: float | FloatArray = np.inf  # Largest value; one number, or one per joint
-    joints = False  # True if each joint has its own limit, which explanations then name
-    curved = False  # True if the limit has viscous friction, which rows bound for a range of x only
+    joints = False  # True if each joint has its own limit; explanations then name the joint
+    curved = False  # True if the limit has a term in sqrt(x), viscous friction
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """The limit on a grid."""
+        """Forms of the limit on a grid, see `topp.limit_forms`; none in this base class."""
         # `path`: the joint path on the grid.
         return ()
 
     @property
     def names(self) -> list[tuple[str, int | None]]:
-        """Name and index of the joint, from 0 or None, of each column of `usage`."""
+        """Name of the limit and joint index (None for the tool) of each column of `usage`."""
         if not self.joints:
             return [(self.name, None)]
         return [(self.name, k) for k in range(np.size(self.limit))]
 
     def usage(self, ends: IntervalEnds) -> FloatArray:
-        """Used share of the limit on every interval, the larger one of both ends."""
-        # Returns (n, 1), or (n, joints) if `joints` is true.
+        """Used share of the limit on each interval, the larger share of its two ends."""
+        # The shape is (n, joints) if `joints` is true, otherwise (n, 1).
         used = np.zeros((len(ends.grid), 1))
         for form in self.discretize(ends.path):
             used = np.maximum(used, _usage(form, ends.x[..., None], ends.u[..., None]).max(axis=1))
@@ -155,14 +156,16 @@ def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
 def limits_on(path: OnGrid, active: Sequence[Constraint]) -> GridLimits:
     """Discretize the constraints on a grid."""
     n = len(path)
-    return collect([check_form(form, n, x.name) for x in active for form in x.discretize(path)], n)
+    return combine_forms(
+        [check_form(form, n, x.name) for x in active for form in x.discretize(path)], n
+    )
 
 
 Coefficients = Callable[[FloatArray, str], tuple[FloatArray, FloatArray, FloatArray]]
 
 
 class SecondOrder(Constraint):
-    """`low <= a(s) u + b(s) x + c(s) <= high`, one row per quantity."""
+    """`low <= a(s) u + b(s) x + c(s) <= high` with u = dds and x = ds², one row per quantity."""
 
     @checked
     def __init__(
@@ -174,20 +177,23 @@ class SecondOrder(Constraint):
         *,
         joints: bool = False,  # True if each row belongs to a joint
     ) -> None:
-        # `coefficients`: called with arc lengths (n,) and "right" or "left", the side to evaluate
-        # at vertices between segments; returns a, b and c, (n, rows) each. Smooth between grid
-        # points.
+        # `coefficients`: function of arc lengths (n,) and of the side, "right" or "left", from
+        # which vertices between segments are evaluated. It returns a, b and c, (n, rows) each,
+        # which must be smooth between grid points.
         self.name = name
         self.coefficients = coefficients
         bounds = (checks.shaped(f"bounds of {name}", x, (None,)) for x in (low, high))
         self.low, self.high = map(checks.frozen_array, bounds)
         if self.low.shape != self.high.shape or not (self.low <= self.high).all():
-            raise InvalidInput(f"The lower bounds of {name} must be at most its upper bounds.")
+            raise InvalidInput(
+                f"The lower and upper bounds of {name} must have equal shapes, and no lower bound "
+                "may exceed its upper bound."
+            )
         self.joints = joints
 
     @property
     def names(self) -> list[tuple[str, int | None]]:
-        """The name, with the joint of each row if rows belong to joints."""
+        """Name of the constraint, with the index of each joint if rows belong to joints."""
         return [(self.name, k) for k in range(len(self.low))] if self.joints else super().names
 
     def _at(self, s: FloatArray, side: str) -> FloatArray:
@@ -195,7 +201,7 @@ class SecondOrder(Constraint):
         return checks.shaped(name, checks.check_numbers(name, self.coefficients(s, side)), shape)
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """The rows on a grid."""
+        """Linear rows of the constraint on a grid."""
         path, last = OnGrid(path.grid, jumps=True), 2 * len(path)
         _, s = path.places
         a, b, c = np.concatenate([self._at(s[:last], "right"), self._at(s[last:], "left")], axis=1)
@@ -209,10 +215,10 @@ def check_rest(
     value: FloatArray,  # The quantity at the starts and ends of all intervals, (n, 2, rows)
     bounds: tuple[FloatArray, FloatArray],  # Lower and upper bounds, (rows,) each
     *,
-    when: str = "even at rest",  # Words of the error message: the motion with this value
-    cannot: str = "hold itself",  # Words of the error message: the impossible action of the arm
+    when: str = "even at rest",  # Part of the message that describes the motion with this value
+    cannot: str = "hold itself",  # Part of the message that names the impossible action of the arm
 ) -> None:
-    """Check a quantity against its bounds at rest or in arbitrarily slow motion."""
+    """Raise NotRealizable if a quantity exceeds its bounds at rest or in very slow motion."""
     low, high = bounds
     if ((value >= low) & (value <= high)).all():
         return
@@ -225,7 +231,8 @@ def check_rest(
     unit = f" {UNITS[constraint.limit_name]}" if constraint.limit_name in UNITS else ""
     raise NotRealizable(
         f"At {s:.6g} m along the path the {who} is {needed:.4g}{unit} {when}, but its limit in "
-        f"this plan, less any reserve, is {allowed:.4g}{unit}: the arm cannot {cannot} there.",
+        f"this plan, less any reserve, is {allowed:.4g}{unit}. The arm cannot {cannot} there: "
+        "raise the limit, reduce the payload or the reserve, or change the path.",
         s=s,
         joint=joint,
         limit=constraint.name,

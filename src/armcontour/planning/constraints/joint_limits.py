@@ -1,4 +1,4 @@
-"""Limits of joints: velocity and acceleration, by direction if they differ, and torque."""
+"""Constraints of the joints: velocity and acceleration, by direction if they differ, and torque."""
 
 from __future__ import annotations
 
@@ -27,26 +27,27 @@ from armcontour.robot import Arm
 
 
 class JointMotion(Constraint):
-    """Bounds of velocities `q' ds` and accelerations `q' u + q'' x` of every joint."""
+    """Bounds of the velocities `q' ds` and accelerations `q' dds + q'' ds²` of every joint."""
 
     def __init__(
         self,
         velocity: tuple[FloatArray, FloatArray] | None = None,
         acceleration: tuple[FloatArray, FloatArray] | None = None,
     ) -> None:
-        # `velocity`: lower bounds, negative, and upper bounds [rad/s], infinite if not limited,
-        # (dof,) each; None if not limited; `acceleration`: the same for accelerations [rad/s²].
+        # `velocity`: lower (negative) and upper bounds [rad/s], (dof,) each, infinite for a joint
+        # without a limit; None without velocity limits. `acceleration`: the same for accelerations
+        # [rad/s²].
         none = np.empty((2, 0))
         self.velocity = none if velocity is None else np.stack(velocity)
         self.low, self.high = none if acceleration is None else map(kernel_array, acceleration)
 
     def bounds(self, grid: Grid) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper bounds of accelerations on every interval, (n, joints) each."""
+        """Lower and upper bounds of accelerations on each interval [rad/s²], (n, joints) each."""
         shape = len(grid), len(self.low)
         return np.broadcast_to(self.low, shape), np.broadcast_to(self.high, shape)
 
     def fastest(self, path: OnGrid) -> FloatArray:
-        """Largest speeds in the directions of the joints on intervals, (n, dof)."""
+        """Velocity limits on each interval in the directions of motion [rad/s], (n, dof)."""
         (slopes, _), (third, _) = path.derivatives
         certain = path.grid.width[:, None] ** 2 / 8 * third
         low, high = np.abs(self.velocity)
@@ -55,7 +56,7 @@ class JointMotion(Constraint):
         return np.asarray(np.where(slopes.min(axis=1) > certain, high, back))
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """The bounds; the planner makes rows of them."""
+        """Bounds of velocities and accelerations; the planner converts them to rows."""
         none = np.full(0, np.inf), np.full(0, np.inf)
         accelerations = (self.low, self.high) if len(self.low) else none
         return (
@@ -65,7 +66,7 @@ class JointMotion(Constraint):
         )
 
     def rows(self, path: OnGrid) -> LinearRows:
-        """Accelerations as rows: g = q' u + q'' x has g'' = 5 q''' u + q'''' x + 4 q'' k."""
+        """Rows of the accelerations g = q' u + q'' x, with g'' = 5 q''' u + q'''' x + 4 q'' k."""
         (first, second), (third, fourth) = path.derivatives
         w, n = path.grid.width[:, None], len(path)
         ends, rise = np.empty((n, 2, len(self.low), 4)), np.zeros((n, len(self.low), 4))
@@ -95,7 +96,7 @@ class JointTorque(Constraint):
         self.curved = bool(self.viscous.any())
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Torques less dry friction, and viscous friction."""
+        """Rows of the torques, less dry friction; and the form of viscous friction, if any."""
         terms, bounds = self.dynamics.path_terms(*path.motion), (-self.limit, self.limit)
         rows = path.rows(terms, *bounds)
         weight = path.at_ends(terms[2])

@@ -1,4 +1,4 @@
-"""Limits of the tool: assigned velocity, centripetal acceleration, acceleration, and rotation.
+"""Constraints of the tool: assigned velocity, centripetal acceleration, acceleration, rotation.
 
 A traced joint path follows the tool path within its tolerance, but its derivatives are less exact.
 Therefore the motion of the tool at ds = 1 is measured by forward kinematics: bounds of its speed
@@ -21,16 +21,17 @@ from armcontour.planning.topp.on_grid import OnGrid
 from armcontour.robot import Arm
 from armcontour.robot.limit_use import require_orientation
 
-# Positions of the samples of a piece of the joint path.
-SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]
-# Positions of the samples of an interval whose curvature varies.
-SHARES = np.linspace(0.0, 1.0, 5)[:, None]
-# Relative variation of the curvature below which a piece is even.
-EVEN = 1e-3
-# Smallest curvature, as a share of the largest, at which a tangent of the bound of x touches.
+# Positions of the samples on a piece of the joint path, as shares of its length, (9, 1)
+PIECE_SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]
+# Positions of the samples on an interval, as shares of its length, (5, 1)
+INTERVAL_SAMPLES = np.linspace(0.0, 1.0, 5)[:, None]
+# The curvature of a piece is constant if it varies by at most this share.
+EVEN_CURVATURE = 1e-3
+# The bound of x on an interval is a tangent of `limit / curvature`. It touches at a curvature of at
+# least this share of the larger curvature of both ends.
 TOUCH = 0.8
-# Largest curvature of a line [1/m].
-FLAT = 1e-3
+# A piece with at most this curvature is a straight line [1/m].
+STRAIGHT = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,8 +41,8 @@ class ToolMetric:
     joint_path: JointPath
     arm: Arm
     speed: FloatArray  # Tool speed [-]
-    curvature: FloatArray  # Acceleration normal to the motion [1/m]
-    # True where the curvature varies along a piece, so that its intervals are sampled
+    curvature: FloatArray  # Tool acceleration normal to the motion [1/m]
+    # True for pieces along which the curvature varies; their intervals are sampled
     uneven: BoolArray
 
     @classmethod
@@ -49,49 +50,53 @@ class ToolMetric:
         """Measure the tool motion along a joint path by forward kinematics."""
         # A bound is the largest sample of a piece plus the spread of its samples.
         breaks, pieces = joint_path.breaks, np.arange(len(joint_path.breaks) - 1)
-        s = breaks[:-1] + SAMPLES * (breaks[1:] - breaks[:-1])
+        s = breaks[:-1] + PIECE_SAMPLES * (breaks[1:] - breaks[:-1])
         samples = _measure(joint_path, arm, np.broadcast_to(pieces, s.shape), s)
         largest, smallest = samples.max(axis=1), samples.min(axis=1)
         speed, curvature = 2 * largest - smallest
-        uneven = (largest[1] > FLAT) & (largest[1] - smallest[1] > EVEN * largest[1])
+        uneven = (largest[1] > STRAIGHT) & (largest[1] - smallest[1] > EVEN_CURVATURE * largest[1])
         return cls(joint_path=joint_path, arm=arm, speed=speed, curvature=curvature, uneven=uneven)
 
     def curvature_on(self, grid: Grid) -> FloatArray:
-        """Curvatures c at both ends of the intervals, to bound x at both [1/m], (2, n)."""
-        # If `c x <= a` holds at both ends of an interval, and x is linear in s, then the curvature
-        # times x is at most a on the whole interval. If the curvature k is also linear, a / k is
-        # convex, so x stays below its tangent, whose values at the ends are a / c. The tangent
-        # touches in the middle, or closer to the end with the larger curvature, so that it is
-        # positive.
+        """Curvatures c at interval ends [1/m], (2, n); `c ds² <= limit` there bounds intervals."""
+        # If `c x <= a` holds at both ends of an interval, then the curvature times x is at most a
+        # on the whole interval, because x is linear in s. If the curvature k is linear too, a / k
+        # is convex, so a tangent of a / k is a lower bound. The values of the tangent at the ends
+        # are a / c. The tangent touches in the middle, or closer to the end with the larger
+        # curvature, so that both values are positive.
         chords = self._chords_on(grid)
         touch = np.maximum(chords.mean(axis=0), TOUCH * chords.max(axis=0))
         return np.asarray(touch * touch / np.maximum(2 * touch - chords, 1e-300))
 
     def _chords_on(self, grid: Grid) -> FloatArray:
-        """Curvatures at both ends of the intervals whose chord exceeds the curvature, (2, n)."""
-        # Where the curvature varies, a factor bounds its excess over the chord: twice the excess of
-        # the samples.
+        """Curvatures at both interval ends [1/m], (2, n), whose chord is an upper bound."""
+        # If the curvature varies, the values at both ends are multiplied by 1 plus twice the
+        # largest relative excess of the samples over their chord.
         chords = np.empty((2, len(grid)))
         chords[:] = self.curvature[grid.piece]
         i = np.flatnonzero(self.uneven[grid.piece])
         if len(i):
-            s = grid.s[i] + SHARES * grid.width[i]
+            s = grid.s[i] + INTERVAL_SAMPLES * grid.width[i]
             pieces = np.broadcast_to(grid.piece[i], s.shape)
             values = _measure(self.joint_path, self.arm, pieces, s)[1]
-            begin, end = np.maximum(values[0], FLAT), np.maximum(values[-1], FLAT)
-            even = begin + SHARES[1:-1] * (end - begin)
+            begin, end = np.maximum(values[0], STRAIGHT), np.maximum(values[-1], STRAIGHT)
+            even = begin + INTERVAL_SAMPLES[1:-1] * (end - begin)
             bent = 1 + 2 * np.maximum(values[1:-1] / even - 1, 0.0).max(axis=0)
             chords[:, i] = np.stack([begin, end]) * bent
         return chords
 
 
 def _measure(joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray) -> FloatArray:
-    """Speed of the tool at ds = 1, and its acceleration normal to the motion, (2, *s.shape)."""
-    speed, _, across = _parts(*arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel())))
+    """Tool speed at ds = 1, and tool acceleration normal to the motion, (2, *s.shape)."""
+    speed, _, across = _speed_and_acceleration(
+        *arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel()))
+    )
     return np.stack([speed, across]).reshape(2, *s.shape)
 
 
-def _parts(velocity: FloatArray, acceleration: FloatArray) -> tuple[FloatArray, ...]:
+def _speed_and_acceleration(
+    velocity: FloatArray, acceleration: FloatArray
+) -> tuple[FloatArray, ...]:
     """Speeds, and accelerations along and normal to the motion, (n,) each."""
     speed = np.sqrt(np.einsum("ij,ij->i", velocity, velocity))
     # If the tool rests, the whole acceleration counts as normal.
@@ -102,7 +107,7 @@ def _parts(velocity: FloatArray, acceleration: FloatArray) -> tuple[FloatArray, 
 
 
 class ToolSpeed(Constraint):
-    """`tool speed <= assigned velocity`."""
+    """Limit `tool speed <= assigned velocity`."""
 
     name = "assigned velocity"
 
@@ -112,14 +117,14 @@ class ToolSpeed(Constraint):
         self._ceiling: FloatArray = (speed / metric.speed) ** 2
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Ceiling of each piece, which holds on the whole interval."""
+        """Upper bound of ds² on each interval, the same as on its piece of the joint path."""
         ceiling = np.empty((len(path), 2))
         ceiling[:] = self._ceiling[path.grid.piece, None]
         return (Ceiling(ceiling),)
 
 
 class RapidSpeed(Constraint):
-    """`tool speed <= limit` along a joint path without a tool path."""
+    """Limit `tool speed <= limit` along a joint path without a tool path."""
 
     name = "rapid speed"
 
@@ -128,9 +133,10 @@ class RapidSpeed(Constraint):
         self.limit, self._arm = limit, arm
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Ceiling of each interval: the largest sample plus the spread of the samples."""
+        """Upper bound of ds² on each interval, from samples of the tool speed."""
+        # The speed is at most the largest sample plus the spread of the samples.
         grid = path.grid
-        s = grid.s[:-1] + SHARES * grid.width
+        s = grid.s[:-1] + INTERVAL_SAMPLES * grid.width
         pieces = np.broadcast_to(grid.piece, s.shape)
         speed = _measure(grid.joint_path, self._arm, pieces, s)[0]
         bound = 2 * speed.max(axis=0) - speed.min(axis=0)
@@ -140,7 +146,7 @@ class RapidSpeed(Constraint):
 
 
 class CentripetalAcceleration(Constraint):
-    """`curvature ds² <= limit`, the paper's bound in corners."""
+    """Limit `curvature ds² <= limit`, which the paper uses in corners."""
 
     name = "centripetal acceleration"
 
@@ -149,14 +155,14 @@ class CentripetalAcceleration(Constraint):
         self.limit, self.metric = limit, metric
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Ceilings at both ends; between them x stays below their chord."""
+        """Upper bounds of ds² at both interval ends; ds² stays below the chord between them."""
         with np.errstate(divide="ignore"):
             ceiling = self.limit / self.metric.curvature_on(path.grid)
         return (Ceiling(np.ascontiguousarray(ceiling.T)),)
 
 
 class ToolAcceleration(Constraint):
-    """`|p' u + p'' x| <= limit` for the position p of the tool."""
+    """Limit `|p' dds + p'' ds²| <= limit` of the acceleration of the tool position p."""
 
     name = "tool acceleration"
     limit: float  # Largest length of the acceleration vector [m/s²]
@@ -165,14 +171,14 @@ class ToolAcceleration(Constraint):
         self.limit, self._arm = limit, arm
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Vectors in a frame that turns with the motion; on circles they are constant."""
-        speed, along, across = _parts(*self._arm.tool_motion(*path.motion))
+        """Vectors in a frame that turns with the motion, in which they are constant on circles."""
+        speed, along, across = _speed_and_acceleration(*self._arm.tool_motion(*path.motion))
         first, second = np.stack([speed, 0 * speed], axis=1), np.stack([along, across], axis=1)
         return (path.round(first, second, self.limit),)
 
 
 class AngularSpeed(Constraint):
-    """`|w|² x <= limit²` for the angular velocity w of the tool at ds = 1."""
+    """Limit `|w|² ds² <= limit²`, where w is the angular velocity of the tool at ds = 1."""
 
     name = "angular speed"
 
@@ -181,14 +187,14 @@ class AngularSpeed(Constraint):
         self.limit, self._tool = limit, require_orientation(arm)
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Square of the angular speed."""
+        """Square of the angular speed at ds = 1, relative to the square of the limit."""
         q, first, _ = path.motion
         w = self._tool.tool_twist(q, first)[:, 3:]
         return (path.square(np.einsum("ij,ij->i", w, w) / self.limit**2),)
 
 
 class AngularAcceleration(Constraint):
-    """`|w u + w' x| <= limit` for the angular velocity w of the tool at ds = 1."""
+    """Limit `|w dds + w' ds²| <= limit`, where w is the angular velocity of the tool at ds = 1."""
 
     name = "angular acceleration"
     limit: float  # Largest length of the angular acceleration vector [rad/s²]
@@ -197,7 +203,7 @@ class AngularAcceleration(Constraint):
         self.limit, self._tool = limit, require_orientation(arm)
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Angular rates and their derivatives as vectors."""
+        """Angular velocity at ds = 1 and its derivative in s, as vectors."""
         q, first, second = path.motion
         w = self._tool.tool_twist(q, first)[:, 3:]
         rate = self._tool.tool_twist_rate(q, first, second)[:, 3:]

@@ -17,15 +17,15 @@ from armcontour.core.kernels import compiled
 
 # Largest step, as a share of the step to the nearest bound.
 NEAREST = 0.995
-# The same for rows with the length of a vector.
+# The same share for vector rows, which limit the norm of a vector
 NEAREST_ROUND = 0.9
 # A step that violates a row by rounding is shortened by this factor, at most this many times.
-SHORTER, MAX_SHORTER = 0.5, 30
-# The barrier is reduced by the factor FALL once Newton's decrement is below the share CENTERED of
-# the gap and the step exceeds the share LONG; faster rules end in tiny steps.
-FALL, CENTERED, LONG = 0.15, 0.1, 0.3
-# Tangents are moved if rows retain this share of their slack.
-KEPT = 0.1
+SHORTENING, MAX_SHORTENINGS = 0.5, 30
+# The barrier is reduced by the factor REDUCTION once Newton's decrement is below the share CENTERED
+# of the gap and the step exceeds the share LONG_STEP. Faster reduction leads to tiny steps.
+REDUCTION, CENTERED, LONG_STEP = 0.15, 0.1, 0.3
+# A tangent is moved if its rows retain at least this share of their slack.
+MIN_SLACK = 0.1
 # Gauss-Legendre nodes and weights on [0, 1] for the duration of a cell.
 NODES = 0.5 + 0.5 * np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
@@ -37,7 +37,7 @@ DURATION, START, END = 0, 1, 2
 
 
 class JerkSection(NamedTuple):
-    """Problem between two rests, or other ends, on n cells in m parts."""
+    """Optimization problem of one section with n cells, which are divided into m parts."""
 
     # A row `(x, y, z)` of cell i means `x d[i] + y d[i + 1] + z d[i + 2]`, where d[0] and d[n + 1]
     # are the values of a at the start and the end.
@@ -51,23 +51,24 @@ class JerkSection(NamedTuple):
     ramps: FloatArray
     cell: IntArray  # The cell of each part, (m,)
     plain: FloatArray  # Rows `low <= row <= high` of each part, (m, k, 3)
-    low: FloatArray  # low, high: Their bounds, (m, k)
+    low: FloatArray  # low, high: Bounds of the plain rows, (m, k)
     high: FloatArray
     # Rows `|row| <= jerk f`, where f is a control point of the tangent below a^(-1/2), (m, l, 3)
     curved: FloatArray
-    jerk: FloatArray  # Their limits, (l,)
-    curved_points: IntArray  # Their control points, (l,)
+    jerk: FloatArray  # Limits of the curved rows, (l,)
+    curved_points: IntArray  # Index of the control point f of each curved row, (l,)
     # Rows of the control points of a on each part, as a polynomial of the degree of the curved
     # rows, (m, j, 3)
     raised: FloatArray
     # Point of contact of the tangent of each part with a^(-1/2) [m²/s²], (m,); changed by the
     # search
     about: FloatArray
-    # Vectors of rows, `|vector| <= radius`, or `<= radius f - margin`, (m, o, 3, 3)
+    # Vector rows `|vector| <= radius - margin`, or `|vector| <= radius f - margin`, (m, o, 3, 3)
     round: FloatArray
-    radius: FloatArray  # radius, margin: Radii and margins of the round rows, (m, o)
+    radius: FloatArray  # radius, margin: Radii and margins of the vector rows, (m, o)
     margin: FloatArray
-    round_points: IntArray  # Their control points, or -1 for a fixed radius, (o,)
+    # Index of the control point f of each vector row; -1 for a fixed radius, (o,)
+    round_points: IntArray
 
 
 class _Duals(NamedTuple):
@@ -78,6 +79,15 @@ class _Duals(NamedTuple):
     curved: FloatArray
     round: FloatArray
     positive: FloatArray
+
+
+class _Iterate(NamedTuple):
+    """Arrays of one iterate, changed in place."""
+
+    d: FloatArray  # Control points of a [m²/s²], (n + 2,)
+    tangents: FloatArray  # Tangent of the current part, see `_write_tangents`, (j, 4)
+    slack: _Duals
+    dual: _Duals
 
 
 @compiled(inner=True, allocates=True)
@@ -113,7 +123,7 @@ def _axis_value(rows: FloatArray, c: int, r: int, k: int, i: int, d: FloatArray)
 
 @compiled(inner=True, inline="always")
 def _write_tangents(p: JerkSection, c: int, d: FloatArray, tangents: FloatArray) -> None:
-    """Write the control points of the tangent below a^(-1/2) in part c, and slopes, (j, 4)."""
+    """Write the control points of the tangent below a^(-1/2) in part c with derivatives, (j, 4)."""
     i = p.cell[c]
     root = 1.0 / math.sqrt(p.about[c])
     half = 0.5 * root / p.about[c]
@@ -134,7 +144,7 @@ def _mean(p: JerkSection, c: int, d: FloatArray) -> float:
 
 @compiled(inner=True, inline="always")
 def _radius(p: JerkSection, c: int, r: int, tangents: FloatArray) -> Any:
-    """Radius of a round row, and its slope, (value, x, y, z)."""
+    """Radius of a vector row and its derivatives, (value, x, y, z)."""
     k, radius = p.round_points[r], p.radius[c, r]
     if k < 0:
         return radius - p.margin[c, r], 0.0, 0.0, 0.0
@@ -153,7 +163,7 @@ def _vector(p: JerkSection, c: int, r: int, i: int, d: FloatArray) -> Any:
 
 @compiled(inner=True, inline="always")
 def _round_slack(bound: float, vector: Any) -> float:
-    """Slack of a vector; -1 without a radius."""
+    """Slack of a vector with the largest norm `bound`; -1 if the bound is not positive."""
     x, y, z = vector
     return bound - (x * x + y * y + z * z) / bound if bound > 0.0 else -1.0
 
@@ -162,7 +172,7 @@ def _round_slack(bound: float, vector: Any) -> float:
 def _write_slacks(
     p: JerkSection, d: FloatArray, free: int, tangents: FloatArray, slack: _Duals
 ) -> bool:
-    """Write the slacks of d, and return whether all are positive; a fixed end has no bound."""
+    """Write the slacks of d; returns true if all are positive. A fixed end has no bound."""
     n, smallest = len(p.width), math.inf
     for c in range(len(p.cell)):
         i = p.cell[c]
@@ -187,13 +197,13 @@ def _write_slacks(
         slack.positive[0] = 0.0
     if free != END:
         slack.positive[n + 1] = 0.0
-    # Also False for NaN.
+    # The comparison is also false if a slack is NaN.
     return smallest > 0.0
 
 
 @compiled()
 def limit_steps(values: FloatArray, steps: FloatArray) -> None:
-    """Reduce values in place until neighbours differ by at most these steps, (n - 1,)."""
+    """Reduce values in place until neighbours differ by at most `steps`, (n - 1,)."""
     for i in range(1, len(values)):
         values[i] = min(values[i], values[i - 1] + steps[i - 1])
     for i in range(len(values) - 1, 0, -1):
@@ -202,8 +212,8 @@ def limit_steps(values: FloatArray, steps: FloatArray) -> None:
 
 @compiled()
 def least_slacks(p: JerkSection, d: FloatArray) -> FloatArray:
-    """Smallest relative slack of d in each cell, (n,); positive if all rows hold."""
-    # Tangents are moved to d, where `improve` begins.
+    """Smallest relative slack of d in each cell, (n,); positive if d satisfies all rows."""
+    # Tangents are moved to d, from where `improve` starts.
     for c in range(len(p.cell)):
         p.about[c] = _mean(p, c, d)
     slack, tangents = _new_duals(p), np.empty((p.raised.shape[1], 4))
@@ -232,7 +242,7 @@ def least_slacks(p: JerkSection, d: FloatArray) -> FloatArray:
 
 @compiled(inner=True, inline="always")
 def _add_cell(bands: FloatArray, right: FloatArray, i: int, h: Any, g: Any) -> None:
-    """Add second derivatives and right sides of cell i to the diagonals."""
+    """Add second derivatives and right-hand sides of cell i to the bands of the system."""
     bands[0, i] += h[0]
     bands[1, i] += h[1]
     bands[2, i] += h[2]
@@ -252,7 +262,7 @@ def _accumulate(
     weight: float,
     push: float,
 ) -> Any:
-    """Add one row to the second derivatives and right sides of a cell."""
+    """Add one row to the second derivatives and right-hand sides of a cell."""
     x, y, z = row
     squares = (
         h[0] + weight * x * x,
@@ -267,7 +277,7 @@ def _accumulate(
 
 @compiled(inner=True)
 def _add_durations(p: JerkSection, d: FloatArray, bands: FloatArray, right: FloatArray) -> float:
-    """Duration [s]; adds its second derivatives and subtracts its gradient."""
+    """Add second derivatives and negative gradient of the duration; returns the duration [s]."""
     n = len(p.width)
     total = 0.0
     for i in range(n):
@@ -303,16 +313,9 @@ def _add_durations(p: JerkSection, d: FloatArray, bands: FloatArray, right: Floa
 
 @compiled(inner=True)
 def _add_bounds(
-    p: JerkSection,
-    d: FloatArray,
-    tangents: FloatArray,
-    slack: _Duals,
-    dual: _Duals,
-    mu: float,
-    bands: FloatArray,
-    right: FloatArray,
+    p: JerkSection, iterate: _Iterate, mu: float, bands: FloatArray, right: FloatArray
 ) -> None:
-    n = len(p.width)
+    n, (d, tangents, slack, dual) = len(p.width), iterate
     for c in range(len(p.cell)):
         i = p.cell[c]
         _write_tangents(p, c, d, tangents)
@@ -364,7 +367,7 @@ def _add_bounds(
 
 @compiled(inner=True, inline="always")
 def _round_slope(p: JerkSection, c: int, r: int, radius: Any, vector: Any) -> Any:
-    """Slope of `bound - |vector|² / bound`, (x, y, z)."""
+    """Derivatives of the slack `bound - |vector|² / bound` of a vector row, (x, y, z)."""
     bound, x, y, z = radius
     u, v, w = vector[0] / bound, vector[1] / bound, vector[2] / bound
     factor = 1.0 + u * u + v * v + w * w
@@ -378,7 +381,7 @@ def _round_slope(p: JerkSection, c: int, r: int, radius: Any, vector: Any) -> An
 
 @compiled(inner=True, inline="always")
 def _longest_steps(slack: float, dual: float, rise: float, change: float, reach: Any) -> Any:
-    """Longest steps of slacks and multipliers, including one more row."""
+    """Reduce the longest steps of slacks and multipliers so that one more bound is satisfied."""
     one, other = reach
     if -rise * one > NEAREST * slack:
         one = -NEAREST * slack / rise
@@ -389,8 +392,9 @@ def _longest_steps(slack: float, dual: float, rise: float, change: float, reach:
 
 @compiled(inner=True, inline="always")
 def _longest_round_step(bound: float, rise: float, vector: Any, change: Any, slack: float) -> float:
-    """Longest step that leaves a share of the slack of a round row."""
-    # `bound² - |vector|² - left bound >= 0` is quadratic in the step.
+    """Longest step that uses at most the share NEAREST_ROUND of the slack of a vector row."""
+    # With the remaining slack `left`, `bound² - |vector|² - left bound >= 0` is quadratic in the
+    # step.
     start = NEAREST_ROUND * bound * slack
     linear = (2.0 * bound - (1.0 - NEAREST_ROUND) * slack) * rise
     linear -= 2.0 * (vector[0] * change[0] + vector[1] * change[1] + vector[2] * change[2])
@@ -405,17 +409,10 @@ def _longest_round_step(bound: float, rise: float, vector: Any, change: Any, sla
 
 @compiled(inner=True)
 def _dual_changes(
-    p: JerkSection,
-    d: FloatArray,
-    step: FloatArray,
-    tangents: FloatArray,
-    slack: _Duals,
-    dual: _Duals,
-    mu: float,
-    change: _Duals,
+    p: JerkSection, iterate: _Iterate, step: FloatArray, mu: float, change: _Duals
 ) -> tuple[float, float]:
     """Write the changes of all multipliers; returns the longest steps of slacks and multipliers."""
-    n = len(p.width)
+    n, (d, tangents, slack, dual) = len(p.width), iterate
     reach = (1.0, 1.0)
     for c in range(len(p.cell)):
         i = p.cell[c]
@@ -465,7 +462,7 @@ def _dual_changes(
 
 @compiled(inner=True)
 def _move_tangents(p: JerkSection, d: FloatArray, tangents: FloatArray, slack: _Duals) -> None:
-    """Move the tangent of each part to d if every row keeps the share KEPT of its slack."""
+    """Move the tangent of each part to d if every row retains the share MIN_SLACK of its slack."""
     for c in range(len(p.cell)):
         i, before = p.cell[c], p.about[c]
         p.about[c] = _mean(p, c, d)
@@ -473,11 +470,11 @@ def _move_tangents(p: JerkSection, d: FloatArray, tangents: FloatArray, slack: _
         good = True
         for r in range(p.curved.shape[1]):
             bound, f = p.jerk[r] * tangents[p.curved_points[r], 0], _row_value(p.curved, c, r, i, d)
-            good &= bound - f >= KEPT * slack.curved[c, r, 0]
-            good &= bound + f >= KEPT * slack.curved[c, r, 1]
+            good &= bound - f >= MIN_SLACK * slack.curved[c, r, 0]
+            good &= bound + f >= MIN_SLACK * slack.curved[c, r, 1]
         for r in range(p.round.shape[1]):
             radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
-            good &= _round_slack(radius[0], vector) >= KEPT * slack.round[c, r]
+            good &= _round_slack(radius[0], vector) >= MIN_SLACK * slack.round[c, r]
         if not good:
             p.about[c] = before
             continue
@@ -530,7 +527,7 @@ def _solve_bands(bands: FloatArray, right: FloatArray) -> None:
 
 @compiled(inner=True)
 def _fix_ends(bands: FloatArray, right: FloatArray, free: int) -> None:
-    """Remove the ends from Newton's system, except a free one."""
+    """Fix both ends in Newton's system, except the end `free`."""
     last = len(right) - 1
     if free != START:
         bands[0, 0], bands[1, 0], bands[2, 0], right[0] = 1.0, 0.0, 0.0, 0.0
@@ -555,7 +552,7 @@ def _count_bounds(p: JerkSection, dual: _Duals) -> float:
 
 @compiled(inner=True)
 def _central_duals(p: JerkSection, slack: _Duals, mu: float, dual: _Duals) -> None:
-    """Multipliers on the central path of mu."""
+    """Write the multipliers on the central path with the barrier parameter mu."""
     for c in range(p.low.shape[0]):
         for r in range(p.low.shape[1]):
             dual.low[c, r] = mu / slack.low[c, r] if p.low[c, r] > -math.inf else 0.0
@@ -581,19 +578,20 @@ def _add_scaled(dual: FloatArray, change: FloatArray, share: float) -> None:
 def improve(
     p: JerkSection,
     d: FloatArray,
-    goal: int,  # DURATION, or START or END: the end at which a is free and is raised to the target
+    goal: int,  # DURATION, or the end at which a is free and raised to the target: START or END
     target: float,  # Value of a at which the search for START or END ends
     weight: float,
     tolerance: float,
     max_iterations: int,
 ) -> int:
     """Improve a strictly feasible d in place until its gap is small; returns the iterations."""
-    # `d`: control points of a [m²/s²], (n + 2,); the ends are fixed except that of the goal;
-    # `weight`: weight of the target against the duration, which is also minimized and keeps the
-    # rest of the path away from rest.
+    # `d`: control points of a [m²/s²], (n + 2,); the ends are fixed except the end of the goal.
+    # `weight`: weight of the target relative to the duration, which is also minimized, so that the
+    # remaining path does not slow down to rest.
     n = len(p.width)
     slack, dual, change = _new_duals(p), _new_duals(p), _new_duals(p)
     tangents = np.empty((p.raised.shape[1], 4))
+    iterate = _Iterate(d, tangents, slack, dual)
     bands, right, trial = np.zeros((3, n + 2)), np.zeros(n + 2), np.empty(n + 2)
     end = 0 if goal == START else n + 1
     _write_slacks(p, d, goal, tangents, slack)
@@ -607,14 +605,14 @@ def improve(
         size = _add_durations(p, d, bands, right)
         if goal != DURATION:
             right[end] += pull
-        _add_bounds(p, d, tangents, slack, dual, mu, bands, right)
+        _add_bounds(p, iterate, mu, bands, right)
         _fix_ends(bands, right, goal)
         trial[:] = right
         _solve_bands(bands, right)
         decrement = 0.0
         for i in range(n + 2):
             decrement += trial[i] * right[i]
-        reach = _dual_changes(p, d, right, tangents, slack, dual, mu, change)
+        reach = _dual_changes(p, iterate, right, mu, change)
         share = reach[0]
         landed = goal != DURATION and d[end] + share * right[end] >= target
         if landed:
@@ -622,9 +620,9 @@ def improve(
         _take_step(d, right, share, trial)
         halvings = 0
         while not _write_slacks(p, trial, goal, tangents, slack):
-            # Rounding errors close to a bound.
-            halvings, share, landed = halvings + 1, share * SHORTER, False
-            if halvings > MAX_SHORTER:
+            # Rounding errors close to a bound can violate a row.
+            halvings, share, landed = halvings + 1, share * SHORTENING, False
+            if halvings > MAX_SHORTENINGS:
                 return iteration
             _take_step(d, right, share, trial)
         d[:] = trial
@@ -638,8 +636,8 @@ def improve(
         _add_scaled(dual.curved, change.curved, reach[1])
         _add_scaled(dual.round, change.round, reach[1])
         _add_scaled(dual.positive, change.positive, reach[1])
-        if decrement < CENTERED * bounds * mu and min(share, reach[1]) > LONG:
+        if decrement < CENTERED * bounds * mu and min(share, reach[1]) > LONG_STEP:
             if bounds * mu <= 0.5 * tolerance * size:
                 return iteration + 1
-            mu *= FALL
+            mu *= REDUCTION
     return max_iterations

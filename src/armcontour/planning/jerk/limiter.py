@@ -1,4 +1,4 @@
-"""Plans with limits of jerk, computed from a plan without them."""
+"""Plans with limits of jerk, computed from a plan without limits of jerk."""
 
 from __future__ import annotations
 
@@ -33,37 +33,37 @@ from armcontour.planning.jerk.mesh_rows import MeshRows
 from armcontour.planning.options import MAX_ITERATIONS, Task
 from armcontour.planning.topp.kernels import MotionBounds
 
-# Default number of cells: PER_BUILD_UP while an acceleration builds up, but at least FEWEST_CELLS
-# plus FEWEST_PER_PIECE for each polynomial of the joint path.
+# Default number of cells: PER_BUILD_UP in the time in which an acceleration builds up, but at least
+# FEWEST_CELLS plus FEWEST_PER_PIECE for each polynomial of the joint path.
 PER_BUILD_UP, FEWEST_CELLS, FEWEST_PER_PIECE = 2.0, 1000, 3
-# If more cells than MAX_CELLS result, jerk is so large that fewer cells resolve its effect:
-# MANY_CELLS plus MANY_PER_PIECE for each polynomial, and PIECES_OF_SECTION polynomials for each
-# section, because of the cells at its ends.
+# If this number exceeds MAX_CELLS, the jerk is so large that fewer cells resolve its effect:
+# MANY_CELLS plus MANY_PER_PIECE for each polynomial. A section counts as PIECES_OF_SECTION more
+# polynomials, because of the cells at its ends.
 MAX_CELLS, MANY_CELLS, MANY_PER_PIECE, PIECES_OF_SECTION = 20_000, 4000, 8, 10
-# Share of the largest path acceleration below which motion is even.
-EVEN = 0.01
-# The first pass has 1 / COARSER of the cells, and at least FEWEST.
+# Motion is uniform if its path acceleration is below this share of the largest path acceleration.
+UNIFORM = 0.01
+# The first pass has the number of cells divided by COARSER, but at least FEWEST cells.
 COARSER, FEWEST = 5, 60
-# Relative gaps at which the first and the second pass end.
-ROUGH, EXACT = 1e-2, 1e-4
-# Factor of ds² of the first plan at the start of the second pass.
+# Relative duality gaps at which the first and the second pass end
+COARSE_GAP, FINE_GAP = 1e-2, 1e-4
+# The second pass starts from ds² of the first plan times this factor.
 INSIDE = 0.9
-# A start is reduced next to violated rows by factors between LESS and MORE, at most MAX_LESS
-# times. Elsewhere its rise is limited to the share ROOM of the slopes that jerk and acceleration
-# allow.
-LESS, MORE, MAX_LESS = 0.5, 0.95, 400
-ROOM = 0.1
+# A start, the initial ds² of a search, is reduced near violated rows by factors between MIN_FACTOR
+# and MAX_FACTOR, at most MAX_REDUCTIONS times. The factor rises with the distance from these rows
+# by at most the share RISE_SHARE of the slopes that jerk and acceleration allow.
+MIN_FACTOR, MAX_FACTOR, MAX_REDUCTIONS = 0.5, 0.95, 400
+RISE_SHARE = 0.1
 # Smallest relative slack of a start.
 CLEAR = 1e-4
-# Margins are valid for these multiples of ds², dds and slope of the first pass, and for ds² down to
-# the share LEAST if rows need a lower bound.
+# Margins are valid up to these multiples of ds², dds and slope of the previous plan, and for ds²
+# down to its share LEAST if rows need a lower bound.
 HEADROOM, HEADROOM_RATE, HEADROOM_SLOPE = 1.5, 2.0, 4.0
 LEAST = 0.3
 # Smallest bound of dds, as a share of the largest dds.
 LEAST_RATE = 0.02
-# A plan is repeated with bounds wider by the factor WIDER, up to WIDEST, if bounds closer than the
-# share TOO_NEAR may cost more than the share LEAST_GAIN of the duration. Distances below TINY are
-# rounding errors.
+# The second pass is repeated with bounds that are wider by the factor WIDER, up to WIDEST, if
+# bounds closer to the plan than the share TOO_NEAR may cost more than the share LEAST_GAIN of the
+# duration. Distances below TINY are rounding errors.
 TOO_NEAR, WIDER, WIDEST, LEAST_GAIN, TINY = 0.02, 2.0, 16.0, 1e-5, 1e-9
 # Cells whose margins take more than this share of a limit are split.
 LARGEST_MARGIN, MAX_PARTS, MAX_SPLITS = 1e-2, 10, 6
@@ -77,56 +77,57 @@ WEIGHTS = (0.0, 1.0, 10.0, 100.0)
 
 
 def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
-    """Plan the fastest motion with limits of jerk."""
+    """Plan the fastest motion with limits of jerk, from a plan without limits of jerk."""
     section_ends, at_rest = find_sections(law, task)
     ends = find_ends(law, task, section_ends, at_rest)
     cells = _default_cells(law, ends) if task.cells is None else task.cells
-    # The number of rows is at least that of the polynomials of the joint path.
+    # Each polynomial of the joint path has rows of its own, so fewer cells would save little time.
     coarse = max(cells // COARSER, FEWEST, len(law.joint_path.breaks) // 2)
     mesh = place_mesh(law, law.s, coarse, section_ends, ends)
-    coarse_rows = _rows(task, mesh, law)
-    coarse_law = _solve(coarse_rows, (law, 1.0), task, ROUGH)
+    coarse_rows = _make_rows(task, mesh, law)
+    coarse_law = _solve(coarse_rows, (law, 1.0), task, COARSE_GAP)
     mesh = place_mesh(
         coarse_law, law.s, cells, section_ends, find_ends(coarse_law, task, section_ends, at_rest)
     )
     if coarse_rows.exact:
-        return _solve(_rows(task, mesh, coarse_law), (coarse_law, INSIDE), task, EXACT)
+        return _solve(_make_rows(task, mesh, coarse_law), (coarse_law, INSIDE), task, FINE_GAP)
     return _solve_with_margins(mesh, coarse_law, task)
 
 
 def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
-    """Second pass, for limits that need margins between the ends of cells."""
+    """Second pass, for limits that need margins inside cells; `near`: plan of the first pass."""
     curved = any(x.curved for x in task.active)
     splits, wider, best = 0, 1.0, None
     while True:
-        bounds = _bounds(mesh, near, wider, curved)
-        rows = _rows(task, mesh, near, bounds)
+        bounds = _make_bounds(mesh, near, wider, curved)
+        rows = _make_rows(task, mesh, near, bounds)
         narrow = (rows.lost > LARGEST_MARGIN) & (mesh.ramps[mesh.cell] == 0)
         if splits < MAX_SPLITS and narrow.any() and len(mesh.grid) < MAX_CELLS:
             parts = np.where(narrow, np.sqrt(rows.lost / LARGEST_MARGIN), 1)
             mesh, splits = mesh.split(np.clip(parts, 1, MAX_PARTS)), splits + 1
             continue
-        rows = _with_slow_ramps(rows, task, near)
+        rows = _reduce_ramp_bounds(rows, task, near)
         try:
-            law = _solve(rows, (near, INSIDE), task, EXACT)
+            law = _solve(rows, (near, INSIDE), task, FINE_GAP)
         except NotRealizable as error:
             if error.limit in (START_SPEED, END_SPEED) or not curved:
                 if best is None:
                     raise
                 return best
-            # Rows that hold down to rest always allow slow motion.
+            # Rows that are valid down to rest always allow slow motion.
             curved = False
             continue
         if best is None or law.breaks[-1] < best.breaks[-1]:
             best = law
-        if wider >= WIDEST or _gain(rows, bounds, law) < LEAST_GAIN:
+        if wider >= WIDEST or _estimate_gain(rows, bounds, law) < LEAST_GAIN:
             return best
         near, wider = law, wider * WIDER
 
 
-def _with_slow_ramps(rows: MeshRows, task: Task, near: PathLaw) -> MeshRows:
+def _reduce_ramp_bounds(rows: MeshRows, task: Task, near: PathLaw) -> MeshRows:
     """Reduce bounds on cells of uniform jerk whose margins are too large."""
-    # Such cells are not split; the bounds limit the plan, and margins decrease with them.
+    # Cells of uniform jerk are not split. Their bounds limit the plan, and the margins decrease
+    # with the bounds.
     for _ in range(MAX_SPLITS):
         bounds, mesh = rows.bounds, rows.mesh
         tight = (rows.lost > MAX_AT_RAMPS) & (mesh.ramps[mesh.cell] != 0)
@@ -134,11 +135,11 @@ def _with_slow_ramps(rows: MeshRows, task: Task, near: PathLaw) -> MeshRows:
             break
         share = np.where(tight, MAX_AT_RAMPS / np.maximum(rows.lost, 1), 1.0)
         bounds = bounds._replace(x=share * bounds.x, u=share * bounds.u)
-        rows = _rows(task, mesh, near, bounds)
+        rows = _make_rows(task, mesh, near, bounds)
     return rows
 
 
-def _rows(
+def _make_rows(
     task: Task, mesh: JerkMesh, near: PathLaw, bounds: MotionBounds | None = None
 ) -> MeshRows:
     about = square_at(near, (mesh.grid.s[:-1] + mesh.grid.s[1:]) / 2)
@@ -146,11 +147,11 @@ def _rows(
 
 
 def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
-    """Default number of cells: the time without even motion over the time of a build-up."""
+    """Default number of cells, in proportion to non-uniform motion over build-up time."""
     acceleration, jerk = np.median([(x.acceleration, x.jerk) for y in ends for x in y], axis=0)
     times, (_, dds, slope, _) = np.diff(law.breaks), law.rates
     largest = np.maximum(np.abs(dds), np.abs(dds + slope * np.diff(law.s)))
-    active = float(times[largest > EVEN * acceleration].sum())
+    active = float(times[largest > UNIFORM * acceleration].sum())
     with np.errstate(divide="ignore"):
         resolved = PER_BUILD_UP * active * np.divide(jerk, acceleration)
     pieces = len(law.joint_path.breaks) - 1
@@ -161,18 +162,19 @@ def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
     return int(count)
 
 
-def _bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> MotionBounds:
+def _make_bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> MotionBounds:
     ds, dds, slope, _ = near.rates
     width = np.diff(near.s)
     speed = near.speeds
     x = np.maximum(speed[:-1], speed[1:]) ** 2
     last = near.path_position(np.arange(len(width)), near.breaks[1:], 2)
     u = np.maximum(np.abs(dds), np.abs(last))
-    # Even motion has no rates, but a bound of zero would exclude all motion.
+    # Uniform motion has dds = 0, but a bound of zero would exclude any other motion.
     u = np.maximum(u, LEAST_RATE * u.max())
     change = np.maximum(np.abs(slope), u / width)
     smallest = np.minimum(speed[:-1], speed[1:]) ** 2
-    # Cells of the other plan that overlap each cell, and their neighbours.
+    # The bounds of a cell include the cells of the other plan that overlap it, and their
+    # neighbours.
     s = mesh.grid.s
     first = np.searchsorted(near.s, s[:-1], side="right") - 2
     count = np.searchsorted(near.s, s[1:], side="left") + 1
@@ -195,10 +197,11 @@ def _bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> Motion
     )
 
 
-def _gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
+def _estimate_gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
     """Share of the duration that wider bounds of a plan may save."""
-    # At the end of the search the product of each slack and its multiplier is the same share of the
-    # duration, and the multiplier times the bound is the gain of a bound that is twice as wide.
+    # At the end of the search, the product of slack and multiplier is the same share of the
+    # duration for all bounds. The multiplier times the bound is the time that a bound of twice the
+    # width saves.
     inner = rows.mesh.ramps[rows.mesh.cell] == 0
     square, (_, dds, slope, _) = law.speeds**2, law.rates
     low = np.minimum(square[:-1], square[1:])
@@ -212,46 +215,46 @@ def _gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
             ]
         )[:, inner]
     close = distance[distance < TOO_NEAR]
-    return float(0.5 * EXACT / rows.count * (1 / np.maximum(close, TINY)).sum())
+    return float(0.5 * FINE_GAP / rows.count * (1 / np.maximum(close, TINY)).sum())
 
 
 def _solve(rows: MeshRows, near: tuple[PathLaw, float], task: Task, tolerance: float) -> PathLaw:
-    """Fastest motion within the rows of all sections; `near` as in `_start`."""
+    """Fastest motion within the rows of all sections; `near` as in `_find_start`."""
     mesh, solutions = rows.mesh, []
     speeds = np.square([task.start_speed, task.end_speed])
     for k, at_rest in enumerate(mesh.at_rest):
         p = rows.of_section(k)
         s = mesh.nodes[mesh.sections[k] : mesh.sections[k + 1] + 1]
         targets = np.where(at_rest, 0.0, speeds)
-        d = _start(p, s, at_rest, near, targets, rows.steep(k))
+        d = _find_start(p, s, at_rest, near, targets, rows.allowed_slopes(k))
         for goal, end, target in ((START, 0, targets[0]), (END, -1, targets[1])):
             allowed = float(p.high[end, 0 if end == 0 else 2])
             if (1 - CLOSE_TO_LIMIT) * target <= allowed:
                 target = min(target, (1 - CLOSE_TO_LIMIT) * allowed)
             for weight in WEIGHTS:
                 if d[end] < target:
-                    improve(p, d, goal, target, weight, ROUGH, MAX_ITERATIONS)
+                    improve(p, d, goal, target, weight, COARSE_GAP, MAX_ITERATIONS)
             if d[end] < target:
                 name = "start" if goal == START else "end"
                 raise_too_fast(name, target, float(d[end]), float(s[end]))
         improve(p, d, DURATION, 0.0, 0.0, tolerance, task.iterations)
         solutions.append(d)
-    return _law(rows, solutions)
+    return _make_law(rows, solutions)
 
 
-def _start(
+def _find_start(
     p: JerkSection,
     s: FloatArray,
     at_rest: BoolArray,
     near: tuple[PathLaw, float],
     targets: FloatArray,
-    steep: tuple[FloatArray, FloatArray],
+    allowed_slopes: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
-    """Control points of ds² of one section that satisfy every row, with its ends."""
-    # The start is the plan `near`, scaled by its factor and reduced where it violates rows.
-    # `ds^1.5` of a motion of uniform jerk from a rest is a line, so its allowed slope bounds the
-    # rise of a start. `steep` are the slopes of ds^1.5 and of ds² on every cell, (n,) each;
-    # `targets` are ds² at both ends.
+    """Control points of ds² of one section, including its ends, that satisfy every row [m²/s²]."""
+    # The start is the plan `near`, multiplied by its factor and reduced near violated rows. ds^1.5
+    # of a motion of uniform jerk from a rest is linear in s, so its allowed slope limits the rise
+    # of a start. `allowed_slopes`: allowed slopes of ds^1.5 and of ds² on every cell, (n,) each;
+    # `targets`: ds² at both ends.
     law, share = near
     inner = s[int(at_rest[0]) : len(s) - int(at_rest[1])]
     middle = (inner[:-1] + inner[1:]) / 2
@@ -262,15 +265,15 @@ def _start(
         power = profile**0.75
         for end in (0, -1):
             away = abs(middle[end] - s[end]) if at_rest[end] else 0.0
-            first_power = steep[0][end] * away + targets[end] ** 0.75
+            first_power = allowed_slopes[0][end] * away + targets[end] ** 0.75
             power[end] = min(power[end], first_power)
-        limit_steps(power, np.minimum(steep[0][1:], steep[0][:-1]) * spacing)
+        limit_steps(power, np.minimum(allowed_slopes[0][1:], allowed_slopes[0][:-1]) * spacing)
         profile = power ** (4 / 3)
-        limit_steps(profile, np.minimum(steep[1][1:], steep[1][:-1]) * spacing)
-    ratio = ROOM * np.minimum(steep[0] / profile**0.75, steep[1] / profile)
+        limit_steps(profile, np.minimum(allowed_slopes[1][1:], allowed_slopes[1][:-1]) * spacing)
+    ratio = RISE_SHARE * np.minimum(allowed_slopes[0] / profile**0.75, allowed_slopes[1] / profile)
     steps, doubled = np.minimum(ratio[1:], ratio[:-1]) * spacing, np.ones(len(spacing))
     part = np.ones(len(middle))
-    for _ in range(MAX_LESS):
+    for _ in range(MAX_REDUCTIONS):
         # If ds² more than doubles between cells, the tangent may be negative at any scale.
         height = np.log2(profile * part ** (4 / 3))
         limit_steps(height, doubled)
@@ -280,17 +283,18 @@ def _start(
         if (room > CLEAR).all():
             return d
         room[1:-1] = np.minimum(room[1:-1], np.minimum(room[:-2], room[2:]))
-        part *= np.where(room > CLEAR, 1.0, np.clip(1 + room, LESS, MORE))
+        part *= np.where(room > CLEAR, 1.0, np.clip(1 + room, MIN_FACTOR, MAX_FACTOR))
         limit_steps(part, steps)
     s_blocked = float(inner[int(p.cell[int(np.argmin(p.high.min(axis=1)))])])
     raise NotRealizable(
-        f"At {s_blocked:.6g} m along the path the limits allow no motion at all, however slow.",
+        f"At {s_blocked:.6g} m along the path the limits allow no motion, even at the lowest "
+        "speed: raise the limits, or change the path.",
         s=s_blocked,
     )
 
 
-def _law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
-    """Time law of control points of ds² of all sections, including both ends of each."""
+def _make_law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
+    """Make the time law from the control points of ds² of all sections, each with both ends."""
     mesh, begin, end = rows.mesh, rows.section.begin, rows.section.end
     grid, width, ramps = mesh.grid, mesh.width, mesh.ramps
     square = np.zeros((3, len(width)))  # control points of ds² on each cell
@@ -303,7 +307,8 @@ def _law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
             np.sum(x[cells] * around, axis=1) for x in (begin, end)
         )
         square[1, cells] = d[1:-1]
-        # At the moving end of a cell of uniform jerk.
+        # ds² at the moving end of a cell of uniform jerk equals ds² at the end of the adjacent
+        # cell.
         if start:
             square[2, first] = square[0, first + 1]
         if stop:
@@ -318,8 +323,8 @@ def _law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
     for sign, moving in ((1, 2), (-1, 0)):
         parts = np.flatnonzero(ramps[i] == sign)
         h = width[i[parts]]
-        # Uniform jerk: the distance is a third of the larger speed times the time from or to the
-        # rest.
+        # With uniform jerk, the length of the cell is a third of the speed at its moving end times
+        # the time from or to the rest.
         whole = 3 * h / np.sqrt(square[moving, i[parts]])
         jerk[parts] = 6 * h / whole**3
         since, until = (whole * np.cbrt(z[parts] if sign > 0 else 1 - z[parts]) for z in (x, y))

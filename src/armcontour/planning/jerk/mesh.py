@@ -12,43 +12,45 @@ from armcontour.motion import JointPath, PathLaw
 from armcontour.planning.constraints import JointMotion, OnGrid, limits_on
 from armcontour.planning.options import Task
 from armcontour.planning.path_grid import Grid
-from armcontour.planning.topp.limit_forms import collect, largest_u
+from armcontour.planning.topp.limit_forms import combine_forms, largest_u
 
-# Shares of the cells that are distributed over time, over arc length, and as the grid of the plan
-# without jerk, which is finer where the joints turn.
+# Shares of the cells that are distributed over time, over arc length, and like the grid of the plan
+# without limits of jerk, which is finer where the joints turn
 OVER_TIME, OVER_LENGTH, OVER_TURNS = 0.5, 0.3, 0.2
-# Length of the cell at a rest, as a share of the distance in which the acceleration builds up.
+# Length of the cell at a rest, as a share of the build-up distance, in which acceleration builds up
 FIRST_CELL = 0.3
-# Up to this many such distances from a rest, cells take equal times.
+# Up to this multiple of the build-up distance from a rest, cells have equal durations.
 RAMPS = 8.0
-# Farther away their growth is limited to this share of their distance.
+# Farther away, the length of a cell increases by this share of the distance from the rest.
 GROWTH = 0.3
 # Largest and smallest length of the first cell, as shares of a section.
 LONGEST_FIRST, SHORTEST_FIRST = 0.02, 1e-9
 # Smallest length of other cells, as a share of a section; below it the slope is a rounding error.
 SHORTEST = 1e-9
-# Number of points at which the mass of cells next to a rest is computed.
-PLACES = 200
-# Breaks of the joint path closer to another one than this share of a cell end parts, not cells.
+# Number of points at which the cumulative number of cells next to a rest is computed
+SAMPLES = 200
+# A break of the joint path is an end of cells, unless it is closer to the previous end than this
+# share of a cell; then it only divides the cell into parts.
 NEAR_KNOT = 0.3
-# Nodes closer to a break than this share of the next cell are moved there.
+# A node closer to a break than this share of the shorter adjacent cell is moved to the break.
 SNAP = 0.2
 
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """Start or stop of the motion at an end of a section."""
+    """Motion at an end of a section: rest or speed, and scales for the cells near this end."""
 
-    rest: bool  # True if the motion rests there
-    square: float  # ds² there [m²/s²]
-    acceleration: float  # Largest path acceleration near it [m/s²]
-    jerk: float  # Largest path jerk near it [m/s³]
+    rest: bool  # True if the motion rests at this end
+    square: float  # ds² at this end [m²/s²]
+    acceleration: float  # Largest path acceleration near this end [m/s²]
+    jerk: float  # Largest path jerk near this end [m/s³]
     speed: float  # Largest path speed of the section [m/s]
-    even: float  # Length over which the joint path is nearly straight near it [m]
+    even: float  # Length over which the joint path is nearly straight near this end [m]
 
     def first_cell(self, length: float) -> float:
-        """Length of the cell of uniform jerk next to a rest [m], in a section of a given length."""
-        # Next to another end it is the length over which ds² may change much.
+        """Length of the first cell at this end [m], in a section of a given length."""
+        # At a rest this is the cell of uniform jerk. At another end it is the length over which ds²
+        # may change much.
         shortest, longest = SHORTEST_FIRST * length, min(LONGEST_FIRST * length, self.even)
         longest = max(shortest, longest)
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
@@ -66,7 +68,7 @@ class End:
 
 @dataclass(frozen=True, slots=True)
 class JerkMesh:
-    """Cells of a path and their parts, in sections between rests or other ends."""
+    """Cells of a path and parts of these cells, in sections between rests or other ends."""
 
     # ds² is one parabola on each cell, and the joint path one polynomial on each part.
 
@@ -84,7 +86,7 @@ class JerkMesh:
 
     @property
     def ramps(self) -> IntArray:
-        """1 for cells of uniform jerk from a rest, -1 for those to a rest, else 0, (n,)."""
+        """Uniform jerk: 1 for cells from a rest, -1 for cells to a rest, 0 for others, (n,)."""
         signs = np.zeros(len(self.nodes) - 1, dtype=np.intp)
         signs[self.sections[:-1][self.at_rest[:, 0]]] = 1
         signs[self.sections[1:][self.at_rest[:, 1]] - 1] = -1
@@ -101,7 +103,8 @@ class JerkMesh:
         return cls(grid, nodes, np.searchsorted(nodes, middle) - 1, sections, at_rest)
 
     def split(self, parts: FloatArray) -> JerkMesh:
-        """Split cells, except those of uniform jerk; `parts` are numbers for the parts, (m,)."""
+        """Split each cell into the largest number that `parts`, (m,), has for its parts."""
+        # Cells of uniform jerk are not split.
         largest = np.ones(len(self.nodes) - 1)
         np.maximum.at(largest, self.cell, parts)
         count = np.where(self.ramps != 0, 1, np.ceil(largest)).astype(np.intp)
@@ -116,7 +119,7 @@ class JerkMesh:
 
 
 @dataclass(frozen=True, slots=True)
-class _Share:
+class _CellDistribution:
     """Distribution of the cells along the path."""
 
     law: PathLaw
@@ -136,15 +139,15 @@ class _Share:
 def place_mesh(
     law: PathLaw,
     turns: FloatArray,  # Arc lengths from start to end, denser where the joints turn [m]
-    cells: int,  # Approximate number of cells, without those next to rests
+    cells: int,  # Approximate number of cells, without the cells next to rests
     section_ends: FloatArray,  # Arc lengths of the ends of the sections [m], (sections + 1,)
     ends: list[tuple[End, End]],  # Start and stop of the motion in each section
 ) -> JerkMesh:
-    """Make cells for a plan close to another one."""
-    node_rows, first, share = [], [0], _Share(law, turns)
+    """Place the cells for a plan that is close to the plan `law`."""
+    node_rows, first, share = [], [0], _CellDistribution(law, turns)
     per_ramp = float(np.clip(cells / 50, 8, 20))
     for begin, end, both in zip(section_ends[:-1], section_ends[1:], ends, strict=True):
-        nodes = _nodes(share, cells, (float(begin), float(end)), both, per_ramp)
+        nodes = _place_nodes(share, cells, (float(begin), float(end)), both, per_ramp)
         node_rows.append(nodes[:-1])
         first.append(first[-1] + len(nodes) - 1)
     nodes = np.concatenate([*node_rows, section_ends[-1:]])
@@ -152,8 +155,12 @@ def place_mesh(
     return JerkMesh.through(law.joint_path, nodes, np.array(first), at_rest)
 
 
-def _nodes(
-    share: _Share, cells: int, limits: tuple[float, float], ends: tuple[End, End], per_ramp: float
+def _place_nodes(
+    share: _CellDistribution,
+    cells: int,
+    limits: tuple[float, float],
+    ends: tuple[End, End],
+    per_ramp: float,
 ) -> FloatArray:
     begin, end = limits
     length = end - begin
@@ -161,12 +168,12 @@ def _nodes(
     inner = np.concatenate([x[(x > begin) & (x < end)] for x in (share.law.s, share.turns)])
     knots = share.law.joint_path.breaks
     knots = knots[(knots > begin) & (knots < end)]
-    s = np.unique(np.concatenate([[begin, end], inner, knots, _near_ends(limits, firsts)]))
+    s = np.unique(np.concatenate([[begin, end], inner, knots, _sample_ends(limits, firsts)]))
     mass = cells * share.before(s)
     for first, away, sign, section_end in zip(
         firsts, (s - begin, end - s), (1, -1), ends, strict=True
     ):
-        mass += sign * _mass_near(first, away, per_ramp if section_end.rest else 0.0)
+        mass += sign * _count_cells(first, away, per_ramp if section_end.rest else 0.0)
     start, stop = (begin + firsts[0] * ends[0].rest, end - firsts[1] * ends[1].rest)
     low, high = np.interp([start, stop], s, mass)
     targets, last = [low], low
@@ -182,12 +189,12 @@ def _nodes(
     positions = needed[intervals] + np.diff(needed)[intervals] * number / count[intervals]
     nodes = np.append(np.interp(positions, mass, s), stop)
     nodes[0] = start
-    nodes = _snap(_apart(nodes, SHORTEST * length), knots)
+    nodes = _snap(_drop_close_nodes(nodes, SHORTEST * length), knots)
     before, after = [begin] * ends[0].rest, [end] * ends[1].rest
     return np.concatenate([before, nodes, after])
 
 
-def _apart(nodes: FloatArray, spacing: float) -> FloatArray:
+def _drop_close_nodes(nodes: FloatArray, spacing: float) -> FloatArray:
     """Remove inner nodes until all distances are at least `spacing` [m]."""
     steps = np.floor((nodes - nodes[0]) / spacing)
     mask = np.append(True, np.diff(steps) > 1)
@@ -197,7 +204,7 @@ def _apart(nodes: FloatArray, spacing: float) -> FloatArray:
 
 
 def _snap(nodes: FloatArray, knots: FloatArray) -> FloatArray:
-    """Move inner nodes onto breaks of the joint path that are much nearer than the next node."""
+    """Move inner nodes to breaks of the joint path that are much closer than the adjacent nodes."""
     if not len(knots) or len(nodes) < 3:
         return nodes
     i = np.clip(np.searchsorted(knots, nodes[1:-1]), 1, max(len(knots) - 1, 1))
@@ -210,17 +217,17 @@ def _snap(nodes: FloatArray, knots: FloatArray) -> FloatArray:
     return snapped
 
 
-def _near_ends(limits: tuple[float, float], firsts: list[float]) -> FloatArray:
-    """Arc lengths at which the mass of cells next to ends of a section is computed [m]."""
+def _sample_ends(limits: tuple[float, float], firsts: list[float]) -> FloatArray:
+    """Arc lengths at which the number of cells next to the ends of a section is computed [m]."""
     length = limits[1] - limits[0]
-    first, last = (np.geomspace(x, length, PLACES)[:-1] for x in firsts)
+    first, last = (np.geomspace(x, length, SAMPLES)[:-1] for x in firsts)
     return np.concatenate([limits[0] + first, limits[1] - last])
 
 
-def _mass_near(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
+def _count_cells(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
     """Number of cells from the first one to points at distances `away` from an end [m], (n,)."""
-    # `per_ramp` is the number of cells per time of the first cell next to a rest; 0 next to other
-    # ends.
+    # `per_ramp`: number of cells per duration of the first cell next to a rest; 0 next to another
+    # end.
     if per_ramp == 0:
         return np.asarray(np.log1p(GROWTH * away / first) / GROWTH)
     last = first * RAMPS / FIRST_CELL
@@ -230,26 +237,26 @@ def _mass_near(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
     return np.asarray(near + beyond)
 
 
-# A jump of d2q_ds2, or of its effect on the tool, requires a stop if it exceeds the share KINK of
-# its size, and if the jerk needs longer than the share TOO_SHORT of the duration for it at the
-# speed of the plan.
+# A jump of d2q_ds2, or of its effect on the tool, requires a stop under two conditions: it exceeds
+# the share KINK of the values on both sides, and at the speed of the plan, the jerk limit needs
+# more than the share TOO_SHORT of the duration for it.
 KINK, TOO_SHORT = 1e-6, 1e-8
-# In a long plan the jump requires a stop if the jerk needs longer than this for it [s]: half of the
-# time that `check` tolerates as rounding.
-AT_ONCE = 5e-6
+# Time that replaces the share TOO_SHORT in a long plan [s]: half of the time that `check` tolerates
+# as rounding
+ROUNDING_TIME = 5e-6
 # Largest change of direction over the length `even` [rad].
 EVEN_BEND = 5e-4
-# dq_ds vanishes at an end if it is below the share STANDING of that nearby; the first cell is then
-# at most the share SHARE_AT_STANDING of the section.
-STANDING, SHARE_AT_STANDING = 0.1, 5e-4
-# Distance from a rest at which its rates are evaluated, as a share of its section.
+# dq_ds vanishes at an end if it is below the share VANISHED of dq_ds nearby. The first cell is then
+# at most the share FIRST_AT_VANISHED of the section.
+VANISHED, FIRST_AT_VANISHED = 0.1, 5e-4
+# Distance from an end at which acceleration and jerk are evaluated, as a share of the section
 NEAR_REST = 5e-3
 
 
 def find_sections(law: PathLaw, task: Task) -> tuple[FloatArray, BoolArray]:
     """Ends of the sections of a path [m], and a mask of rests at their starts and ends."""
     path, inner = law.joint_path, law.s[1:-1]
-    stops = np.union1d(path.stops, _bends(law, task))
+    stops = np.union1d(path.stops, _find_jumps(law, task))
     stops = stops[(stops > law.s[0]) & (stops < law.s[-1])]
     if len(inner):
         stops = np.union1d(stops, inner[law.rates.ds[1:] == 0])
@@ -259,7 +266,7 @@ def find_sections(law: PathLaw, task: Task) -> tuple[FloatArray, BoolArray]:
     return ends, at_rest
 
 
-def _bends(law: PathLaw, task: Task) -> FloatArray:
+def _find_jumps(law: PathLaw, task: Task) -> FloatArray:
     """Breaks of the joint path at which limited accelerations jump at the speed of a plan [m]."""
     path, jerk, inner = law.joint_path, task.jerk, np.arange(1, len(law.joint_path.breaks) - 1)
     breaks = path.breaks[inner]
@@ -272,14 +279,14 @@ def _bends(law: PathLaw, task: Task) -> FloatArray:
         jump, size = np.hstack([jump, turn]), np.hstack([size, one + other])
         limit = np.append(limit, jerk.tool)
     square = square_at(law, np.clip(breaks, law.s[0], law.s[-1]))[:, None]
-    soon = min(TOO_SHORT * law.breaks[-1], AT_ONCE) * limit
+    soon = min(TOO_SHORT * law.breaks[-1], ROUNDING_TIME) * limit
     return np.asarray(breaks[((jump > KINK * size) & (jump * square > soon)).any(axis=1)])
 
 
 def find_ends(
     law: PathLaw, task: Task, section_ends: FloatArray, at_rest: BoolArray
 ) -> list[tuple[End, End]]:
-    """Start and stop of the motion in each section, close to a plan."""
+    """Motion at the start and the stop of each section, with scales from a plan."""
     grid = Grid(law.joint_path, law.s, law.joint_path.locate((law.s[:-1] + law.s[1:]) / 2))
     path = OnGrid(grid)
     (first, second), (third, _) = path.derivatives
@@ -287,7 +294,7 @@ def find_ends(
     for constraint in task.active:
         if isinstance(constraint, JointMotion) and len(constraint.low):
             acceleration = np.minimum(
-                acceleration, largest_u(collect([constraint.rows(path)], len(path)))
+                acceleration, largest_u(combine_forms([constraint.rows(path)], len(path)))
             )
     with np.errstate(divide="ignore"):
         jerk = (task.jerk.joint / np.abs(first).max(axis=1)).min(axis=1)
@@ -307,9 +314,10 @@ def find_ends(
         edge = section_ends[side : len(section_ends) - 1 + side]
         j = np.clip(np.searchsorted(law.s, edge, side="right") - 1 - side, 0, len(grid) - 1)
         straight = np.nan_to_num(np.fmin(even[i], even[j]), nan=np.inf)
-        # If dq_ds is zero at the end, the direction of motion is that farther inside.
-        standing = size[j] < STANDING * size[i]
-        straight = np.where(standing, SHARE_AT_STANDING * np.diff(section_ends), straight)
+        # If dq_ds vanishes at the end, `even` is not defined there, and a share of the section is
+        # used.
+        standing = size[j] < VANISHED * size[i]
+        straight = np.where(standing, FIRST_AT_VANISHED * np.diff(section_ends), straight)
         rows = zip(at_rest[:, side], acceleration[i], jerk[i], speed, straight, strict=True)
         return [
             End(bool(rest), float(squares[side]), float(x), float(y), float(v), float(e))

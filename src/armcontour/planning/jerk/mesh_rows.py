@@ -27,12 +27,12 @@ from armcontour.planning.topp.kernels import MotionBounds, rows_with_friction
 from armcontour.planning.topp.limit_forms import HIGH, LOW, A, B, GridLimits, margins_of
 from armcontour.robot import Arm
 
-# Smallest value of a tangent of the bound of ds² at an end, as a share of its middle.
+# Smallest end value of the tangent that bounds ds², as a share of its middle value
 LEAST_SHARE = 0.25
 
 
 class MeshRows:
-    """All rows of a mesh, from which the sections select theirs."""
+    """Rows of the interior-point method for all sections of a mesh."""
 
     def __init__(
         self,
@@ -43,9 +43,9 @@ class MeshRows:
         about: FloatArray,
         arm: Arm,
     ) -> None:
-        # `bounds`: bounds of ds² and dds on the parts of cells, which limit the plan and determine
-        # the margins between the ends; None for no margins; `about`: without bounds: ds² on each
-        # part about which nonlinear limits are linearized, (n,).
+        # `bounds`: bounds of ds² and dds on the parts of cells. They limit the plan, and determine
+        # the margins inside parts; None for no margins. `about`: ds² on each part about which
+        # nonlinear limits are linearized if there are no bounds, (m,).
         self.mesh, self.bounds, self.jerk = mesh, bounds, jerk
         grid = mesh.grid
         self.path = OnGrid(grid)
@@ -56,7 +56,7 @@ class MeshRows:
         self.degree = max(3, int(used[-1]) if len(used) else 3)
         self.tool: ToolDerivatives | None = None
         if np.isfinite(jerk.tool):
-            # The tangents have the degree of the jerk of the tool.
+            # The tangents of a^(-1/2) have the degree of the tool jerk.
             self.tool, self.degree = ToolDerivatives.measure(grid, arm), DEGREE + 1
         self.length: FloatArray | None = None
         if np.isfinite(jerk.path) and grid.joint_path.tool_path is not None:
@@ -67,7 +67,7 @@ class MeshRows:
         sampled = []
         for constraint in active:
             if isinstance(constraint, JointMotion):
-                # Their rows are polynomials without margins.
+                # Rows of joint motion are polynomials, which need no margins.
                 if constraint.velocity.size:
                     self.speeds = np.minimum(self.speeds, constraint.fastest(self.path))
                 if len(constraint.low):
@@ -75,16 +75,16 @@ class MeshRows:
                     self.bounded = np.minimum(self.bounded, [-low, high])
             else:
                 sampled.append(constraint)
-        self.limits = self._with_margins(limits_on(self.path, sampled), about)
-        # Joints with limits of acceleration, and joints with limits of jerk.
+        self.limits = self._subtract_margins(limits_on(self.path, sampled), about)
+        # Indices of the joints with limits of acceleration, and of the joints with limits of jerk
         self.joints = (
             np.flatnonzero(np.isfinite(self.bounded).any(axis=(0, 1))),
             np.flatnonzero(np.isfinite(jerk.joint)),
         )
-        self.section = self._whole()
+        self.section = self._make_section()
 
-    def _with_margins(self, limits: GridLimits, about: FloatArray) -> GridLimits:
-        """Limits with lines for friction, less their margins, whose shares `lost` records."""
+    def _subtract_margins(self, limits: GridLimits, about: FloatArray) -> GridLimits:
+        """Limits less their margins, with lines for friction; `lost` records the margins."""
         none, bounds = np.zeros(len(about)), self.bounds
         linearized = MotionBounds(about, about, none, none) if bounds is None else bounds
         if limits.friction.viscous.shape[2]:
@@ -96,9 +96,9 @@ class MeshRows:
         ends, radius = limits.rows.ends.copy(), limits.rounds.radius
         room = np.minimum(ends[..., HIGH], -ends[..., LOW]).min(axis=1)
         rows, squares, rounds = (margins_of(x.rise, bounds) for x in limits[:3])
-        self._lose(rows, room)
-        self._lose(squares, np.ones_like(squares))
-        self._lose(rounds, radius)
+        self._record_margins(rows, room)
+        self._record_margins(squares, np.ones_like(squares))
+        self._record_margins(rounds, radius)
         ends[..., LOW] += rows[:, None]
         ends[..., HIGH] -= rows[:, None]
         remaining = np.maximum(1 - squares, 0.0)[:, None]
@@ -110,8 +110,8 @@ class MeshRows:
             rounds=limits.rounds._replace(radius=np.maximum(radius - rounds, 0.0)),
         )
 
-    def _lose(self, margins: FloatArray, room: FloatArray) -> None:
-        """Record the share of the limits at rest that margins take, (n, rows) each."""
+    def _record_margins(self, margins: FloatArray, room: FloatArray) -> None:
+        """Record in `lost` the share of the limits at rest that margins take, (m, rows) each."""
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.where(np.isfinite(room), margins / room, 0.0)
         lost = np.where(room > 0, share, 1.0).max(axis=1, initial=0.0)
@@ -159,9 +159,10 @@ class MeshRows:
         }
         return p._replace(ramps=ramps, cell=mesh.cell[start:end] - first, **cells, **parts)
 
-    def steep(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """Slopes of ds^1.5 and ds² that use half of jerk and acceleration on straight paths."""
-        # They are those of the cells of a section, without the cells of uniform jerk, (n,) each.
+    def allowed_slopes(self, k: int) -> tuple[FloatArray, FloatArray]:
+        """Slopes of ds^1.5 and ds² that use half of the limits of jerk and acceleration."""
+        # The slopes assume a straight path. They are returned for the cells of a section except its
+        # cells of uniform jerk, (n,) each.
         mesh, slopes_by_cell = self.mesh, []
         first = int(mesh.sections[k]) + int(mesh.at_rest[k, 0])
         last = int(mesh.sections[k + 1]) - int(mesh.at_rest[k, 1])
@@ -177,17 +178,17 @@ class MeshRows:
             slopes_by_cell.append(np.minimum.reduceat(x, begins))
         return slopes_by_cell[0], slopes_by_cell[1]
 
-    def _whole(self) -> JerkSection:
+    def _make_section(self) -> JerkSection:
         cell, basis = self.mesh.cell, self.basis
         begin, end = control_points(self.mesh)
-        acceleration, jerk = self._motion()
-        plain, low, high = self._plain(acceleration)
+        acceleration, jerk = self._motion_rows()
+        plain, low, high = self._plain_rows(acceleration)
         curved, limits = [jerk], [np.repeat(self.jerk.joint[self.joints[1]], self.degree)]
         if np.isfinite(self.jerk.path):
             curved += self._path_jerk()
             limits.append(np.full(self.degree * (len(curved) - 1), self.jerk.path))
         rows = np.concatenate(curved, axis=1)
-        vectors, radius, margin, points = self._round()
+        vectors, radius, margin, points = self._vector_rows()
 
         def local(points: FloatArray) -> FloatArray:
             """Convert rows of control points of ds² on each cell to rows of the unknowns."""
@@ -217,9 +218,9 @@ class MeshRows:
         )
 
     def _path_jerk(self) -> list[FloatArray]:
-        """Rows of the third derivative of the tool's arc length, over ds."""
-        # It is `m slope + 3 m' dds + m'' ds²` with the derivative m of the arc length over s. All
-        # signs of m' and m'' are included.
+        """Rows of the path jerk, divided by ds."""
+        # The path jerk over ds is `m slope + 3 m' dds + m'' ds²`, where m is the derivative of the
+        # arc length of the tool in s. m' and m'' are bounds, so both signs of each are included.
         basis, last = self.basis, self.degree - 1
         slope = np.repeat(basis.slope[:, None], self.degree, axis=1)
         if self.length is None:
@@ -229,8 +230,8 @@ class MeshRows:
         square = third * raised(basis, last)
         return [first * slope + x + y for x in (-rate, rate) for y in (-square, square)]
 
-    def _motion(self) -> tuple[FloatArray, FloatArray]:
-        """Rows of the accelerations and jerks of the limited joints, joint after joint."""
+    def _motion_rows(self) -> tuple[FloatArray, FloatArray]:
+        """Rows of the accelerations and jerks of the limited joints, in the order of the joints."""
         grid, degree = self.mesh.grid, self.degree
         n, joints = len(grid), self.joints
         rows = (
@@ -238,13 +239,10 @@ class MeshRows:
             np.empty((n, len(joints[1]) * degree, 3)),
         )
         powers = to_bernstein(degree), to_bernstein(degree - 1)
-        path, basis = grid.joint_path, self.basis
-        motion_rows(
-            path.coefficients, path.breaks, grid.piece, grid.s, basis, degree, powers, joints, rows
-        )
+        motion_rows(self.path.intervals, self.basis, degree, powers, joints, rows)
         return rows
 
-    def _plain(self, acceleration: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _plain_rows(self, acceleration: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rows with fixed bounds: ds², accelerations, and the rows of other constraints."""
         n, bounds, basis = len(self.mesh.grid), self.bounds, self.basis
         none = np.full((n, 3), np.inf)
@@ -274,14 +272,15 @@ class MeshRows:
         self._bound_next_to_ramps(top)
         return np.concatenate(rows, axis=1), bottom, top
 
-    def _round(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
-        """Round rows, (n, l, 3, 3), their radii and margins, (n, l), and control points, (l,)."""
+    def _vector_rows(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+        """Vector rows, (m, l, 3, 3), radii and margins, (m, l) each, and tangent points, (l,)."""
         n, rounds = len(self.mesh.grid), self.limits.rounds
         products = rounds.products
         vectors, radius = [np.zeros((n, 0, 3, 3))], []
         for r in range(rounds.radius.shape[1]):
             for e in range(2):
-                # In the plane of both vectors, the first one along the first axis.
+                # Coordinates in the plane of both vectors; the first axis is parallel to the first
+                # vector.
                 square, rate = (x[:, None] for x in self.basis.at_end(e))
                 aa, ab, bb = (x[:, e, r, None] for x in products)
                 along = np.sqrt(aa)
@@ -341,7 +340,7 @@ class MeshRows:
         return np.stack([first, (first + last) / 2, last], axis=1)
 
     def _bound_next_to_ramps(self, top: FloatArray) -> None:
-        """Reduce the bounds of ds² next to cells of uniform jerk to satisfy the limits there."""
+        """Reduce the bounds of ds² so that adjacent cells of uniform jerk satisfy the limits."""
         mesh, ramps = self.mesh, self.mesh.ramps
         largest = np.full(len(ramps), np.inf)
         np.minimum.at(largest, mesh.cell, self._largest_at_ramps())
@@ -351,10 +350,10 @@ class MeshRows:
         top[last, 2] = np.minimum(top[last, 2], largest[ramps < 0])
 
     def _largest_at_ramps(self) -> FloatArray:
-        """Largest ds² at the moving end of cells of uniform jerk, by each of their parts, (m,)."""
+        """Largest ds² at the moving end of a cell of uniform jerk that each part allows, (m,)."""
         # From rest, `ds² = A (s / h)^(4/3)`. At the end dds is `2 A / 3 h`; the jerk is `2 A^1.5 /
-        # 9 h²`. Each part is bounded with the speed and acceleration of the end. Values of parts of
-        # other cells are meaningless.
+        # 9 h²`. Each part is bounded as if it had the speed and acceleration of the moving end. The
+        # values of parts of other cells have no meaning.
         width, h = self.mesh.grid.width, self.mesh.width[self.mesh.cell]
         ramp_column, width_column = h[:, None], width[:, None]
         (slopes, bends), (third, fourth) = self.path.derivatives
@@ -393,9 +392,10 @@ class MeshRows:
 
 def control_points(mesh: JerkMesh) -> tuple[FloatArray, FloatArray]:
     """Coefficients of the first and last control point of ds² on each cell, (n, 3) each."""
-    # They multiply the middle control points of the previous cell, of the cell and of the next one.
-    # Inside a section both are means of the neighbours, so that ds² has a continuous slope. Next to
-    # a cell of uniform jerk they have its slope, `4 A / 3 h`; at other ends they are given.
+    # The coefficients multiply the middle control points of the previous cell, of the cell itself
+    # and of the next cell. Inside a section both control points are means of their neighbours, so
+    # that ds² has a continuous slope. Next to a cell of uniform jerk, ds² has the slope of that
+    # cell, `4 A / 3 h`. At other ends, the control point is given.
     width = mesh.width
     begin, end = np.zeros((2, len(width), 3))
     total = width[:-1] + width[1:]

@@ -12,6 +12,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernels import compiled
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.kernels import MotionBounds
+from armcontour.planning.topp.limit_forms import Intervals
 from armcontour.robot import Arm
 
 # Highest degree of a joint path.
@@ -19,11 +20,12 @@ HIGHEST = 5
 
 
 class Basis(NamedTuple):
-    """ds² and its rates on parts of cells, by the three control points of ds² on each cell."""
+    """ds², dds and slope on parts of cells, as rows of the three control points of a cell."""
 
-    square: FloatArray  # Powers of x, from 0 to 1 on each part, of ds², (m, 3 control points, 3)
-    rate: FloatArray  # Powers of x of dds, (m, 3, 2)
-    slope: FloatArray  # Slope of dds over s, (m, 3)
+    # Coefficients of ds² in powers of x, from 0 to 1 on each part, (m, 3 control points, 3)
+    square: FloatArray
+    rate: FloatArray  # Coefficients of dds in powers of x, (m, 3 control points, 2)
+    slope: FloatArray  # Slope of dds over s, (m, 3 control points)
 
     @property
     def points(self) -> FloatArray:
@@ -31,14 +33,14 @@ class Basis(NamedTuple):
         return raised(self, 2)
 
     def at_end(self, end: int) -> tuple[FloatArray, FloatArray]:
-        """ds² and dds at the start (0) or the end (1) of each part, (m, 3) each."""
+        """Rows of ds² and dds at the start (0) or the end (1) of each part, (m, 3) each."""
         if end == 0:
             return self.square[..., 0], self.rate[..., 0]
         return self.square.sum(axis=-1), self.rate.sum(axis=-1)
 
 
 def basis(start: FloatArray, share: FloatArray, width: FloatArray) -> Basis:
-    """Basis on parts of cells, from start and length in the cell (0 to 1) and its width [m]."""
+    """Make the basis from start and length of parts in their cell (0 to 1) and cell width [m]."""
     x, second = start[:, None], np.array([2.0, -4.0, 2.0])
     value = np.concatenate([(1 - x) ** 2, 2 * x * (1 - x), x**2], axis=1)
     first = np.concatenate([-2 * (1 - x), 2 - 4 * x, 2 * x], axis=1)
@@ -49,7 +51,7 @@ def basis(start: FloatArray, share: FloatArray, width: FloatArray) -> Basis:
 
 
 def to_bernstein(degree: int) -> FloatArray:
-    """Matrix that converts coefficients of powers into control points."""
+    """Matrix that converts coefficients of powers to control points, (degree + 1, degree + 1)."""
     return np.array(
         [
             [math.comb(k, m) / math.comb(degree, m) for m in range(degree + 1)]
@@ -59,41 +61,39 @@ def to_bernstein(degree: int) -> FloatArray:
 
 
 def raised(basis: Basis, degree: int) -> FloatArray:
-    """Control points of ds² as a polynomial of a degree of at least two, (m, degree + 1, 3)."""
+    """Control points of ds² as a polynomial of a degree of at least 2, (m, degree + 1, 3)."""
     return elevated(basis.square, degree)
 
 
 def elevated(powers: FloatArray, degree: int) -> FloatArray:
-    """Control points of polynomials of a lower degree, given by powers, (m, degree + 1, 3)."""
+    """Control points of the given degree of polynomials in powers of x, (m, degree + 1, 3)."""
     matrix = to_bernstein(degree)[:, : powers.shape[2]]
     return np.asarray(np.einsum("cm,pbm->pcb", matrix, powers))
 
 
 @compiled()
 def motion_rows(
-    coefficients: FloatArray,  # Coefficients of the joint path, (pieces, 6, dof)
-    breaks: FloatArray,  # Breaks of the joint path, (pieces + 1,)
-    piece: IntArray,  # Piece of each part, (n,)
-    s: FloatArray,  # Ends of the parts, (n + 1,)
+    grid: Intervals,
     basis: Basis,
     degree: int,
     of_powers: tuple[FloatArray, FloatArray],
     joints: tuple[IntArray, IntArray],
     rows: tuple[FloatArray, FloatArray],
 ) -> None:
-    """Control points of acceleration, and of jerk over ds, as rows of the control points of ds²."""
+    """Write acceleration, and jerk over ds, as rows of the control points of ds²."""
     # The acceleration is `q'' a + q' dds`, and the jerk over ds is `q''' a + 3 q'' dds + q' slope`.
-    # `of_powers`: `to_bernstein` of the degrees of acceleration, `degree`, and jerk, one less;
-    # `joints`: joints with rows of acceleration, and joints with rows of jerk; `rows`: output,
-    # joint after joint, (n, joints (degree + 1), 3) and (n, joints degree, 3).
+    # `grid`: the n parts of cells; `of_powers`: `to_bernstein` of the degrees of acceleration,
+    # `degree`, and of jerk, one less; `joints`: joints with rows of acceleration, and joints with
+    # rows of jerk; `rows`: output in the order of the joints, (n, joints (degree + 1), 3) and
+    # (n, joints degree, 3).
     taylor = np.empty((3, HIGHEST + 1))
     powers = np.empty(2 * HIGHEST)
     t = np.empty(HIGHEST + 1)
-    for i in range(len(piece)):
-        k = piece[i]
-        scale = 1.0 / (breaks[k + 1] - breaks[k])
-        x0 = (s[i] - breaks[k]) * scale
-        h = s[i + 1] - s[i]
+    for i in range(len(grid.piece)):
+        k = grid.piece[i]
+        scale = 1.0 / (grid.breaks[k + 1] - grid.breaks[k])
+        x0 = (grid.s[i] - grid.breaks[k]) * scale
+        h = grid.s[i + 1] - grid.s[i]
         dx = h * scale
         for kind in range(2):
             count = degree + 1 - kind
@@ -101,13 +101,13 @@ def motion_rows(
                 j = joints[kind][position]
                 factor = 1.0
                 for m in range(HIGHEST + 1):
-                    # The m-th derivative over m!, at the start of the part.
+                    # `total` is the m-th derivative at the start of the part, divided by m!.
                     total = 0.0
                     for n in range(HIGHEST, m - 1, -1):
                         choose = 1.0
                         for c in range(m):
                             choose *= (n - c) / (c + 1.0)
-                        total = total * x0 + choose * coefficients[k, n, j]
+                        total = total * x0 + choose * grid.coefficients[(6 * k + n) * grid.dof + j]
                     t[m] = total * factor
                     factor *= dx
                 for m in range(HIGHEST + 1):
@@ -138,14 +138,15 @@ def motion_rows(
                         rows[kind][i, position * count + c, b] = total
 
 
-# Degree of the polynomials; derivatives of the tool's position are parabolas on a part.
+# Degree of the tool jerk over ds; derivatives of the tool position are parabolas on a part.
 DEGREE = 4
-# Samples of a part: parabolas interpolate every second one, and are checked at the others.
-PLACES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+# Positions of the samples on a part. Parabolas pass through every second sample, and are compared
+# with the other samples.
+SAMPLES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 PARABOLA = np.array([[1.0, 0.0, 0.0], [-3.0, 4.0, -1.0], [2.0, -4.0, 2.0]])
-# Share of the speed over s below which the tool nearly turns on the spot.
-LEAST_SPEED = 0.5
-# Safety factor of the measured distance from the parabolas.
+# Tool speed at ds = 1 below which the tool nearly rotates in place
+MIN_SPEED = 0.5
+# Safety factor of the measured distance from the parabolas
 MARGIN = 2.0
 
 
@@ -153,10 +154,11 @@ MARGIN = 2.0
 class ToolDerivatives:
     """Derivatives of the tool's position over s on parts of cells."""
 
-    # Powers of x from 0 to 1 on every part, for the first to third derivative, (3, 3, n, 3)
+    # Coefficients of the first to third derivative in powers of x, 0 to 1 on each part, (3, 3, n,
+    # 3)
     powers: FloatArray
     deviation: FloatArray  # Bounds of the distance of the derivatives from these parabolas, (3, n)
-    largest: FloatArray  # Bounds of the lengths of the derivatives, (3, n)
+    largest: FloatArray  # Bounds of the norms of the derivatives, (3, n)
 
     @classmethod
     def measure(cls, grid: Grid, arm: Arm) -> ToolDerivatives:
@@ -178,7 +180,7 @@ class ToolDerivatives:
         return np.asarray(np.einsum("cm,mbna->ncab", to_bernstein(DEGREE), powers))
 
     def margin(self, bounds: MotionBounds) -> FloatArray:
-        """Bound of the error of the rows, (n,)."""
+        """Bound of the error of the jerk rows, (n,)."""
         return np.asarray(
             self.deviation[2] * bounds.x
             + 3 * self.deviation[1] * bounds.u
@@ -200,10 +202,10 @@ def arc_length_bounds(grid: Grid, arm: Arm) -> FloatArray:
     """Bounds of the derivatives of the tool's own arc length over s on parts of cells, (3, n)."""
     # If joints follow a tool path, s is nearly the tool's arc length (the first derivative was 1
     # within 1e-6 on a UR5e), but the third derivative of the small difference matters. If the tool
-    # turns on the spot, s is no arc length, and the limit applies to s.
+    # rotates in place, s is not an arc length, and the limit applies to s.
     p = _derivatives(grid, arm)
     speed = np.linalg.norm(p[0], axis=2)
-    moving = (speed > LEAST_SPEED).all(axis=0)
+    moving = (speed > MIN_SPEED).all(axis=0)
     safe = np.where(moving, speed, 1.0)
     rate = np.where(moving, np.sum(p[0] * p[1], axis=2) / safe, 0.0)
     second = np.sum(p[0] * p[2] + p[1] * p[1], axis=2) - rate**2
@@ -213,22 +215,22 @@ def arc_length_bounds(grid: Grid, arm: Arm) -> FloatArray:
 
 def _derivatives(grid: Grid, arm: Arm) -> FloatArray:
     """First to third derivative of the tool's position at the samples of parts, (3, 5, n, 3)."""
-    s = grid.s[:-1] + PLACES[:, None] * grid.width
+    s = grid.s[:-1] + SAMPLES[:, None] * grid.width
     piece = np.broadcast_to(grid.piece, s.shape).ravel()
     path = grid.joint_path
     q, *rates = (path.on_interval(piece, s.ravel(), order) for order in range(4))
     derivatives = [arm.tool_velocity(q, *rates[:1]), arm.tool_acceleration(q, *rates[:2])]
     derivatives.append(arm.tool_jerk(q, *rates))
-    values = np.zeros((3, len(PLACES), len(grid), 3))
+    values = np.zeros((3, len(SAMPLES), len(grid), 3))
     for k, derivative in enumerate(derivatives):
         values[k, ..., : derivative.shape[1]] = derivative.reshape(*s.shape, -1)
     return values
 
 
 def _parabolas(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Powers of parabolas through values at the samples, their errors, and largest lengths."""
+    """Coefficients of parabolas through values at samples, their errors, and largest norms."""
     powers = np.einsum("mp,kpnc->kmnc", PARABOLA, values[:, ::2])
-    parabola = np.einsum("pm,kmnc->kpnc", PLACES[1::2, None] ** np.arange(3), powers)
+    parabola = np.einsum("pm,kmnc->kpnc", SAMPLES[1::2, None] ** np.arange(3), powers)
     deviation = MARGIN * np.linalg.norm(values[:, 1::2] - parabola, axis=3).max(axis=1)
     points = np.einsum("cm,kmnx->kcnx", to_bernstein(2), powers)
     return powers, deviation, np.linalg.norm(points, axis=3).max(axis=1) + deviation

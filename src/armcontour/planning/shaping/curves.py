@@ -1,4 +1,4 @@
-"""Tool path of a spline of the joints, as tangent arcs with a smooth curve."""
+"""Tool path of a joint spline, as tangent arcs with a smooth curve."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from armcontour.geometry.biarcs import make_biarcs
 from armcontour.planning.shaping.spline_rows import JointSpline
 from armcontour.robot import Arm
 
-# Relative change of the joint velocity along a part of a span.
+# Largest relative change of the joint velocity along a part of a span
 CHANGE = 0.1
 MAX_PARTS = 8
 # Largest distance of arcs from the curve, as a share of the tolerance, and at least this distance
@@ -28,14 +28,14 @@ SHARPEST = 0.35
 # Positions on each quintic at which arcs are compared with the curve.
 PLACES = np.linspace(0.1, 0.9, 9)
 # Safety factor of the largest distance at these positions.
-SURE = 1.25
-# Points, tangents and their derivatives along the arc length.
+SAFETY = 1.25
+# Points, unit tangents, and derivatives of the tangents along the arc length
 Ends: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DrawnPath:
-    """Tool path of a spline of the joints."""
+    """Tool path of a joint spline."""
 
     segments: Segments
     curve: SmoothCurve
@@ -46,13 +46,13 @@ class DrawnPath:
 def draw(
     spline: JointSpline, arm: Arm, objective: Path, s_objective: FloatArray, tolerance: FloatArray
 ) -> DrawnPath:
-    """Compute the tool path of a spline."""
+    """Compute the tool path of a joint spline."""
     # `s_objective`: arc lengths on the objective at the control points [m], (n,); `tolerance`:
-    # tolerance at the control points [m], (n,); the distance of the arcs from the curve is a small
-    # share of it.
+    # tolerance at the control points [m], (n,). The distance of the arcs from the curve is a small
+    # share of the tolerance.
     count = _count_parts(spline)
     drawn = _draw(spline, arm, objective, s_objective, count)
-    factor = _lack(drawn.segments, drawn.curve.spreads, count, tolerance)
+    factor = _refinement_factor(drawn.segments, drawn.curve.spreads, count, tolerance)
     if not (factor > 1).any():
         return drawn
     spans = np.arange(len(count))
@@ -61,18 +61,20 @@ def draw(
         count[spans] *= np.clip(np.ceil(factor), 2, MAX_PARTS).astype(np.intp)
         if not (rounds_left and len(spans)):
             break
-        span, share = _parts(spans, count[spans])
-        arcs, breaks, quintics = _fit(*(_points(spline, arm, span, x) for x in share.T))
-        factor = _lack(arcs, _spreads(arcs, breaks, quintics), count[spans], tolerance[spans])
+        span, share = _divide_spans(spans, count[spans])
+        arcs, breaks, quintics = _fit(*(_evaluate_spline(spline, arm, span, x) for x in share.T))
+        factor = _refinement_factor(
+            arcs, _spreads(arcs, breaks, quintics), count[spans], tolerance[spans]
+        )
     return _draw(spline, arm, objective, s_objective, count)
 
 
-def _lack(
+def _refinement_factor(
     arcs: Segments, spreads: FloatArray, count: IntArray, tolerance: FloatArray
 ) -> FloatArray:
-    """Factor for the number of parts of each span so that the arcs approximate the curve, (m,)."""
-    # `arcs` has two arcs for each part, and `spreads` the distance of these from the curve [m].
-    # `count` and `tolerance` [m] belong to the spans, (m,).
+    """Factor by which the number of parts of each span must increase, (m,); 1 or less if enough."""
+    # `arcs` has two arcs for each part; `spreads` is the distance of the arcs of each part from the
+    # curve [m]. `count` and `tolerance` [m] belong to the spans, (m,).
     first = np.cumsum(count) - count
     deviation = np.maximum.reduceat(spreads, first) / np.maximum(NEAR * tolerance, NEAREST)
     turns = (arcs.curvatures * arcs.lengths).reshape(-1, 2).sum(axis=1)
@@ -82,14 +84,14 @@ def _lack(
     return np.asarray(np.maximum(np.cbrt(deviation), turn))
 
 
-def _parts(spans: IntArray, count: IntArray) -> tuple[IntArray, FloatArray]:
-    """The span of each part, and the shares of its span at its start and end, (p, 2)."""
+def _divide_spans(spans: IntArray, count: IntArray) -> tuple[IntArray, FloatArray]:
+    """Span of each part, (p,), and shares of the span time at its start and end, (p, 2)."""
     span, number = number_parts(count)
     return spans[span], np.stack([number, number + 1], axis=1) / count[span][:, None]
 
 
 def _fit(begin: Ends, end: Ends) -> tuple[Segments, FloatArray, FloatArray]:
-    """Two arcs and a quintic along each part, whose ends are as from `_points`."""
+    """Fit two arcs and a quintic to each part, whose ends are given as by `_evaluate_spline`."""
     # Returns the arcs; the arc lengths of the ends of the parts [m]; coefficients of the quintics.
     with np.errstate(divide="ignore", invalid="ignore"):
         # Straight parts have no normal.
@@ -103,11 +105,11 @@ def _fit(begin: Ends, end: Ends) -> tuple[Segments, FloatArray, FloatArray]:
 def _draw(
     spline: JointSpline, arm: Arm, objective: Path, s_objective: FloatArray, count: IntArray
 ) -> DrawnPath:
-    span, share = _parts(np.arange(len(count)), count)
-    begin = _points(spline, arm, span, share[:, 0])
-    end = _points(spline, arm, span, share[:, 1])
+    span, share = _divide_spans(np.arange(len(count)), count)
+    begin = _evaluate_spline(spline, arm, span, share[:, 0])
+    end = _evaluate_spline(spline, arm, span, share[:, 1])
     rests = np.flatnonzero((share[:, 1] == 1) & spline.rest[span + 1])
-    # Ends are identical, but the tangent may jump at a stop.
+    # The end of a part is the start of the next part, but the tangent may jump at a stop.
     points = np.concatenate([begin[0], end[0][-1:]])
     into = np.concatenate([begin[1][1:], end[1][-1:]])
     into[rests] = end[1][rests]
@@ -136,14 +138,14 @@ def _count_parts(spline: JointSpline) -> IntArray:
     return np.asarray(count)
 
 
-def _points(spline: JointSpline, arm: Arm, span: IntArray, share: FloatArray) -> Ends:
-    """Points, tangents and their derivatives along the arc length, (m, dimension) each."""
-    # `share` is the time since the start of the span over the span time, (m,).
+def _evaluate_spline(spline: JointSpline, arm: Arm, span: IntArray, share: FloatArray) -> Ends:
+    """Points, unit tangents and their derivatives along the arc length, (m, dimension) each."""
+    # `share`: time since the start of the span, divided by the span time, (m,).
     e, knots, h = spline.velocities, spline.knots, spline.h
     a = (np.diff(e, axis=0) / h[:, None])[span]
     t = (share * h[span])[:, None]
     q, dq = knots[span] + e[span] * t + a * t**2 / 2, e[span] + a * t
-    # Next to a rest the direction is that of the other end, at any constant speed.
+    # A span next to a rest is straight, so its direction is that at the other end, at any speed.
     for side, other in ((spline.rest[:-1], e[1:]), (spline.rest[1:], e[:-1])):
         beside = side[span]
         dq[beside], a[beside] = other[span][beside], 0.0
@@ -183,4 +185,4 @@ def _spreads(segments: Segments, breaks: FloatArray, coefficients: FloatArray) -
     row = 2 * np.arange(len(width))[:, None] + second
     arc_points = segments.evaluate(row.ravel(), np.where(second, u - half, u).ravel())
     deviation = np.linalg.norm(arc_points.reshape(points.shape) - points, axis=2)
-    return np.asarray(SURE * deviation.max(axis=1))
+    return np.asarray(SAFETY * deviation.max(axis=1))

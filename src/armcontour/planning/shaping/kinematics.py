@@ -20,17 +20,18 @@ class NearPath:
     arm: Arm
     configuration: str | None  # For an arm in the plane, the branch of its inverse kinematics
     q: FloatArray  # Joint positions at the points on the joint path [rad], (n, dof)
-    # Tool poses there, (n, 3, 4); the positions are replaced. None in the plane.
+    # Tool poses at the points, (n, 3, 4); `solve` replaces their positions. None in the plane.
     poses: FloatArray | None = None
     task: int = 2  # Number of prescribed degrees of freedom of the tool
-    # Null-space rows w of a redundant arm: `w q` is as on the joint path, (n, dof - task, dof)
+    # Null-space rows w of a redundant arm, (n, dof - task, dof); solutions have the same `w q` as
+    # the joint path.
     free: FloatArray | None = None
 
     @classmethod
     def along(
         cls, q: FloatArray, arm: Arm, configuration: str | None, path: Path, s: FloatArray
     ) -> NearPath:
-        """Inverse kinematics near joint positions q [rad], (n, dof), at arc lengths s of a path."""
+        """Prepare inverse kinematics near joint positions q [rad], (n, dof), at s of a path [m]."""
         if isinstance(arm, PlanarTwoLink):
             return cls(arm=arm, configuration=configuration, q=q)
         assert isinstance(arm, SerialArm)
@@ -66,7 +67,7 @@ class NearPath:
         return q
 
     def steps(self, q: FloatArray, frames: FloatArray) -> FloatArray:
-        """Changes of the joints per metre of offset along the columns of `frames`, (n, dof, k)."""
+        """Derivatives of q for offsets along the columns of `frames` [rad/m], (n, dof, k)."""
         if self.poses is None:
             return np.asarray(np.linalg.solve(self.arm.tool_jacobian(q), frames))
         assert isinstance(self.arm, SerialArm) and self.free is not None

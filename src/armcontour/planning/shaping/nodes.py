@@ -1,4 +1,4 @@
-"""Nodes along a start, and the largest offsets of control points from them."""
+"""Nodes along a start, and the largest offsets of control points from the nodes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SHALLOW, DENSE = 0.15, 4.0
 AT_REST = 0.12
 # Largest distance of the polygon of control points from its curve, over the tolerance.
 SAG = 0.03
-# Largest distance between nodes, over the radius of the tool's path when all joints move evenly.
+# Largest distance between nodes, over the radius of the tool path at constant joint velocities
 LONGEST = 0.027
 # Approximate smallest number of nodes between two rests.
 FEWEST = 64
@@ -36,17 +36,18 @@ EVEN = 1e-5
 # Largest average number of nodes per stretch. The distance between nodes is proportional to the
 # square root of the tolerance, so small tolerances make iterations slow.
 MAX_NODES = 4000
-# Samples for the distances between nodes: initially between two marks, then per node.
+# Number of samples of the distance between nodes: first between two marks, then per node
 SAMPLES, PER_NODE = 32, 8
 # Largest offset in tolerances, and search step as a share of the tolerance.
 FARTHEST = 2.5
-MARCH = 1 / 24
+SEARCH_STEP = 1 / 24
 HALVINGS = 24
-# Share of the tolerance by which offsets stay inside.
+# Share of the tolerance that offsets must not use
 INSIDE = 1e-3
 # Arc lengths closer than this are equal [m].
 SAME = 1e-9
-# Reach of the own part of a point along the objective in tolerances, in addition to its neighbours.
+# Distance along the objective within which a node matches, in tolerances, in addition to the
+# distance to its neighbours
 REACH = 3.0
 # Number of directions of the bounds of offsets in space.
 SIDES = 12
@@ -54,7 +55,7 @@ SIDES = 12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Nodes:
-    """The n nodes along a start."""
+    """The n nodes along a start, one for each control point of the joint spline."""
 
     s_objective: FloatArray  # Arc lengths on the objective [m], (n,)
     points: FloatArray  # Points on the start [m], (n, dimension)
@@ -63,17 +64,17 @@ class Nodes:
     # Largest distance of the curve from the polygon of the control points [m], (n,)
     sag: FloatArray
     tolerance: FloatArray  # Tolerance at each node [m], (n,)
-    # Least tolerance of each node and its neighbours, whose control points shape the curve together
-    # [m], (n,)
+    # Smallest tolerance of each node and its neighbours, because neighbouring control points shape
+    # the curve together [m], (n,)
     smallest: FloatArray
-    reach: FloatArray  # Reach of the own part of each node along the objective [m], (n,)
+    reach: FloatArray  # Distance along the objective within which each node matches [m], (n,)
     fixed: BoolArray  # True if the control point stays on the start, (n,)
     # True if the joints rest at a knot before, between or after the spans, (n + 1,)
     rest: BoolArray
     # Index of the corner, in the tube, that each node must stay close to; -1 for none
     vertex: IntArray
     group: IntArray  # Number of the nearest corner or rest of each node, ascending, (n,)
-    # Times at which the start passes the nodes' ends, halfway between nodes [s], (n + 1,)
+    # Times of the start at the knots, halfway between nodes [s], (n + 1,)
     times: FloatArray
     near: NearPath
     q: FloatArray  # Joint positions at the nodes [rad], (n, dof)
@@ -84,7 +85,7 @@ class Nodes:
 
     def bounds(self, tube: Tube, inside: FloatArray) -> FloatArray:
         """Largest offsets along every side [m], (n, m)."""
-        # `inside`: share of the tolerance by which offsets stay inside, (n,).
+        # `inside`: share of the tolerance that offsets must not use, (n,).
         windows = self._windows(tube)
         spare = inside * self.smallest + np.minimum(self.sag, 0.3 * self.smallest)
         margin = spare + self.tolerance - self.smallest
@@ -100,8 +101,8 @@ class Nodes:
             return np.asarray((tube.margin(points, windows) >= margin) & (deviation <= allowed))
 
         offsets = np.zeros((len(self), len(self.sides)))
-        # An inscribed polygon, because the tube is not evaluated between the directions of its
-        # sides.
+        # The bounds form an inscribed polygon, because the tube is not evaluated between the
+        # directions of the sides.
         share = np.cos(np.pi / len(self.sides)) if self.sides.shape[1] > 1 else 1.0
         for j, side in enumerate(self.sides):
             direction = self.frames @ side
@@ -110,8 +111,8 @@ class Nodes:
         return offsets
 
     def _windows(self, tube: Tube) -> IntArray:
-        """First and last piece of the stretch of the objective for each node, (n, 2)."""
-        # A stretch leads from corner to corner; a node at a corner belongs to both.
+        """First and last piece of the tube that each node may match, (n, 2)."""
+        # Matches stay between two corners. A node at a corner may match the pieces on both sides.
         ends = tube.objective.breaks[tube.vertex]
         corners = np.concatenate([[-np.inf], ends, [np.inf]])
         low = corners[np.searchsorted(ends, self.s_objective - SAME, side="right")]
@@ -126,14 +127,14 @@ def _farthest(
     direction: FloatArray,
     tolerance: FloatArray,
 ) -> FloatArray:
-    """Largest offsets along directions with all smaller ones inside [m], (n,)."""
+    """Largest offsets along directions for which all smaller offsets are inside [m], (n,)."""
     low, inside = np.zeros(len(tolerance)), np.ones(len(tolerance), dtype=bool)
-    for share in np.arange(MARCH, FARTHEST, MARCH):
+    for share in np.arange(SEARCH_STEP, FARTHEST, SEARCH_STEP):
         inside &= is_inside(share * tolerance, direction)
         if not inside.any():
             break
         low = np.where(inside, share * tolerance, low)
-    high = low + MARCH * tolerance
+    high = low + SEARCH_STEP * tolerance
     for _ in range(HALVINGS):
         middle = (low + high) / 2
         good = is_inside(middle, direction)
@@ -145,11 +146,11 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
     """Nodes along a start, dense at corners and rests; None if they are too many."""
     path, matches, joint_path = start.path, start.places, start.joint_path
     marks = _Marks.from_path(path, matches, tube)
-    spread = _spread(start, arm, tube, marks)
+    spread = _distribute_nodes(start, arm, tube, marks)
     if spread is None:
         return None
     s, index = spread
-    # A rest between two stretches has two nodes.
+    # At a rest between two stretches there are two nodes.
     row = np.repeat(np.arange(len(s)), 1 + np.isin(index, np.flatnonzero(marks.rest)[1:-1]))
     doubled = np.concatenate([[False], row[1:] == row[:-1], [False]])
     s, mark = s[row], np.where(doubled[1:], -1, index[row])
@@ -166,15 +167,15 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
         points=path(s),
         frames=_frames(tangents),
         sides=_sides(tangents.shape[1] - 1),
-        # A tube around a line contains the hull of its control points, except for the curvature of
-        # even joint motion.
-        sag=wide**2 * _bend(joint_path, arm, s) / 8,
+        # On a line, the curve is in the hull of its control points, except for the curvature of the
+        # tool path at constant joint velocities.
+        sag=wide**2 * _tool_curvature(joint_path, arm, s) / 8,
         tolerance=tolerance,
-        smallest=_least_nearby(tolerance),
+        smallest=_smallest_of_neighbours(tolerance),
         reach=REACH * tolerance + 2 * wide,
         fixed=resting | (tolerance == 0),
         rest=doubled | np.isin(np.arange(len(s) + 1), [0, len(s)]),
-        vertex=np.where(resting, -1, _beside_corners(corner)),
+        vertex=np.where(resting, -1, _adjacent_corners(corner)),
         group=np.searchsorted((marks.s[1:] + marks.s[:-1]) / 2, s),
         times=start.trajectory.time_at(np.concatenate([s[:1], (s[1:] + s[:-1]) / 2, s[-1:]])),
         near=NearPath.along(joint_path(s), arm, configuration, path, s),
@@ -184,12 +185,12 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
 
 @dataclass(frozen=True, slots=True)
 class _Marks:
-    """Rests and corners of a start, m of them."""
+    """The m rests and corners of a start."""
 
     s: FloatArray  # Arc lengths on the start, ascending [m], (m,)
-    rest: BoolArray  # True if the tool rests there, (m,)
+    rest: BoolArray  # True at rests, (m,)
     corner: IntArray  # Index of the corner in the tube; -1 for rests, (m,)
-    first: FloatArray  # Distance to the next nodes [m], (m,); meaningless for rests
+    first: FloatArray  # Distance to the adjacent nodes [m], (m,); not used at rests
 
     @classmethod
     def from_path(cls, path: Path, matches: FloatArray, tube: Tube) -> _Marks:
@@ -199,19 +200,19 @@ class _Marks:
         gaps = np.diff(np.concatenate([[0.0], s_corners, [path.length]]))
         tolerances = _tolerance_at(tube, tube.objective.breaks[tube.vertex])
         dense = (turns < SHALLOW) & (np.minimum(gaps[1:], gaps[:-1]) < DENSE * tolerances)
-        corner = np.flatnonzero(~_near(s_corners, stops) & ~dense)
+        corner = np.flatnonzero(~_equals_any(s_corners, stops) & ~dense)
         marks = np.concatenate([stops, s_corners[corner]])
         order = np.argsort(marks, kind="stable")
         corner_index = np.concatenate([np.full(len(stops), -1), corner])[order]
-        # The last entry is for rests, with index -1.
+        # The index -1 of rests selects the last entry.
         half = np.append(turns, 0.0)[corner_index] / 2
         tolerances = _tolerance_at(tube, np.interp(marks[order], matches[:, 1], matches[:, 0]))
         first = AT_CORNER * tolerances / np.maximum(np.sin(half), 1e-6)
         return cls(marks[order], order < len(stops), corner_index, first)
 
 
-def _beside_corners(corner: IntArray) -> IntArray:
-    """The corner at or next to each node; -1 for none, (n,)."""
+def _adjacent_corners(corner: IntArray) -> IntArray:
+    """Index of the corner at or next to each node, (n,); -1 for none."""
     nearest = corner.copy()
     indices = np.flatnonzero(corner >= 0)
     for side in (np.maximum(indices - 1, 0), np.minimum(indices + 1, len(corner) - 1)):
@@ -220,7 +221,7 @@ def _beside_corners(corner: IntArray) -> IntArray:
     return nearest
 
 
-def _least_nearby(values: FloatArray) -> FloatArray:
+def _smallest_of_neighbours(values: FloatArray) -> FloatArray:
     smallest = values.copy()
     smallest[1:] = np.minimum(smallest[1:], values[:-1])
     smallest[:-1] = np.minimum(smallest[:-1], values[1:])
@@ -232,41 +233,41 @@ def path_turns(tube: Tube) -> FloatArray:
     return np.asarray(tube.objective.turns[tube.vertex - 1])
 
 
-def _near(s: FloatArray, others: FloatArray) -> BoolArray:
+def _equals_any(s: FloatArray, others: FloatArray) -> BoolArray:
     """Mask of arc lengths that are equal to one of `others`."""
     i = np.clip(np.searchsorted(others, s), 1, len(others) - 1)
     return np.asarray(np.minimum(np.abs(s - others[i - 1]), np.abs(s - others[i])) < 1e-9)
 
 
 def _tolerance_at(tube: Tube, s_objective: FloatArray) -> FloatArray:
-    """Tolerance at points of the objective [m], (n,); the smaller one at a change."""
+    """Tolerance at points of the objective [m], (n,); at a change, the smaller value."""
     last = len(tube) - 1
     before = np.clip(np.searchsorted(tube.breaks, s_objective, side="left") - 1, 0, last)
     after = np.clip(np.searchsorted(tube.breaks, s_objective, side="right") - 1, 0, last)
     return np.asarray(np.minimum(tube.tolerance[before], tube.tolerance[after]))
 
 
-def _bend(joint_path: JointPath, arm: Arm, s: FloatArray) -> FloatArray:
-    """Curvature of the tool's path when all joints move evenly [1/m], (n,)."""
+def _tool_curvature(joint_path: JointPath, arm: Arm, s: FloatArray) -> FloatArray:
+    """Curvature of the tool path at constant joint velocities [1/m], (n,)."""
     slope = joint_path(s, 1)
     even = np.einsum("nij,nj->ni", arm.tool_jacobian_rate(joint_path(s), slope), slope)
     return np.asarray(np.linalg.norm(even, axis=1))
 
 
-def _spread(
+def _distribute_nodes(
     start: Candidate, arm: Arm, tube: Tube, marks: _Marks
 ) -> tuple[FloatArray, IntArray] | None:
-    """Arc lengths of nodes, and the mark of each; -1 for none. None if there are too many nodes."""
-    # The distance between nodes grows from that at a mark by GROWTH from node to node.
+    """Arc lengths of nodes, and the mark at each node or -1; None if there are too many nodes."""
+    # From its value at a mark, the distance between nodes grows by the share GROWTH per node.
     path, matches, joint_path = start.path, start.places, start.joint_path
     rests = marks.s[marks.rest]
     samples, _ = _divide(marks.s, marks.s, np.full(len(marks.s) - 1, SAMPLES))
-    median = max(float(np.median(_bend(joint_path, arm, samples))), 1e-3)
+    median = max(float(np.median(_tool_curvature(joint_path, arm, samples))), 1e-3)
     for parts in (SAMPLES, PER_NODE, PER_NODE, 0):
         tolerances = np.maximum(
             _tolerance_at(tube, np.interp(samples, matches[:, 1], matches[:, 0])), 1e-9
         )
-        curvature = _bend(joint_path, arm, samples)
+        curvature = _tool_curvature(joint_path, arm, samples)
         curved = curvature + np.linalg.norm(path(samples, 2), axis=1)
         step = np.minimum(
             np.sqrt(8 * SAG * tolerances / np.maximum(curved, 1e-6)), LONGEST / median
@@ -275,10 +276,11 @@ def _spread(
         step = np.minimum(step, np.diff(rests)[i] / FEWEST)
         k = np.searchsorted(samples, marks.s)
         step[k] = np.where(marks.rest, AT_REST * step[k], np.minimum(marks.first, step[k]))
-        # The difference of neighbouring distances is limited by the growth.
+        # The derivative of the distance between nodes in the arc length is at most GROWTH.
         step = GROWTH * samples + np.minimum.accumulate(step - GROWTH * samples)
         step = np.minimum.accumulate((step + GROWTH * samples)[::-1])[::-1] - GROWTH * samples
-        # Number of nodes over a distance along which the step grows evenly.
+        # `total` is the number of nodes up to each sample, if the distance is linear between
+        # samples.
         growth = np.diff(step) / step[:-1]
         safe = np.where(np.abs(growth) > EVEN, growth, 1.0)
         mean = np.where(np.abs(growth) > EVEN, np.log1p(safe) / safe, 1 - growth / 2)
@@ -303,9 +305,10 @@ def _divide(
     count: IntArray,
     along: tuple[FloatArray, FloatArray] | None = None,
 ) -> tuple[FloatArray, IntArray]:
-    """Arc lengths that divide the stretches between marks, and the mark of each; -1 for none."""
-    # Each stretch is divided evenly in `ends`, values at the marks, (m,), into `count` parts, (m -
-    # 1,). `along` are such values over arc lengths, if they are not arc lengths.
+    """Arc lengths that divide the stretches between marks, and the mark at each point or -1."""
+    # `ends`: values at the marks, (m,). Each stretch is divided into `count` parts, (m - 1,), with
+    # equal steps of these values. `along`: values and arc lengths, if the values are not arc
+    # lengths.
     stretch, number = number_parts(count)
     value = ends[stretch] + np.diff(ends)[stretch] * number / count[stretch]
     s = value if along is None else np.interp(value, *along)

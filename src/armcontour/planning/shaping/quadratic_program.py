@@ -21,7 +21,7 @@ GAP = 1e-8
 VIOLATION = 1e-8
 MAX_ITERATIONS = 60
 # Largest step, as a share of the step to the boundary.
-WAY = 0.995
+STEP_SHARE = 0.995
 # Smallest initial slack.
 FIRST_SLACK = 0.1
 
@@ -32,9 +32,9 @@ def solve_program(
 ) -> tuple[FloatArray, int]:
     """Solve the program; without convergence the result is the last iterate."""
     # `cost`: cost of the unknowns, (n, k); `rows`: coefficients of the rows of each node, for the
-    # unknowns of the previous node, its own and those of the next node, (n, m, 3 k); rows of zeros
-    # are ignored; `bounds`: upper bounds of the rows, (n, m); `weight`: positive weights of the
-    # squares of the unknowns, (n, k).
+    # unknowns of the previous node, of the node itself and of the next node, (n, m, 3 k); rows of
+    # zeros are ignored; `bounds`: upper bounds of the rows, (n, m); `weight`: positive weights of
+    # the squares of the unknowns, (n, k).
     # Returns the unknowns, (n, k), and the number of iterations; negative if they did not converge.
     n, k = cost.shape
     first, ends, values, bound = _pack(rows, bounds)
@@ -86,7 +86,7 @@ def solve_program(
             target = (after / max(count, 1) / gap) ** 3 * gap
             for r in range(count):
                 complement[r] += d_slack[r] * d_dual[r] - target
-        step_length = min(1.0, WAY * step_length)
+        step_length = min(1.0, STEP_SHARE * step_length)
         for a in range(n * k):
             x[a] += step_length * step[a]
         for r in range(count):
@@ -99,7 +99,7 @@ def solve_program(
 def _pack(
     rows: FloatArray, bounds: FloatArray
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-    """Nonzero rows, each from its first to its last coefficient."""
+    """Pack the nonzero rows, each from its first to its last nonzero coefficient."""
     # Returns the first unknown of each row, (p,); the start and end of the coefficients of each row
     # among all coefficients, (p + 1,); the coefficients; and the bounds, (p,).
     n, m, width = rows.shape
@@ -186,7 +186,7 @@ def _factor(matrix: FloatArray) -> bool:
 
 @compiled(inner=True, fastmath=FUSED)
 def _solve(matrix: FloatArray, x: FloatArray) -> None:
-    """Replace the right side by the solution, given the factor."""
+    """Replace the right side x by the solution, given the factor that `_factor` computes."""
     last = matrix.shape[1] - 1
     size = len(x)
     for a in range(size):

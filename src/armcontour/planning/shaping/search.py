@@ -1,4 +1,4 @@
-"""Search for a faster shape: a quadratic program proposes, the exact timing decides."""
+"""Search for a faster shape. A quadratic program proposes changes; exact timing accepts them."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from armcontour.planning.shaping.spline_rows import LEAST_SPAN, JointSpline, ass
 from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, match, prove
 
 # A path with more corners and rests than this is optimized in chunks.
-LONG = 40
-# Corners of a chunk, and shift of the cuts between iterations.
+LONG_PATH = 40
+# Number of corners of a chunk, and number of corners by which cuts move in each iteration
 CORNERS, SHIFT = 8, 3
 
 
 def is_long(group: IntArray) -> bool:
-    """Test whether a path is long; `group` is the nearest corner or rest of each node, (n,)."""
-    return bool(group[-1] >= LONG)
+    """Test whether a path is optimized in chunks; `group`: as in `place_cuts`."""
+    return bool(group[-1] >= LONG_PATH)
 
 
 def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntArray:
-    """First of both fixed nodes between chunks, (m,); none if the path is not long, or `whole`."""
-    # `group`: number of the nearest corner or rest of each node, ascending, (n,); `whole`: true if
-    # long paths are not divided either.
+    """Index of the first of the two fixed nodes between chunks, (m,); empty for a single chunk."""
+    # `group`: number of the nearest corner or rest of each node, ascending, (n,); `whole`: true for
+    # a single chunk on long paths, too.
     if whole or not is_long(group):
         return np.zeros(0, dtype=np.intp)
     first = 1 + SHIFT * iteration % CORNERS
@@ -55,7 +55,8 @@ def solve_in_chunks(
     cuts: IntArray,  # First of both fixed nodes between chunks, (m,)
     threads: int | None = None,  # Number of threads; by default the number of processors
 ) -> FloatArray:
-    """Solve the programs of all chunks, each with zero unknowns in the other chunks, (n, k)."""
+    """Solve the quadratic programs of all chunks independently; returns the unknowns, (n, k)."""
+    # The unknowns of other chunks are zero in each program.
     if not len(cuts):
         return solve_program(cost, rows, bounds, weight)[0]
     n, k = cost.shape
@@ -69,32 +70,32 @@ def solve_in_chunks(
         if end < n:
             chunk_cost[-1], chunk_rows[-1, :, k:], chunk_rows[-2, :, 2 * k :] = 0.0, 0.0, 0.0
         x, _ = solve_program(chunk_cost, chunk_rows, bounds[part], weight[part])
-        # A chunk without a solution is unchanged.
+        # A chunk without a solution does not change.
         return x if np.isfinite(x).all() else np.zeros_like(x)
 
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         return np.concatenate(list(pool.map(solve, begins.tolist(), ends.tolist())))
 
 
-# Limit of changes of offsets over the tolerance: initial, largest and smallest value, and factors
-# after rejected, slower and faster iterations.
+# Trust region, the largest change of offsets over the tolerance: initial, largest and smallest
+# value, and factors after rejected, slower and faster iterations
 FIRST_TRUST, MAX_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-5
 SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
 # The search ends after this many consecutive iterations that gain less than LEAST_GAIN of the
 # duration.
 IDLE, LEAST_GAIN = 4, 1e-5
-# It also ends after this many consecutive iterations that leave the tube.
+# The search also ends after this many consecutive iterations in which the path leaves the tube.
 MAX_TIGHTENED = 12
-# Factor of a change for each consecutive rejection.
-LESS = 0.6
+# Each consecutive rejection multiplies the proposed change by this factor.
+REJECTION_FACTOR = 0.6
 # Corners of a long path revert to the best shape at most this many times in an iteration.
-MAX_MENDED = 4
-# Weights of the squares of offsets and times, for a positive definite quadratic program.
+MAX_REVERSIONS = 4
+# Weights of the squares of offsets and span times; they make the quadratic program definite.
 WEIGHT = (1e-3, 1e-9)
-# Factor of the missing distance by which offsets are reduced outside the tube.
-SPARE = 1.5
-# Share of the tolerance of the initial parabolas.
-SHARE = 0.7
+# Offsets outside the tube are reduced by their excess distance times this factor.
+EXCESS_FACTOR = 1.5
+# Share of the tolerance to which the corners of starts are rounded
+START_SHARE = 0.7
 
 
 @dataclass(slots=True)
@@ -102,18 +103,18 @@ class _State:
     """Best shape found by the search."""
 
     best: Candidate
-    offsets: FloatArray  # Its offsets [m], (n, k)
-    h: FloatArray  # Its span times [s], (n,)
+    offsets: FloatArray  # Offsets of the best shape [m], (n, k)
+    h: FloatArray  # Span times of the best shape [s], (n,)
     trust: FloatArray  # Largest change of the offsets of each node, over the tolerance, (n,)
-    inside: FloatArray  # Share of the tolerance by which offsets stay inside, (n,)
+    inside: FloatArray  # Share of the tolerance that offsets must not use, (n,)
     limits: FloatArray  # Largest offsets along every side [m], (n, m)
-    refused: int = 0
-    proposals: int = 0
+    rejections: int = 0  # Number of consecutive rejections
+    proposals: int = 0  # Number of proposals
 
 
 @dataclass(slots=True)
 class ShapeSearch:
-    """Search along the nodes of one start; each step yields the best candidate."""
+    """Search along the nodes of one start; each iteration yields the best candidate."""
 
     nodes: Nodes
     start: Candidate
@@ -152,11 +153,11 @@ class ShapeSearch:
 
     def _iterate(self) -> bool:
         """Propose a change and accept it if the exact timing is faster."""
-        # Returns false if the change left the tube, whose limits are then reduced.
+        # Returns false if the path left the tube; the limits of the offsets are then reduced.
         state, nodes = self.state, self.nodes
         try:
-            offsets, h, drawn = self._draw_most(*self._propose())
-            judged = None if drawn is None else self._judge(drawn)
+            offsets, h, drawn = self._draw_or_revert(*self._propose())
+            judged = None if drawn is None else self._time_drawn(drawn)
         except (ArmContourError, np.linalg.LinAlgError):
             state.trust *= SHRINK
             return True
@@ -166,30 +167,31 @@ class ShapeSearch:
             state.trust *= SHRINK
             return True
         candidate, times, slower = judged
-        # The first spline is accepted even if it is slower than the start it is drawn from.
+        # The first spline is accepted even if it is slower than its start.
         better = state.best is self.start or candidate.duration < state.best.duration
         if not better and self._keep_faster_parts(offsets, h, slower):
-            state.refused = 0
+            state.rejections = 0
             factor = np.where(slower, SHRINK, 1.0)
         elif better:
             state.best, state.offsets, state.h = candidate, offsets, times
-            self._keep_near(candidate, drawn.knots)
-            state.refused = 0
+            self._update_near(candidate, drawn.knots)
+            state.rejections = 0
             factor = np.where(slower, EASE, GROW)
         else:
-            state.refused += 1
-            # Neighbours of a corner share its lines.
+            state.rejections += 1
+            # Neighbouring corners share the line between them.
             wide = slower | np.append(slower[1:], False) | np.append(False, slower[:-1])
             factor = np.where(wide if slower.any() else True, SHRINK, 1.0)
         state.trust = np.clip(state.trust * factor[nodes.group], LEAST_TRUST, MAX_TRUST)
         return True
 
-    def _keep_near(self, candidate: Candidate, knots: FloatArray) -> None:
+    def _update_near(self, candidate: Candidate, knots: FloatArray) -> None:
         """Use a candidate's tool orientations and redundant joints for the control points."""
         # `knots` are the arc lengths of the knots on its path [m], (n + 1,).
         if self.nodes.near.poses is None:
             return
-        # Control points of the arc length itself; at a rest they are at the rest.
+        # `s`: control points of the arc length as a quadratic spline of time; control points next
+        # to a rest are at the rest.
         s_knots = np.clip(knots, 0.0, candidate.path.length)
         speed = candidate.trajectory.speed_at(s_knots)
         speed[self.nodes.rest] = 0.0
@@ -199,9 +201,9 @@ class ShapeSearch:
         near = NearPath.along(q, self.timer.arm, self.timer.configuration, candidate.path, s)
         self.nodes = replace(self.nodes, near=near, q=q)
 
-    def _judge(self, drawn: DrawnPath) -> tuple[Candidate, FloatArray, BoolArray] | None:
+    def _time_drawn(self, drawn: DrawnPath) -> tuple[Candidate, FloatArray, BoolArray] | None:
         """Time the drawn path; returns it with its span times [s] and a mask of slower corners."""
-        # None if the arm cannot follow the path.
+        # Returns None if the arm cannot follow the path.
         path = self._path(drawn)
         candidate = None if path is None else self.timer.candidate(SHAPED, path, drawn.places)
         if path is None or candidate is None:
@@ -210,18 +212,19 @@ class ShapeSearch:
         before, after = (np.bincount(self.nodes.group, x) for x in (self.state.h, times))
         return candidate, times, after > before
 
-    def _draw_most(
+    def _draw_or_revert(
         self, offsets: FloatArray, h: FloatArray
     ) -> tuple[FloatArray, FloatArray, DrawnPath | None]:
         """Draw a proposal; on a long path, corners outside the tube revert to the best shape."""
-        # Returns the offsets and times, and their path; None if it leaves the tube.
-        for _ in range(MAX_MENDED if is_long(self.nodes.group) else 1):
+        # Returns the offsets, the span times and their path, or None for a path that leaves the
+        # tube.
+        for _ in range(MAX_REVERSIONS if is_long(self.nodes.group) else 1):
             before = self.state.inside
             drawn = self._draw(offsets, h)
             if drawn is not None:
                 return offsets, h, drawn
             outside = np.bincount(self.nodes.group, self.state.inside > before) > 0
-            offsets, h = self._back(offsets, h, outside)
+            offsets, h = self._revert_corners(offsets, h, outside)
         return offsets, h, None
 
     def _keep_faster_parts(self, offsets: FloatArray, h: FloatArray, slower: BoolArray) -> bool:
@@ -229,21 +232,22 @@ class ShapeSearch:
         if not is_long(self.nodes.group) or slower.all():
             return False
         try:
-            offsets, h, drawn = self._draw_most(*self._back(offsets, h, slower))
-            judged = None if drawn is None else self._judge(drawn)
+            offsets, h, drawn = self._draw_or_revert(*self._revert_corners(offsets, h, slower))
+            judged = None if drawn is None else self._time_drawn(drawn)
         except ArmContourError:
             return False
         if drawn is None or judged is None or judged[0].duration >= self.state.best.duration:
             return False
         self.state.best, self.state.offsets, self.state.h = judged[0], offsets, judged[1]
-        self._keep_near(judged[0], drawn.knots)
+        self._update_near(judged[0], drawn.knots)
         return True
 
-    def _back(
+    def _revert_corners(
         self, offsets: FloatArray, h: FloatArray, corners: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Proposal in which the masked corners revert to the best shape, (groups,)."""
-        # The share of their neighbours decreases with the distance.
+        """Offsets and span times of a proposal whose masked corners revert to the best shape."""
+        # `corners`: mask, (groups,). Next to a reverted corner, the change of the proposal
+        # increases with the distance from the corner.
         group, state = self.nodes.group, self.state
         stays = 1.0 - corners
         edges = np.minimum(stays[1:], stays[:-1])
@@ -266,7 +270,7 @@ class ShapeSearch:
         n, k = state.offsets.shape
         unit = np.where(nodes.fixed, 0.0, np.maximum(nodes.tolerance, 1e-12))
         rows, bounds = self._limit_rows(state.offsets, state.h, unit)
-        node_rows, node_bounds = self._own_rows(unit)
+        node_rows, node_bounds = self._node_rows(unit)
         cost = np.zeros((n, k + 1))
         cost[:, k] = state.h / state.h.mean()
         # Offsets without a gain return to zero.
@@ -276,16 +280,17 @@ class ShapeSearch:
             np.concatenate([rows, node_rows], axis=1),
             np.concatenate([bounds, node_bounds], axis=1),
             np.tile([*[WEIGHT[0]] * k, WEIGHT[1]], (n, 1)),
-            # The start is no spline, so fixed nodes may leave no solution.
+            # Until the first spline is accepted, a single chunk is used: the start is not a spline,
+            # so fixed nodes may leave no solution.
             place_cuts(nodes.group, state.proposals, whole=state.best is self.start),
         )
         state.proposals += 1
         if not np.isfinite(unknowns).all():
             raise np.linalg.LinAlgError("The quadratic program has no solution.")
         # The trust region limits offsets only; after rejections all changes are reduced.
-        unknowns *= LESS**state.refused
+        unknowns *= REJECTION_FACTOR**state.rejections
         offsets = state.offsets + unknowns[:, :k] * unit[:, None]
-        return self._clip(offsets), state.h * (1 + np.maximum(unknowns[:, k], -LEAST_SPAN))
+        return self._limit_offsets(offsets), state.h * (1 + np.maximum(unknowns[:, k], -LEAST_SPAN))
 
     def _limit_rows(
         self, offsets: FloatArray, h: FloatArray, unit: FloatArray
@@ -300,8 +305,8 @@ class ShapeSearch:
         assigned = np.where(np.isnan(assigned), np.inf, assigned)
         return assemble(spline, span_rows(spline, self.timer.arm, limits, assigned), steps, unit)
 
-    def _own_rows(self, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rows of single nodes: the tube, the trust region, and the smallest span time."""
+    def _node_rows(self, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rows of single nodes: tube, trust region, and smallest span time."""
         state, nodes = self.state, self.nodes
         n, k = state.offsets.shape
         m = len(nodes.sides)
@@ -319,15 +324,16 @@ class ShapeSearch:
         bounds[:, -1] = LEAST_SPAN
         return rows, bounds
 
-    def _clip(self, offsets: FloatArray) -> FloatArray:
-        """Offsets reduced to their limits along the line to the start, (n, k)."""
+    def _limit_offsets(self, offsets: FloatArray) -> FloatArray:
+        """Scale offsets down until they are within their limits, (n, k)."""
         along = offsets @ self.nodes.sides.T
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.where(along > self.state.limits, self.state.limits / along, 1.0)
         return np.asarray(offsets * np.clip(share.min(axis=1), 0.0, 1.0)[:, None])
 
     def _draw(self, offsets: FloatArray, h: FloatArray) -> DrawnPath | None:
-        """Path of offsets and times; None if it leaves the tube, whose limits are then reduced."""
+        """Draw the path of offsets and span times; None if the path leaves the tube."""
+        # The limits of the offsets are then reduced.
         nodes = self.nodes
         spline = self._spline(offsets, h)
         drawn = draw(
@@ -357,8 +363,8 @@ class ShapeSearch:
 
     def _tighten(self, lacking: FloatArray, excess: FloatArray) -> None:
         """Reduce the limits of the offsets where the path leaves the tube."""
-        # `lacking` is the distance outside the tube in the span of each node [m], (n,); `excess` is
-        # the distance of each corner from the path beyond the allowed one [m], (k,).
+        # `lacking`: distance outside the tube in the span of each node [m], (n,); `excess`:
+        # distance of each corner from the path in excess of its tolerance [m], (k,).
         nodes, state = self.nodes, self.state
         lacking = lacking.copy()
         s_corners = self.tube.objective.breaks[self.tube.vertex]
@@ -373,15 +379,15 @@ class ShapeSearch:
         # Control points determine their own span and both neighbours.
         wide = np.maximum(np.append(lacking[1:], 0.0), np.append(0.0, lacking[:-1]))
         lacking = np.maximum(lacking, wide)
-        reduction = SPARE * np.maximum(lacking, 0.0) / np.maximum(nodes.smallest, 1e-12)
-        # At least doubled, so that a few times are sufficient.
+        reduction = EXCESS_FACTOR * np.maximum(lacking, 0.0) / np.maximum(nodes.smallest, 1e-12)
+        # `inside` is at least doubled, so that few reductions are sufficient.
         increased = np.maximum(2 * state.inside, state.inside + reduction)
         state.inside = np.where(lacking > 0, np.minimum(increased, 1.0), state.inside)
         state.limits = nodes.bounds(self.tube, state.inside)
-        state.offsets = self._clip(state.offsets)
+        state.offsets = self._limit_offsets(state.offsets)
 
     def _nearly_stops(self, drawn: DrawnPath) -> bool:
-        """Test whether the tool turns on the spot; reduces the trust region there."""
+        """Test whether the tool nearly stops, and reduce the trust region there."""
         nodes, lengths = self.nodes, np.diff(drawn.curve.breaks)
         tiny = drawn.curve.breaks[:-1][lengths < REPEATED_POINT]
         if not len(tiny):
@@ -392,7 +398,7 @@ class ShapeSearch:
         return True
 
     def _path(self, drawn: DrawnPath) -> ShapedPath | None:
-        """The drawn path without its outcome; None if the tool deviates too much in orientation."""
+        """Make the shaped path of a drawing; None if its tool orientation deviates too much."""
         options, objective = self.options, self.tube.objective
         path = ShapedPath(
             segments=drawn.segments,
@@ -405,7 +411,8 @@ class ShapeSearch:
             curve=drawn.curve,
         )
         if objective.orientation is not None:
-            # As at the matching point, even if that follows the tangent.
+            # Each point has the orientation of its matching objective point, even if the
+            # orientation follows the tangent.
             plain = replace(objective, orientation=replace(objective.orientation, follows=False))
             path, angle = orient_shaped(path, plain, drawn.places, options.angular_tolerance)
             if angle > (np.inf if options.angular_tolerance is None else options.angular_tolerance):
@@ -413,22 +420,22 @@ class ShapeSearch:
         return path
 
 
-def why_not(objective: Path, tube: Tube) -> str | None:
+def explain_unshaped(objective: Path, tube: Tube) -> str | None:
     """Reason why a path cannot be shaped, as a clause; None if it can."""
     if (tube.tolerance == 0).any():
         # Splines of the joints do not follow a line exactly.
-        return "lines without a tolerance are not changed: not shaped"
+        return "not shaped, because a line has no tolerance"
     if _turns_at_corners(objective):
-        return "the orientation follows the tangent at corners: not shaped"
+        return "not shaped, because the orientation follows the tangent at corners"
     return None
 
 
 def make_searches(
     objective: Path, tube: Tube, timer: Timer, options: Shaped
 ) -> Iterator[ShapeSearch | None]:
-    """Searches from parabolas and from arcs that the arm can follow, the faster ones first."""
-    # None stands for a search with too many nodes.
-    starts = make_starts(objective, tube, options, SHARE)
+    """Yield the searches from parabolas and from arcs, beginning with the faster start."""
+    # Yields None instead of a search with too many nodes.
+    starts = make_starts(objective, tube, options, START_SHARE)
     candidates = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
     for start in sorted((x for x in candidates if x is not None), key=lambda x: x.duration):
         nodes = place_nodes(start, tube, timer.arm, timer.configuration)
@@ -440,7 +447,8 @@ def make_searches(
 
 def _turns_at_corners(objective: Path) -> bool:
     """True if the orientation follows a tangent that jumps, so that it depends on the shape."""
-    # If it follows a smooth tangent, shapes have the orientation of the matching objective points.
+    # If the orientation follows a smooth tangent, shapes have the orientation of the matching
+    # objective points.
     orientation = objective.orientation
     return (
         orientation is not None

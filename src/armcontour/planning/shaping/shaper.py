@@ -24,22 +24,22 @@ from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.options import Optimal, Shaped
 from armcontour.planning.program_timing import Timing, check_jerk_support, time_program
 from armcontour.planning.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
-from armcontour.planning.shaping.search import make_searches, why_not
+from armcontour.planning.shaping.search import explain_unshaped, make_searches
 from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, tube_of
 from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs, put_on_path
 from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
 
-# Smallest turn of corners of a contour [rad]; other vertices may be points along a curve at any
-# distance.
+# Smallest turn of a sharp corner [rad]. Vertices with a smaller turn may be points of a curve at
+# any distance from each other.
 SHARP = np.radians(30)
-# Saved share of the duration at which no further start is searched.
-ENOUGH = 0.01
-# Number of contours from which other processes shape them; starting them takes a few seconds.
-MANY = 24
+# No further start is searched once this share of the duration is saved.
+ENOUGH_SAVED = 0.01
+# From this number of contours on, other processes shape them; processes start in a few seconds.
+MANY_CONTOURS = 24
 # Largest number of control point values in all iterations, for each corner or rest. Tolerances of
 # about 1 µm (six joints) and 0.1 µm (two joints) need more.
 WORK = 30_000
-# Note of a contour that could be shaped but has arcs.
+# Note of a contour for which arcs are faster than all shapes that were found
 ARCS_ARE_FASTER = "no shape that was found is faster than arcs"
 
 
@@ -126,9 +126,11 @@ class Shaping:
         for i, x in enumerate(moves):
             if isinstance(x, Contour):
                 contour = draw_with_arcs(x)
-                moves[i] = replace(contour, path=_cap(contour.path, self.options.tolerance))
+                moves[i] = replace(
+                    contour, path=_cap_tolerances(contour.path, self.options.tolerance)
+                )
         program = replace(program, moves=tuple(moves))
-        arcs, traced = self._trace(program)
+        arcs, traced = self._trace_with_arcs(program)
         tasks: list[tuple[int, Contour, _Task]] = []
         for step in traced.steps:
             move = None if step.move is None else moves[step.move]
@@ -142,14 +144,14 @@ class Shaping:
         shaped = replace(program, moves=tuple(moves))
         if arcs is None or seed is not None or self.arm.dimension == 2:
             return shaped
-        return self._faster(program, arcs, shaped, ends_of(traced.joint_paths[0])[0])
+        return self._choose_faster(program, arcs, shaped, ends_of(traced.joint_paths[0])[0])
 
-    def _faster(
+    def _choose_faster(
         self, program: Program, arcs: Tracing, shaped: Program, first: FloatArray
     ) -> Program:
-        """Shaped program at the faster start, or the program with arcs if that is faster still."""
-        # Shapes are compared close to the start `first` [rad], (dof,). A redundant arm is slightly
-        # slower there than at a free start, which it has along arcs.
+        """Shaped program with the faster start, or the program with arcs if it is faster."""
+        # Shapes were compared from the start `first` [rad], (dof,). From this start a redundant arm
+        # can be slightly slower than from a free start, which it has along arcs.
         seed = tuple(first.tolist())
         plans: list[tuple[Program, tuple[float, ...] | None, Trajectory]] = []
         with suppress(ArmContourError):
@@ -157,9 +159,9 @@ class Shaping:
         along_arcs = plans[0][2].contour_spans if plans else None
         for start in (None, seed):
             with suppress(ArmContourError):
-                plans.append((shaped, start, self._time(self._follow(shaped, start))))
+                plans.append((shaped, start, self._time(self._trace_from(shaped, start))))
         if not plans:
-            # Planning raises the error.
+            # `plan` raises the error.
             return shaped
         fastest, joints, planned = min(plans, key=lambda x: x[2].duration)
         moves = list(fastest.moves)
@@ -172,7 +174,7 @@ class Shaping:
             starts = {name: x for name, x in durations.items() if name != SHAPED}
             outcome = replace(
                 outcome,
-                # Among starts with equal rounded durations the simplest one.
+                # Of starts with equal rounded durations, the simplest one comes first.
                 start=min(starts, key=lambda name: round(starts[name], 9)),
                 durations=durations,
                 note=outcome.note or (None if fastest is shaped else ARCS_ARE_FASTER),
@@ -188,23 +190,23 @@ class Shaping:
         timing = Timing(self.arm, limits, Optimal(intervals=self.options.intervals))
         return time_program(traced, timing)
 
-    def _follow(self, program: Program, seed: npt.ArrayLike | None) -> Tracing:
+    def _trace_from(self, program: Program, seed: npt.ArrayLike | None) -> Tracing:
         configuration = self.options.configuration
         return trace_program(program, self.arm, self.limits, configuration=configuration, seed=seed)
 
-    def _trace(self, program: Program) -> tuple[Tracing | None, Tracing]:
+    def _trace_with_arcs(self, program: Program) -> tuple[Tracing | None, Tracing]:
         """Trace the program with arcs at its corners, and with sharp corners if that is faster."""
         # Returns the program with arcs and its joint paths, None if the arm cannot follow it; and
         # the tracing whose configurations are used for all starts and shapes.
         seed = self.options.seed
         try:
-            arcs = self._follow(self._with_arcs(program), seed)
+            arcs = self._trace_from(self._with_arcs(program), seed)
         except ArmContourError:
-            return None, self._follow(program, seed)
+            return None, self._trace_from(program, seed)
         if seed is not None or program.single_path is None or self.arm.dimension == 2:
             return arcs, arcs
         try:
-            sharp = self._follow(program, None)
+            sharp = self._trace_from(program, None)
         except ArmContourError:
             return arcs, arcs
         first, other = (ends_of(x.joint_paths[0])[0] for x in (arcs, sharp))
@@ -233,8 +235,9 @@ class Shaping:
         return replace(program, moves=tuple(moves))
 
     def _timer(self, joint_path: JointPath, seed: FloatArray | None = None) -> Timer:
-        """Timer in the configuration of a joint path, with the seed if that is its start."""
-        # The knots of a redundant arm depend on the rounding of the start.
+        """Timer in the configuration of a joint path; an equal `seed` replaces its start."""
+        # The knots of a redundant arm depend on the rounding of the start, so `seed` itself is
+        # used.
         start, intervals = ends_of(joint_path)[0], self.options.intervals
         limits = with_reserve(self.limits, self.options.reserve)
         if isinstance(self.arm, PlanarTwoLink):
@@ -244,9 +247,9 @@ class Shaping:
         return Timer(self.arm, limits, None, start, intervals)
 
 
-def _cap(path: Path, tolerance: float) -> Path:
+def _cap_tolerances(path: Path, tolerance: float) -> Path:
     """Limit the tolerances of a path to half of its stretches between two sharp corners."""
-    # A line that is drawn twice, a micrometre apart, leaves a stretch that allows no more.
+    # For example, the end of a line that is drawn twice, a micrometre apart, is such a stretch.
     sharp = np.flatnonzero(path.turns > SHARP) + 1
     ends = np.concatenate([[0], sharp, [len(path)]])
     half = np.repeat(np.diff(path.breaks[ends]) / 2, np.diff(ends))
@@ -272,14 +275,14 @@ class _Task:
 
 def _shape_all(tasks: list[_Task], progress: Progress | None) -> Callable[[int], ShapedPath]:
     """Function that returns the shaped path of a contour; other processes shape many contours."""
-    # It raises the error of the contour.
+    # The function raises the error of the contour.
     count = len(tasks)
 
     def report(done: float) -> None:
         if progress is not None:
             progress(Step(("shaping",), done / count))
 
-    if count < MANY:
+    if count < MANY_CONTOURS:
         return lambda i: _shape(tasks[i], lambda share: report(i + share))
     from armcontour.core.pool import map_in_processes
 
@@ -303,17 +306,17 @@ def _shape_or_error(task: _Task) -> ShapedPath | ArmContourError:
 
 
 def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
-    """Shaped path of one contour; `report` is called with the share done."""
+    """Shape one contour; `report` is called with the share done."""
     objective, timer, options = task.objective, task.timer, task.options
     tube = tube_of(objective, options)
     candidates = _time_starts(objective, tube, timer, options)
     if not candidates:
-        # Raises the error of the objective.
+        # Planning along the objective raises its error.
         timer.time(timer.trace(objective))
     durations = {x.name: x.duration for x in candidates}
     first = min(candidates, key=lambda x: x.duration)
     best, history = first, [first.duration]
-    note = why_not(objective, tube)
+    note = explain_unshaped(objective, tube)
     searches = make_searches(objective, tube, timer, options) if note is None else iter(())
     unfinished, work = False, float(WORK)
     for search in searches:
@@ -330,7 +333,7 @@ def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
         work -= (len(history) - before) * search.size
         unfinished |= len(history) - before == allowed < remaining
         # Another start usually leads to the same shape.
-        if best.duration < (1 - ENOUGH) * first.duration:
+        if best.duration < (1 - ENOUGH_SAVED) * first.duration:
             break
     durations[SHAPED] = best.duration
     outcome = ShapingOutcome(

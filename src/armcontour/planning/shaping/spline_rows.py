@@ -19,8 +19,7 @@ from armcontour.robot.limit_use import States
 
 # Number of planes that bound a disc in space.
 DIRECTIONS = 8
-# Relative distance below the limit from which speeds are ignored, because one step cannot reach the
-# limit.
+# (speed - limit) / limit below which a speed is ignored, because one step cannot reach the limit
 FAR = -0.6
 # Largest relative decrease of a span time in one step.
 LEAST_SPAN = 0.5
@@ -50,7 +49,7 @@ class JointSpline:
         return self.at_knots(self.q)
 
     def at_knots(self, values: FloatArray) -> FloatArray:
-        """Values at the knots from those at the control points, (n, k) to (n + 1, k)."""
+        """Interpolate values at the control points, (n, k), to values at the knots, (n + 1, k)."""
         h = self.h[:, None]
         inner = (h[1:] * values[:-1] + h[:-1] * values[1:]) / (h[1:] + h[:-1])
         return np.concatenate([values[:1], inner, values[-1:]])
@@ -58,13 +57,13 @@ class JointSpline:
 
 @dataclass(slots=True)
 class SpanRows:
-    """Rows of all spans, as functions of the velocities at both ends and of the span time."""
+    """Limits of all spans as functions of the velocities at both ends and of the span time."""
 
     value: FloatArray  # Values of the functions, at most zero if a limit is satisfied, (n, m)
-    before: FloatArray  # Derivatives by the velocity at the start, (n, m, dof)
-    after: FloatArray  # Derivatives by the velocity at the end, (n, m, dof)
-    time: FloatArray  # Derivatives by the span time, (n, m)
-    scale: FloatArray  # Divisors of the values: the limits, (n, m)
+    before: FloatArray  # Derivatives with respect to the velocity at the start, (n, m, dof)
+    after: FloatArray  # Derivatives with respect to the velocity at the end, (n, m, dof)
+    time: FloatArray  # Derivatives with respect to the span time, (n, m)
+    scale: FloatArray  # Divisors of the values, proportional to the limits, (n, m)
 
 
 def span_rows(spline: JointSpline, arm: Arm, limits: Limits, speeds: FloatArray) -> SpanRows:
@@ -112,14 +111,14 @@ def span_rows(spline: JointSpline, arm: Arm, limits: Limits, speeds: FloatArray)
 
 
 def _acceleration(both: FloatArray, e: FloatArray, h: FloatArray, limit: FloatArray) -> SpanRows:
-    """`±(e_i - e_{i-1}) <= limit h_i`; the bounds of positive accelerations come first."""
+    """Rows `±(e_i - e_{i-1}) <= limit h_i`; the rows of positive accelerations come first."""
     bound = np.broadcast_to(limit, both.shape[:2])
     value = np.einsum("nrj,nj->nr", both, np.diff(e, axis=0)) - bound * h[:, None]
     return SpanRows(value, -both, both, -bound, bound * h[:, None])
 
 
 def _velocity(both: FloatArray, e: FloatArray, limit: FloatArray) -> SpanRows:
-    """`±e_i <= limit`."""
+    """Rows `±e_i <= limit` of the joint velocities."""
     bound = np.broadcast_to(limit, both.shape[:2])
     value = np.einsum("nrj,nj->nr", both, e[1:]) - bound
     after = np.where((value > FAR * bound)[..., None], both, 0.0)
@@ -127,11 +126,11 @@ def _velocity(both: FloatArray, e: FloatArray, limit: FloatArray) -> SpanRows:
 
 
 def _tool_speed(end: States, speeds: FloatArray) -> SpanRows:
-    """`|J e_i| <= speed`."""
+    """Rows `|J e_i| <= speed` of the tool speed."""
     velocity = end.tool_velocity
     speed = np.linalg.norm(velocity, axis=1)
     direction = velocity / np.where(speed > 0, speed, 1.0)[:, None]
-    # Without a limit, a bound that is never active.
+    # A span without a limit has a bound that is never active.
     bound = np.where(np.isfinite(speeds), speeds, 10 * speed + 1)
     near = np.where(speed - bound > FAR * bound, 1.0, 0.0)[:, None] * direction
     after = np.einsum("ni,nij->nj", near, end.arm.tool_jacobian(end.q))[:, None]
@@ -142,8 +141,9 @@ def _tool_speed(end: States, speeds: FloatArray) -> SpanRows:
 def _tool_acceleration(
     end: States, h: FloatArray, limit: float, last: bool, *, across: bool
 ) -> SpanRows:
-    """Acceleration of the tool in several directions, or its part normal to the motion."""
-    # In direction d it is `d (J a + H(e, e))`, with H(e, e) = dJ/dt e; times h_i.
+    """Rows of the tool acceleration in several directions, or of its part normal to the motion."""
+    # The acceleration in direction d is `d (J a + H(e, e))`, with H(e, e) = dJ/dt e. All rows are
+    # multiplied by h_i.
     arm, q, e = end.arm, end.q, end.dq
     jacobian, rate = arm.tool_jacobian(q), arm.tool_jacobian_rate(q, e)
     velocity = np.einsum("nij,nj->ni", jacobian, e)
@@ -172,7 +172,7 @@ def _tool_acceleration(
 
 def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) -> FloatArray:
     """Unit vectors in which the acceleration is bounded, (n, m, dimension)."""
-    # The first is parallel to the acceleration, or to its part normal to the motion.
+    # The first direction is parallel to the acceleration, or to its part normal to the motion.
     n, dimension = tangent.shape
     if dimension == 2:
         first = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
@@ -206,7 +206,7 @@ def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) 
 def _torque(
     end: States, both: FloatArray, h: FloatArray, limit: FloatArray, last: bool
 ) -> SpanRows:
-    """`±(M (e_i - e_{i-1}) + h_i (c + g + f)) <= limit h_i`, at one end of every span."""
+    """Rows `±(M (e_i - e_{i-1}) + h_i (c + g + f)) <= limit h_i` of torques at one end of spans."""
     # Coriolis torques c grow with the square of the velocity; mass matrix M, gravity g and friction
     # f are treated as constant.
     dynamics = end.arm.dynamics
@@ -231,7 +231,7 @@ def _torque(
 def _by_both_ends(
     by_change: FloatArray, by_end: FloatArray, last: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Derivatives by the velocities at both ends, from those by their change and by one end."""
+    """Derivatives for both velocities, from derivatives for their change and for one velocity."""
     return (-by_change, by_change + by_end) if last else (by_end - by_change, by_change)
 
 
@@ -239,9 +239,9 @@ def assemble(
     spline: JointSpline, rows: SpanRows, steps: FloatArray, unit: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Rows of the quadratic program in scaled unknowns, and their bounds."""
-    # The unknowns of node i are its offsets over `unit` and the change of h_i over h_i.
-    # `steps`: change of each control point by its offsets [rad/m], (n, dof, k); `unit`: scale of
-    # the offsets of each node, 0 if fixed [m], (n,).
+    # The unknowns of node i are its offsets divided by `unit`, and the relative change of h_i.
+    # `steps`: derivatives of each control point with respect to its offsets [rad/m], (n, dof, k);
+    # `unit`: scale of the offsets of each node, 0 if fixed [m], (n,).
     # Returns coefficients, (n, m, 3 (k + 1)), and bounds, (n, m).
     n, dof, k = steps.shape
     e, h = spline.velocities, spline.h
@@ -252,8 +252,8 @@ def assemble(
     width = k + 1
     coefficients = np.zeros((n, rows.value.shape[1], 3 * width))
     for derivatives, first in ((rows.before, 0), (rows.after, 1)):
-        # The velocity at this end depends on the nodes `first - 1` and `first`, relative to this
-        # one.
+        # The velocity at this end depends on the nodes `first - 1` and `first`, counted from the
+        # node of the row.
         pace, ends = rate[first : n + first], e[first : n + first]
         for node, sign in ((first - 1, -1.0), (first, 1.0)):
             column = (node + 1) * width

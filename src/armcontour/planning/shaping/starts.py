@@ -1,4 +1,4 @@
-"""Paths of known shape from which a shaped path starts; the shaped path is never slower."""
+"""Starts of the search (stops, arcs, parabolas); a shaped path is never slower than its start."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from armcontour.robot import Arm, Limits
 
 # Angle between matched points along arcs [rad].
 TURN = 0.05
-# Allowed distance of a point from its matching point along the objective, over the tolerance.
-BESIDE = 0.05
+# Allowed distance of a point from its matching point along the objective, over the tolerance
+MATCH_TOLERANCE = 0.05
 
 
 def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float) -> FloatArray:
-    """Matching arc lengths of points of a path and nearest points of the objective [m], (m, 2)."""
-    # The point of the path nearest to a corner passes it: points before it match the stretch before
-    # the corner, points after it the stretch after the corner.
-    # `matches`: approximately matching arc lengths on the objective and on the path [m],
-    # increasing, (n, 2); `reach`: largest distance of the nearest point from the given one along
-    # the objective [m], one number or one per row, (n,).
+    """Arc lengths of nearest points on the objective and of points of the path [m], (m, 2)."""
+    # The path passes a corner at its point nearest to the corner. Points before this point match
+    # the stretch before the corner, points after it match the stretch after the corner.
+    # `matches`: approximate matching arc lengths on the objective and on the path [m], increasing,
+    # (n, 2); `reach`: largest distance along the objective between exact and approximate match [m],
+    # one number or one per row, (n,).
     reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64), len(matches))
     _, passed = tube.nearest_to_corners(path, matches, reaches)
     passed = np.maximum.accumulate(passed)
@@ -57,15 +57,16 @@ def prove(tube: Tube, path: Path, matches: FloatArray) -> Proof:
     """Prove that every point of a path is within the tolerance of its matching point."""
     last = len(tube) - 1
     piece = np.clip(np.searchsorted(tube.breaks, matches[:, 0], side="right") - 1, 0, last)
-    return tube.prove(path, matches, BESIDE * tube.tolerance[piece])
+    return tube.prove(path, matches, MATCH_TOLERANCE * tube.tolerance[piece])
 
 
-# Bisections for corners that leave their zones, and factor if neighbours still make them leave.
+# Number of bisections of the tolerance of corners that leave the tube; factor of this tolerance
+# while neighbours still make the corners leave
 HALVINGS, LESS = 14, 0.9
-# The tool stops at corners with smaller tolerances or radii [m]: no arm resolves such arcs, and
-# rounding errors would exceed limits.
+# The tool stops at corners with smaller tolerances or radii [m], because no arm resolves such arcs,
+# and rounding errors would exceed limits.
 FINEST, SHARPEST = 1e-8, 1e-10
-# Distance of a point of a start from its matching point along the objective, in tolerances.
+# Largest distance of a point of a start from its matching point along the objective, in tolerances
 REACH = 6.0
 
 
@@ -87,7 +88,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Timer:
-    """Times paths of one contour in one configuration of the arm."""
+    """Traces and times paths of one contour in one configuration of the arm."""
 
     arm: Arm
     limits: Limits  # The limits of the motion, one value per joint
@@ -107,7 +108,7 @@ class Timer:
         return plan_optimal(joint_path, self.arm, self.limits, Optimal(intervals=self.intervals))
 
     def candidate(self, name: str, path: Path, matches: FloatArray) -> Candidate | None:
-        """A path with its fastest timing; None if the arm cannot follow it."""
+        """Time a path; None if the arm cannot follow it."""
         try:
             joint_path = self.trace(path)
             trajectory = self.time(joint_path)
@@ -128,8 +129,8 @@ def tube_of(objective: Path, options: Shaped) -> Tube:
 def make_starts(
     objective: Path, tube: Tube, options: Shaped, share: float = 1.0
 ) -> dict[str, tuple[Path, FloatArray]]:
-    """Starts by name, all within the tube, each with its matching arc lengths."""
-    # `share` is the share of the tolerance that corners are rounded to.
+    """Make the starts by name, all within the tube, each with its matching arc lengths."""
+    # `share`: share of the tolerance to which corners are rounded.
     matches = np.array([[0.0, 0.0], [objective.length, objective.length]])
     starts: dict[str, tuple[Path, FloatArray]] = {STOPS: (objective, matches)}
     for name, round_ in ((ARCS, round_corners), (PARABOLAS, round_with_parabolas)):
@@ -143,13 +144,13 @@ def _round_within(
     objective: Path, tube: Tube, options: Shaped, round_: Callable[..., RoundedPath], share: float
 ) -> tuple[RoundedPath, FloatArray] | None:
     """Rounded path within the tube, with its matching arc lengths; None if it needs stops."""
-    # Corners whose curves would leave their zones are rounded less.
+    # Corners whose rounding leaves the tube get a smaller tolerance.
     requested = np.full(len(objective) - 1, share * options.tolerance)
     requested[tube.vertex - 1] = share * tube.vertex_tolerance
 
     def outside(tolerance: FloatArray) -> tuple[RoundedPath, FloatArray, IntArray]:
         path = round_(objective, tolerance=tolerance, angular_tolerance=options.angular_tolerance)
-        matches = match(tube, path, _places(path), REACH * options.tolerance)
+        matches = match(tube, path, _matching_lengths(path), REACH * options.tolerance)
         return path, matches, _corners_outside(tube, path, matches)
 
     path, matches, outside_corners = outside(requested)
@@ -196,7 +197,7 @@ def _corners_outside(tube: Tube, path: RoundedPath, matches: FloatArray) -> IntA
     return np.unique(np.concatenate([tube.vertex[nearest], missed, tiny])) - 1
 
 
-def _places(rounded: RoundedPath) -> FloatArray:
+def _matching_lengths(rounded: RoundedPath) -> FloatArray:
     """Matching arc lengths on the objective and on its rounded path [m], (n, 2)."""
     c = rounded.corners
     s_corners = rounded.objective.breaks[c.vertex]

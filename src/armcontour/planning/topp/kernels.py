@@ -1,4 +1,4 @@
-"""Compiled plan on a grid: first without margins, then with margins that the plan proves.
+"""Compiled plan on a grid, first without margins, then with margins that are proven to suffice.
 
 On each interval u is linear in s with a slope k that is chosen in advance. With the mean m of u and
 the half change t = k w / 2, u is m - t and m + t at the ends, and x at the end is x + 2 w m. All
@@ -18,20 +18,20 @@ from armcontour.core.kernels import FUSED, compiled
 from armcontour.core.simd import LANES, choose, higher, highest, load, lower, lowest, size, store
 from armcontour.motion.kernels import interval_time
 from armcontour.planning.topp.limit_forms import (
-    ALONE,
-    BACK,
+    BACKWARD,
+    BY_CONSTANT,
     BY_SLOPE,
     BY_U,
     BY_X,
-    FORTH,
+    DEVIATION,
+    FORWARD,
     HIGH,
     HIGHEST,
-    KEPT,
     LANE,
     LARGEST,
     LOW,
     LOWEST,
-    OFF,
+    PADDED_PIECES,
     ROWS,
     SIGN,
     A,
@@ -43,50 +43,56 @@ from armcontour.planning.topp.limit_forms import (
     Rounds,
 )
 
-Vector = Any  # of LANES numbers
+Vector = Any  # SIMD vector of LANES numbers
 
 FOUND, FINER, STUCK, START, END, UNLIMITED = range(6)
-INSIDE = 1 - 1e-14  # share by which a Newton step ends inside, far more than rounding
+# factor that puts the result of a Newton step inside the limits despite rounding
+INSIDE = 1 - 1e-14
 LARGEST_X = 1e100  # initial x of Newton's method without a ceiling
-FAR, ROUNDED = (
-    1e-3,
-    1e-12,
-)  # a Newton step to less than the share FAR of x has the error ROUNDED of x
+# A Newton step from x to less than the share FAR of x has an error of the share ROUNDED of x.
+FAR, ROUNDED = 1e-3, 1e-12
 SLACK = 1e-9  # relative rounding error of the ends of a range of u
-PLAY = 1e-7  # relative error of x at an end
-ROUNDING = 2e-15  # relative rounding error of x, in differences of x
-TINY = 1e-14  # share of its terms below which a coefficient is zero
+END_TOLERANCE = 1e-7  # relative tolerance of x at the start and the end of the path
+ROUNDING = 2e-15  # rounding error of differences of x, as a share of x
+TINY = 1e-14  # a coefficient below this share of its terms is zero
 NEAR = 0.01  # u is at its bound within this share of its range
-BELOW_CEILING = 1 - 1e-6  # factor of the ceiling from which no other limit is active
+BELOW_CEILING = 1 - 1e-6  # above this share of its ceiling, x is limited by the ceiling only
 LARGEST_TURN = 0.25  # largest change of u by a slope, as a share of its range
-NO_WAY = 4e-2  # margin of intervals without a plan: a finer grid may have one
-AROUND = 10  # number of refined neighbours of an interval without a plan
-SHARE_AT_REST = 0.5  # largest share of the limit at rest that a line above friction takes
-NOTHING = 1e-150  # coefficients below this are zero
+NO_PLAN_MARGIN = (
+    4e-2  # margin reported for intervals without a plan, because a finer grid may have a plan
+)
+REFINED_NEIGHBOURS = 10  # number of refined neighbours of an interval without a plan
+# largest share of the limit at rest that the offset of a line above friction uses
+MAX_OFFSET_SHARE = 0.5
+NEGLIGIBLE = 1e-150  # coefficients below this are zero
 BLOCK = 1 << 13  # number of stored intervals, which limits the memory
-LEAST = 1e-300  # keeps divisions finite; its root is far below any path speed
-AT_END, RISE = 4, 8  # positions in `_linear_row`: coefficients at the end, and the rise
+MIN_DIVISOR = 1e-300  # lower bound of divisors; its root is far below any path speed
+# positions in the result of `_linear_row`: coefficients at the end, and the rise
+AT_END, RISE = 4, 8
 
 
 class Rules(NamedTuple):
-    """Parameters of a plan."""
+    """Parameters of the planner on a grid."""
 
-    start: float = 0.0  # ds² at the start; infinite for the largest
-    end: float = 0.0  # ds² at the end; infinite for the largest
+    start: float = 0.0  # ds² at the start [m²/s²]; infinite for the largest feasible value
+    end: float = 0.0  # ds² at the end [m²/s²]; infinite for the largest feasible value
     max_margin: float = 1e-2  # Largest share of a limit that margins may take
-    steady: float = 0.999  # Slopes are dropped first where margins take more than this share
-    headroom: float = 1.05  # Factor of the bounds of x and u over the previous plan
-    close: float = 1.02  # The same factor around a proven plan
-    # U is the largest |u| of this many neighbours on each side, because switches move
+    # Slopes are set to zero first on intervals whose margins take more than this share
+    steady: float = 0.999
+    headroom: float = 1.05  # Factor of the bounds of x and u relative to the plan without margins
+    close: float = 1.02  # The same factor relative to a proven plan
+    # U, the bound of |u|, includes this many neighbours on each side, because switching points move
     window: int = 1
-    # Lower bound of U, as a share of the largest |u| on the path, or of x over the width of the
-    # interval if that is less: |u| is unbounded where dq_ds vanishes
+    # Smallest U: this share of the largest |u| on the path, or of x divided by the width of the
+    # interval if that is less, because |u| is unbounded where dq_ds vanishes
     floor: float = 1e-3
     tangents: int = 2  # Largest number of plans without margins in which friction is linearized
-    near: float = 1e-2  # Relative error of x below which such a plan is accepted
+    near: float = 1e-2  # Relative change of x below which the linearization of friction is accepted
     tries: int = 30  # Largest number of plans on a grid
-    enough: int = 20_000  # Number of intervals above which a limit that margins exclude is refused
-    gain: float = 1e-6  # Bounds are tightened while that saves more than this share of the duration
+    # With more intervals, a plan that fails with margins is an error instead of FINER
+    enough: int = 20_000
+    # Bounds are tightened while this reduces the duration by more than this share
+    gain: float = 1e-6
 
 
 class MotionBounds(NamedTuple):
@@ -106,19 +112,29 @@ class GridPlan(NamedTuple):
     lost: FloatArray  # Share of limits that margins take, (n,)
     outcome: int  # FOUND, or FINER, STUCK, START, END, UNLIMITED
     interval: int
-    allowed: float  # With START and END: the largest ds² there
+    allowed: float  # With START and END: the largest feasible ds² at this end [m²/s²]
+
+
+class PassSquares(NamedTuple):
+    """Results of a backward and a forward pass: ds² at the grid points [m²/s²], (n + 1,) each."""
+
+    cap: FloatArray  # Lower cap of both sides of a point
+    reachable: FloatArray  # Largest value from which the end can be reached
+    x: FloatArray  # The plan
 
 
 class LimitLines(NamedTuple):
-    """Limits of one try, in the plane of x at the start and the mean u of each interval."""
+    """Limits in the plane of x at the start and m, the mean of u, of each interval."""
 
-    # `bottom <= m + tilt x <= top`: tilts, bottoms and tops of the stored intervals, flat. Each has
-    # LANES for the starts and LANES for the ends of every LANES joints or rows.
+    # Tilts, bottoms and tops of the lines `bottom <= m + tilt x <= top` of the stored intervals,
+    # flat. Every group of LANES joints or rows has LANES lines for the start of an interval and
+    # LANES lines for the end.
     table: FloatArray
     width: int  # Number of lines of an interval
-    drawn: IntArray  # The intervals that are stored, (BLOCK,), or all if they are fewer
-    # `|m + p x + q|² <= d0 + 2 d1 x - d2 x²`: p, q, d0, d1 and d2 of the stored intervals,
-    # (len(drawn), conics, 5)
+    # Index of the interval in each slot, (slots,); at most BLOCK intervals are stored
+    slot_interval: IntArray
+    # p, q, d0, d1 and d2 of the conics `|m + p x + q|² <= d0 + 2 d1 x - d2 x²` of the stored
+    # intervals, (slots, conics, 5)
     conics: FloatArray
     cap: FloatArray  # Largest x at the start and at the end, (n, 2)
     lost: FloatArray  # Share of limits that margins take, (n,)
@@ -127,21 +143,21 @@ class LimitLines(NamedTuple):
 
 @compiled(inner=True, fastmath=FUSED)
 def _margin(rise: FloatArray, i: int, r: int, bounds: MotionBounds) -> float:
-    """Margin of row r on interval i for the bounds."""
+    """Margin of row r on interval i that is valid within the bounds."""
     by = rise[i, r, BY_U] * bounds.u[i] + rise[i, r, BY_X] * bounds.x[i]
-    return float(by + rise[i, r, BY_SLOPE] * abs(bounds.k[i]) + rise[i, r, ALONE])
+    return float(by + rise[i, r, BY_SLOPE] * abs(bounds.k[i]) + rise[i, r, BY_CONSTANT])
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _half_plane(
+def _write_half_plane(
     lines: LimitLines,
     location: tuple[int, int, int],
     motion: tuple[float, float],
     row: tuple[Vector, Vector, Vector, Vector],
 ) -> None:
-    """Write `low <= a u + b x <= high` of LANES rows at one end of an interval."""
-    # `location` is the interval, the end and the first line; `motion` is the length of the interval
-    # and half of the change of u. Rows without m are a ceiling of x, because rest is allowed.
+    """Write the half-planes `low <= a u + b x <= high` of LANES rows at one end of an interval."""
+    # `location`: interval, end and first line; `motion`: length of the interval, and half of the
+    # change of u. Rows without m become a ceiling of x, because rest satisfies every row.
     (i, end, line), (w, turn), (a, b, low, high) = location, motion, row
     shift = turn - 2 * turn * end
     low, high = low + shift * a, high + shift * a
@@ -149,23 +165,25 @@ def _half_plane(
     magnitude, threshold = size(by_mean), TINY * (size(a) + bends)
     alone = size(a) - TINY * bends
     if lowest(lower(magnitude - threshold, alone)) <= 0.0:
-        largest = choose(NOTHING, size(b), higher(low / b, high / b), math.inf)
+        largest = choose(NEGLIGIBLE, size(b), higher(low / b, high / b), math.inf)
         ceiling = higher(choose(threshold, magnitude, math.inf, largest), 0.0)
         lines.cap[i, 0] = min(lines.cap[i, 0], lowest(ceiling))
         ceiling = higher(choose(0.0, alone, math.inf, largest), 0.0)
         lines.cap[i, end] = min(lines.cap[i, end], lowest(ceiling))
         magnitude = choose(threshold, magnitude, choose(0.0, alone, magnitude, 0.0), 0.0)
-    inverse = 1.0 / choose(NOTHING, magnitude, by_mean, 1.0)
+    inverse = 1.0 / choose(NEGLIGIBLE, magnitude, by_mean, 1.0)
     low, high = low * inverse, high * inverse
-    first = 3 * lines.width * (i & (len(lines.drawn) - 1)) + line
+    first = 3 * lines.width * (i & (len(lines.slot_interval) - 1)) + line
     last = first + 2 * lines.width
-    store(lines.table, first, choose(NOTHING, magnitude, b * inverse, 0.0))
-    store(lines.table, first + lines.width, choose(NOTHING, magnitude, lower(low, high), -math.inf))
-    store(lines.table, last, choose(NOTHING, magnitude, higher(low, high), math.inf))
+    store(lines.table, first, choose(NEGLIGIBLE, magnitude, b * inverse, 0.0))
+    store(
+        lines.table, first + lines.width, choose(NEGLIGIBLE, magnitude, lower(low, high), -math.inf)
+    )
+    store(lines.table, last, choose(NEGLIGIBLE, magnitude, higher(low, high), math.inf))
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _half_planes(
+def _write_half_planes(
     lines: LimitLines,
     i: int,
     line: int,
@@ -174,7 +192,7 @@ def _half_planes(
     room: Vector,
     margins: bool,
 ) -> None:
-    """Write LANES rows at both ends of interval i less margins, and record the margins' shares."""
+    """Write LANES rows, less their margins, at both ends of interval i; record the margins."""
     (a0, b0, low0, high0), (a1, b1, low1, high1) = rows
     if margins:
         remaining = lower(lower(high0, 0.0 - low0), lower(high1, 0.0 - low1))
@@ -182,12 +200,12 @@ def _half_planes(
         # The share is 1 if rest may violate a limit.
         share = choose(0.0, room, choose(remaining, used, 1.0, room / remaining), 0.0)
         lines.lost[i] = max(lines.lost[i], highest(share))
-    _half_plane(lines, (i, 0, line), motion, (a0, b0, low0 + room, high0 - room))
-    _half_plane(lines, (i, 1, line + LANES), motion, (a1, b1, low1 + room, high1 - room))
+    _write_half_plane(lines, (i, 0, line), motion, (a0, b0, low0 + room, high0 - room))
+    _write_half_plane(lines, (i, 1, line + LANES), motion, (a1, b1, low1 + room, high1 - room))
 
 
 class Bracket(NamedTuple):
-    """Range of x on an interval: the smallest x, and the roots of the smallest and largest."""
+    """Range of x on an interval: smallest x, and roots of the smallest and the largest x."""
 
     smallest: float
     low: float
@@ -196,20 +214,21 @@ class Bracket(NamedTuple):
 
 @compiled(inner=True)
 def bracket(smallest: float, largest: float) -> Bracket:
-    """Bracket from one x to another."""
-    return Bracket(smallest, math.sqrt(smallest), math.sqrt(max(largest, LEAST)))
+    """Make the bracket from the smallest to the largest x."""
+    return Bracket(smallest, math.sqrt(smallest), math.sqrt(max(largest, MIN_DIVISOR)))
 
 
 @compiled(inner=True)
 def friction_row(
     friction: Friction, i: int, j: int, towards: float, room: float, within: Bracket
 ) -> tuple[float, float, float]:
-    """Linear bound of friction in the row of one limit of joint j on interval i."""
+    """Linear upper bound of friction in the row of one limit of joint j on interval i."""
     # If the joint may reverse, the bound is the largest friction on the interval. Otherwise it is
-    # the friction at each end times a line in x that bounds the root of x. The lower line is the
-    # chord. The upper line is the tangent with equal excess at both ends of the bracket; a tangent
-    # at a smaller x if its offset exceeds the allowed share of the limit at rest; or the line of
-    # that offset through the root at the smallest x.
+    # the friction at each end, multiplied by a line in x that bounds the root of x. The lower line
+    # is the chord of the root. The upper line is the tangent with equal excess at both ends of the
+    # bracket. If the offset of this tangent exceeds the allowed share of the limit at rest, the
+    # upper line is a tangent at a smaller x, or the line with the allowed offset through the root
+    # at the smallest x.
     # `towards`: 1 for the upper limit, -1 for the lower one.
     # Returns the largest friction, or 0; offset and slope of the line, or 0.
     largest, sign = friction.within[i, j, LARGEST], friction.within[i, j, SIGN]
@@ -220,8 +239,8 @@ def friction_row(
         slope = 1 / total
         return 0.0, within.low * within.high * slope, slope
     offset = total / 4
-    if offset * largest > SHARE_AT_REST * room:
-        offset = max(SHARE_AT_REST * room / largest, LEAST)
+    if offset * largest > MAX_OFFSET_SHARE * room:
+        offset = max(MAX_OFFSET_SHARE * room / largest, MIN_DIVISOR)
     if offset >= within.low / 2:
         return 0.0, offset, 1 / (4 * offset)
     return 0.0, offset, (within.low - offset) / within.smallest
@@ -231,13 +250,13 @@ def friction_row(
 def friction_rise(
     friction: Friction, i: int, j: int, offset: float, slope: float, w: float
 ) -> tuple[float, float, float, float]:
-    """Rise of a row by the line of `friction_row`: by U, X, slope, and a constant."""
-    # The product of the line with x curves as those of b do; the friction deviates from its chord.
-    # `w` is the length of the interval.
+    """Rise that the line of `friction_row` adds to a row: factors of U, X, slope and 1."""
+    # The slope of the line adds to b, so its product with x curves as b x does. In addition, the
+    # friction deviates from its chord. `w`: length of the interval.
     v0, v1, deviation = (
         friction.viscous[i, 0, j],
         friction.viscous[i, 1, j],
-        friction.within[i, j, OFF],
+        friction.within[i, j, DEVIATION],
     )
     by_slope = slope * max(abs(v0), abs(v1)) * w * w / 4
     return slope * abs(v1 - v0) * w / 2, slope * deviation, by_slope, offset * deviation
@@ -254,7 +273,7 @@ def _products(ends: FloatArray, i: int, end: int, r: int) -> tuple[float, float,
 
 
 @compiled(inner=True)
-def _conic(
+def _write_conic(
     lines: LimitLines,
     i: int,
     r: int,
@@ -263,9 +282,9 @@ def _conic(
     motion: tuple[float, float],
     end: int,
 ) -> None:
-    """Write `|a u + b x|² <= square` at one end of an interval."""
+    """Write the conic `|a u + b x|² <= square` at one end of an interval."""
     w, turn = motion
-    out = lines.conics[i & (len(lines.drawn) - 1), 2 * r + end]
+    out = lines.conics[i & (len(lines.slot_interval) - 1), 2 * r + end]
     for d in range(5):
         out[d] = 0.0
     # The factor of m is a at the start, and a + 2 w b at the end.
@@ -276,13 +295,13 @@ def _conic(
     ee, eb = e0 * e0 + e1 * e1 + e2 * e2, e0 * b0 + e1 * b1 + e2 * b2
     aa, bb = a0 * a0 + a1 * a1 + a2 * a2, b0 * b0 + b1 * b1 + b2 * b2
     if ee <= TINY**2 * (aa + 4 * w * w * bb):
-        # A ceiling of x at the start.
+        # Without m, the limit is a ceiling of x at the start.
         out[2] = math.inf
         if bb > 0.0:
             largest = math.sqrt(square / bb) - 2 * w * abs(turn)
             lines.cap[i, 0] = min(lines.cap[i, 0], max(largest, 0.0))
         return
-    # The cross product a x b, with the rounding of the vector.
+    # The cross product e x b equals a x b. It has the rounding error of the vectors.
     c0, c1, c2 = e1 * b2 - e2 * b1, e2 * b0 - e0 * b2, e0 * b1 - e1 * b0
     spread = (c0 * c0 + c1 * c1 + c2 * c2) / (ee * ee)
     out[0], out[4] = eb / ee, spread
@@ -292,7 +311,7 @@ def _conic(
         out[1] = turn * (1 - step * out[0])
         out[2] = square / ee - spread * (step * turn) ** 2
         out[3] = step * spread * turn
-    # Largest x for which some m exists.
+    # The ceiling of x is the largest x for which some m exists.
     if spread > 0.0:
         root = math.sqrt(max(out[3] * out[3] + spread * out[2], 0.0))
         lines.cap[i, 0] = min(lines.cap[i, 0], max((out[3] + root) / spread * INSIDE, 0.0))
@@ -303,12 +322,12 @@ def _linear_row(
     limits: GridLimits, i: int, r: int, w: float, within: Bracket, margins: bool
 ) -> tuple[float, ...]:
     """Row r of interval i: a, b, low and high at its start and at its end, and the rise."""
-    # Rows with friction come first: upper limits, then lower limits. `margins` adds the friction of
-    # joints that may reverse.
+    # Rows with friction come first: all upper limits, then all lower limits. `margins` adds the
+    # friction of joints that may reverse.
     ends, rise, friction = limits.rows.ends, limits.rows.rise, limits.friction
-    rubbing = friction.within.shape[1]
-    side = 0 if r < rubbing else 1 if r < 2 * rubbing else 2
-    j = r - min(side, 1) * rubbing
+    friction_rows = friction.within.shape[1]
+    side = 0 if r < friction_rows else 1 if r < 2 * friction_rows else 2
+    j = r - min(side, 1) * friction_rows
     a0, b0, low0, high0 = (
         ends[i, 0, j, A],
         ends[i, 0, j, B],
@@ -322,7 +341,7 @@ def _linear_row(
         ends[i, 1, j, HIGH],
     )
     by_u, by_x = rise[i, j, BY_U], rise[i, j, BY_X]
-    by_slope, alone = rise[i, j, BY_SLOPE], rise[i, j, ALONE]
+    by_slope, alone = rise[i, j, BY_SLOPE], rise[i, j, BY_CONSTANT]
     if side < 2:
         towards, remaining = (1.0, min(high0, high1)) if side == 0 else (-1.0, min(-low0, -low1))
         friction_bound, offset, slope = friction_row(friction, i, j, towards, remaining, within)
@@ -340,7 +359,7 @@ def _linear_row(
             high0, high1 = math.inf, math.inf
         rise_by_line = friction_rise(friction, i, j, offset, slope, w)
         by_u, by_x = by_u + rise_by_line[BY_U], by_x + rise_by_line[BY_X]
-        by_slope, alone = by_slope + rise_by_line[BY_SLOPE], alone + rise_by_line[ALONE]
+        by_slope, alone = by_slope + rise_by_line[BY_SLOPE], alone + rise_by_line[BY_CONSTANT]
     return a0, b0, low0, high0, a1, b1, low1, high1, by_u, by_x, by_slope, alone
 
 
@@ -348,9 +367,9 @@ def _linear_row(
 def rows_with_friction(
     width: FloatArray, limits: GridLimits, bounds: MotionBounds, margins: bool
 ) -> LinearRows:
-    """Rows with lines for friction: upper limits, then lower limits, then rows without friction."""
-    # `width`: lengths of the intervals, (n,); `bounds`: the bounds, which give the range of x;
-    # `margins`: true to add the friction of joints that may reverse.
+    """Linear rows: upper limits with friction, lower limits with friction, other rows."""
+    # `width`: lengths of the intervals, (n,); `bounds`: bounds of the plan, which include the range
+    # of x; `margins`: true to add the friction of joints that may reverse.
     n, count = len(width), limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
     for i in range(n):
@@ -364,7 +383,7 @@ def rows_with_friction(
 
 
 @compiled(inner=True)
-def _count_margin(lines: LimitLines, i: int, room: float, turn: float, remaining: float) -> None:
+def _record_margin(lines: LimitLines, i: int, room: float, turn: float, remaining: float) -> None:
     """Record the share of a limit at rest that `room` takes; 1 if rest may violate the limit."""
     if room + turn > remaining:
         lines.lost[i] = max(lines.lost[i], 1.0)
@@ -373,10 +392,10 @@ def _count_margin(lines: LimitLines, i: int, room: float, turn: float, remaining
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _ceilings(
+def _write_ceilings(
     lines: LimitLines, limits: GridLimits, bounds: MotionBounds, i: int, w: float, margins: bool
 ) -> None:
-    """Write the ceilings of x on interval i; arguments as in `_interval_limits`."""
+    """Write the ceilings of x on interval i; arguments as in `_write_interval_limits`."""
     squares, cap0, cap1 = limits.squares, limits.ceiling[i, 0], limits.ceiling[i, 1]
     lowest, steepest = min(cap0, cap1), 0.0
     for r in range(squares.largest.shape[1]):
@@ -386,13 +405,14 @@ def _ceilings(
             room -= _margin(squares.rise, i, r, bounds)
         if largest == 0.0 or room >= largest * max(cap0, cap1):
             continue
-        # Either both ends have the margin, or both satisfy the largest b of the interval.
+        # The less strict of two sufficient conditions applies: both ends have the margin, or both
+        # ends satisfy the largest b of the interval.
         tight = 1.0 / largest
         at0, at1 = (room / b0, room / b1) if room > 0.0 else (0.0, 0.0)
         if margins and at0 + at1 < 2 * tight:
             at0 = at1 = tight
         cap0, cap1 = min(cap0, at0), min(cap1, at1)
-    # If u decreases, x exceeds its chord.
+    # If u decreases in s, x exceeds its chord by up to `sag`.
     sag = max(-bounds.k[i], 0.0) * w * w / 4
     lines.cap[i, 0], lines.cap[i, 1] = cap0 - sag, cap1 - sag
     lines.lost[i] = 0.0
@@ -402,9 +422,9 @@ def _ceilings(
 
 @compiled(inner=True)
 def _coefficients(grid: Intervals, i: int, joint: int, power: int) -> Vector:
-    """Coefficients of a power of LANES joints on the piece of an interval."""
+    """Coefficients of x^power of LANES joints on the piece of an interval."""
     k = grid.piece[i]
-    k_last = k - (len(grid.breaks) - 1 - KEPT)
+    k_last = k - (len(grid.breaks) - 1 - PADDED_PIECES)
     if k_last >= 0:
         return load(grid.last, (6 * k_last + power) * grid.dof + joint)
     return load(grid.coefficients, (6 * k + power) * grid.dof + joint)
@@ -441,12 +461,12 @@ def _derivative_bounds(grid: Intervals, i: int, joint: int) -> tuple[Vector, Vec
 
 @compiled(inner=True)
 def next_joint(grid: Intervals, joint: int) -> int:
-    """First joint of the next group of joint bounds."""
+    """First joint of the next group of joint bounds; 0 after the last group."""
     return joint + LANES if joint + LANES < grid.dof else 0
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _joint_half_planes(
+def _write_joint_half_planes(
     lines: LimitLines,
     grid: Intervals,
     limits: GridLimits,
@@ -467,7 +487,7 @@ def _joint_half_planes(
     certain = share * q3
     q1 = higher(size(a0), size(a1)) + certain
     # A joint that may reverse must satisfy both bounds.
-    back, forth = load(table, offset + BACK), load(table, offset + FORTH)
+    back, forth = load(table, offset + BACKWARD), load(table, offset + FORWARD)
     by = choose(higher(a0, a1), 0.0 - certain, back, higher(forth, back))
     by = choose(certain, lower(a0, a1), forth, by)
     room, e0, e1 = 0.0 * q1, a0 * a0 * by, a1 * a1 * by
@@ -476,41 +496,41 @@ def _joint_half_planes(
         q2 = higher(size(b0), size(b1)) + w * q3
         room = (share * 5 * u) * q3 + (share * x) * q4 + (share * 4 * k) * q2
         room = room + (ROUNDING / w * x) * q1
-        # Effect of the rounding of s.
+        # The margin includes the rounding error of s.
         rounding = ROUNDING * max(abs(grid.s[i]), abs(grid.s[i + 1]))
         room = room + (rounding * u) * q2 + (rounding * x) * q3
         second = (8 * u) * (q1 * q2) + (2 * x) * (q2 * q2 + q1 * q3) + (2 * k) * (q1 * q1)
         remaining, largest, plain = 1.0 - share * by * second, q1 * q1 * by, higher(e0, e1)
-        # Either both ends have the margin, or both satisfy the largest h / x of the interval.
+        # The less strict of two sufficient conditions applies: both ends have the margin, or both
+        # ends satisfy the largest h / x of the interval.
         chord = choose(2.0 * e0 * e1, remaining * (e0 + e1) * largest, 1.0, 0.0)
         chord = choose(0.0, remaining, chord, 0.0)
         over = choose(0.0, chord, remaining, 1.0)
         e0, e1 = choose(0.0, chord, e0, largest) / over, choose(0.0, chord, e1, largest) / over
         gone = choose(0.0, plain, 1.0 - plain / higher(e0, e1), 0.0)
         lines.lost[i] = max(lines.lost[i], highest(gone))
-    # If u decreases, x exceeds its chord.
+    # If u decreases in s, x exceeds its chord by up to `sag`.
     sag = max(-slope, 0.0) * w * w / 4
     lines.cap[i, 0] = min(lines.cap[i, 0], 1.0 / highest(e0) - sag)
     lines.cap[i, 1] = min(lines.cap[i, 1], 1.0 / highest(e1) - sag)
     low, high = load(table, offset + LOWEST), load(table, offset + HIGHEST)
     rows = (a0, b0, low, high), (a1, b1, low, high)
-    _half_planes(lines, i, 2 * LANES * group, (w, slope * w / 2), rows, room, margins)
+    _write_half_planes(lines, i, 2 * LANES * group, (w, slope * w / 2), rows, room, margins)
 
 
 @compiled(inner=True)
-def _row_half_planes(
+def _write_row_half_planes(
     lines: LimitLines,
     limits: GridLimits,
     bounds: MotionBounds,
     i: int,
     first: int,
-    line: int,
     w: float,
     margins: bool,
 ) -> None:
-    """Write LANES rows of interval i from row `first` on, as half-planes from line `line` on."""
-    # `by_lane`: the coefficients of a row at both ends, then its margin, LANES numbers each. Lanes
-    # without a row limit nothing.
+    """Write LANES rows of interval i from row `first` on, as half-planes."""
+    # `by_lane` has LANES numbers for each coefficient of a row at both ends, then for its margin.
+    # Lanes without a row have no limit.
     by_lane, count = lines.scratch, limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     within = bracket(bounds.x_min[i], bounds.x[i])
     for lane in range(LANES):
@@ -523,7 +543,7 @@ def _row_half_planes(
                 + row[RISE + BY_X] * bounds.x[i]
                 + row[RISE + BY_SLOPE] * abs(bounds.k[i])
             )
-            by_lane[RISE * LANES + lane] = room + row[RISE + ALONE] if margins else 0.0
+            by_lane[RISE * LANES + lane] = room + row[RISE + BY_CONSTANT] if margins else 0.0
         else:
             for k in range(RISE + 1):
                 by_lane[k * LANES + lane] = 0.0
@@ -542,11 +562,13 @@ def _row_half_planes(
         load(by_lane, (AT_END + HIGH) * LANES),
     )
     room = load(by_lane, RISE * LANES)
-    _half_planes(lines, i, line, (w, bounds.k[i] * w / 2), (start, end), room, margins)
+    # The lines of the joint bounds come first.
+    line = 2 * (LANES * (len(limits.joints) // ROWS) + first)
+    _write_half_planes(lines, i, line, (w, bounds.k[i] * w / 2), (start, end), room, margins)
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _interval_limits(
+def _write_interval_limits(
     grid: Intervals,
     limits: GridLimits,
     bounds: MotionBounds,
@@ -554,35 +576,35 @@ def _interval_limits(
     margins: bool,
     lines: LimitLines,
 ) -> None:
-    """Write all limits of interval i into `lines`; `margins`: false to leave out the margins."""
+    """Write all limits of interval i into `lines`, less their margins if `margins` is true."""
     rounds, groups = limits.rounds, len(limits.joints) // ROWS
     count = limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     w = grid.s[i + 1] - grid.s[i]
-    turn, line = bounds.k[i] * w / 2, 2 * LANES * groups
-    lines.drawn[i & (len(lines.drawn) - 1)] = i
-    _ceilings(lines, limits, bounds, i, w, margins)
+    turn = bounds.k[i] * w / 2
+    lines.slot_interval[i & (len(lines.slot_interval) - 1)] = i
+    _write_ceilings(lines, limits, bounds, i, w, margins)
     joint = 0
     for group in range(groups):
-        _joint_half_planes(lines, grid, limits, bounds, i, (group, joint), margins)
+        _write_joint_half_planes(lines, grid, limits, bounds, i, (group, joint), margins)
         joint = next_joint(grid, joint)
     for r in range(0, count, LANES):
-        _row_half_planes(lines, limits, bounds, i, r, line + 2 * r, w, margins)
+        _write_row_half_planes(lines, limits, bounds, i, r, w, margins)
     for r in range(rounds.radius.shape[1]):
         radius, room = rounds.radius[i, r], 0.0
         if margins:
             room = _margin(rounds.rise, i, r, bounds)
             first, _, _ = _products(rounds.ends, i, 0, r)
             last, _, _ = _products(rounds.ends, i, 1, r)
-            _count_margin(lines, i, room, math.sqrt(max(first, last)) * abs(turn), radius)
+            _record_margin(lines, i, room, math.sqrt(max(first, last)) * abs(turn), radius)
         square = max(radius - room, 0.0) ** 2
         for end in range(2):
-            _conic(lines, i, r, rounds.ends, square, (w, turn), end)
+            _write_conic(lines, i, r, rounds.ends, square, (w, turn), end)
 
 
 @compiled(inner=True, fastmath=FUSED)
 def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
     """Smallest and largest mean u of interval i for x at its start."""
-    table, count, slot = lines.table, lines.width, i & (len(lines.drawn) - 1)
+    table, count, slot = lines.table, lines.width, i & (len(lines.slot_interval) - 1)
     first = 3 * count * slot
     tilted = x * load(table, first)
     bottom, top = load(table, first + count) - tilted, load(table, first + 2 * count) - tilted
@@ -593,7 +615,7 @@ def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
     low, high = highest(bottom), lowest(top)
     for k in range(lines.conics.shape[1]):
         p, q, d0, d1, d2 = lines.conics[slot, k]
-        root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), LEAST))
+        root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), MIN_DIVISOR))
         low, high = max(low, -p * x - q - root), min(high, -p * x - q + root)
     return low, high
 
@@ -602,8 +624,8 @@ def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
 def _mean_range_slopes(
     lines: LimitLines, i: int, x: float
 ) -> tuple[float, float, float, float, int]:
-    """Range of the mean u for x, negative slopes of its ends over x, and line of its lower end."""
-    table, count, slot = lines.table, lines.width, i & (len(lines.drawn) - 1)
+    """Range of the mean u at x, negative slopes of its ends in x, and line of its lower end."""
+    table, count, slot = lines.table, lines.width, i & (len(lines.slot_interval) - 1)
     low, high, below, above = -math.inf, math.inf, -1, -1
     for k in range(3 * count * slot, 3 * count * slot + count):
         moved = table[k] * x
@@ -615,7 +637,7 @@ def _mean_range_slopes(
     low_tilt, high_tilt = table[below] if below >= 0 else 0.0, table[above] if above >= 0 else 0.0
     for k in range(lines.conics.shape[1]):
         p, q, d0, d1, d2 = lines.conics[slot, k]
-        root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), LEAST))
+        root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), MIN_DIVISOR))
         tilt = (d1 - d2 * x) / root
         bottom, top = -p * x - q - root, -p * x - q + root
         if top < high:
@@ -626,9 +648,9 @@ def _mean_range_slopes(
 
 
 @compiled(inner=True)
-def _free_start(lines: LimitLines, w: float, ceiling: FloatArray) -> float:
-    """ds² at a start where the joints rest at any ds: the fastest on the first interval."""
-    # Slightly less than the largest ds² may allow a far larger u, because dq_ds is rounded.
+def _fastest_start(lines: LimitLines, w: float, ceiling: FloatArray) -> float:
+    """ds² with the fastest motion on the first interval, if joints rest at the start at any ds."""
+    # A ds² slightly below the largest one may allow a far larger u, because dq_ds is rounded.
     best, fastest = ceiling[0], 0.0
     for k in range(60, -1, -1):
         first = ceiling[0] * (1 - 0.5**k) if k < 60 else ceiling[0]
@@ -648,25 +670,23 @@ def _backward_forward_pass(
     state: tuple[BoolArray, bool],
     lines: LimitLines,
     rules: Rules,
-    cap: FloatArray,
-    reachable: FloatArray,
-    x: FloatArray,
+    squares: PassSquares,
 ) -> int:
-    """Write the limits, and the largest x that lead from start to end, backward and forward."""
+    """Write the limits and the largest feasible x, by a backward and a forward pass."""
     # Backward pass: the range of the mean u is concave in x and not empty for x = 0, so Newton
-    # steps from the cap converge to the largest x with a range. `state` selects the intervals to
-    # write, (n,), and margins. `cap`, `reachable` and `x`, (n + 1,) each, are outputs: the lower
-    # cap of both sides of every point, the largest x from which the end is reached, and the plan.
-    # Returns -1; the interval on which no motion is allowed; or n more than an interval without
-    # limits.
-    (changed, margins), n, below, stuck = state, len(grid.piece), -1, -1
-    mean, slots = np.empty(n), len(lines.drawn) - 1
-    # The previous interval is written while the processor waits for data.
+    # steps from the cap converge to the largest x with a range. `state`: mask of the intervals to
+    # write, (n,), and true for limits with margins; `squares`: output.
+    # Returns -1 if a plan was found, the index of an interval on which no motion is allowed, or n
+    # plus the index of an interval without limits.
+    (changed, margins), (cap, reachable, x) = state, squares
+    n, below, stuck = len(grid.piece), -1, -1
+    mean, slots = np.empty(n), len(lines.slot_interval) - 1
+    # Interval i - 1 is written before interval i is planned, while the processor waits for data.
     for i in range(n, -1, -1):
         trial = math.inf
         if i > 0:
-            if changed[i - 1] or lines.drawn[(i - 1) & slots] != i - 1:
-                _interval_limits(grid, limits, bounds, i - 1, margins, lines)
+            if changed[i - 1] or lines.slot_interval[(i - 1) & slots] != i - 1:
+                _write_interval_limits(grid, limits, bounds, i - 1, margins, lines)
             trial = lines.cap[i - 1, 1]
         if i < n:
             trial = min(trial, lines.cap[i, 0])
@@ -683,7 +703,8 @@ def _backward_forward_pass(
             continue
         steep, y = 0.5 / (grid.s[i + 1] - grid.s[i]), reachable[i + 1]
         trial = min(trial, LARGEST_X)
-        # The lower line of the previous interval and the line of y give a first bound of x.
+        # The line of the lower end of the previous interval, taken on this interval, and y give a
+        # first upper bound of x.
         if below >= 0:
             line = 3 * lines.width * (i & slots) + below
             tilt, bottom = lines.table[line], lines.table[line + lines.width]
@@ -716,12 +737,12 @@ def _backward_forward_pass(
         return stuck
     x[0] = min(rules.start, reachable[0])
     if rules.start == math.inf:
-        x[0] = _free_start(lines, grid.s[1] - grid.s[0], reachable)
+        x[0] = _fastest_start(lines, grid.s[1] - grid.s[0], reachable)
     for i in range(n):
         w, high = grid.s[i + 1] - grid.s[i], mean[i]
         if x[i] < reachable[i]:
-            if lines.drawn[i & slots] != i:
-                _interval_limits(grid, limits, bounds, i, margins, lines)
+            if lines.slot_interval[i & slots] != i:
+                _write_interval_limits(grid, limits, bounds, i, margins, lines)
             low, high = _mean_range(lines, i, x[i])
             steep = 0.5 / w
             high = min(high, (reachable[i + 1] - x[i]) * steep)
@@ -733,7 +754,7 @@ def _backward_forward_pass(
 
 @compiled(inner=True, fastmath=FUSED)
 def _round_range(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[float, float]:
-    """Smallest and largest u at one end of interval i within the limit r of a vector."""
+    """Smallest and largest u at one end of interval i within the limit r of a vector norm."""
     aa = ab = bb = 0.0
     for d in range(3):
         a, b = rounds.ends[i, end, r, A, d], rounds.ends[i, end, r, B, d] * x
@@ -748,22 +769,23 @@ def _round_range(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[fl
 def _joint_acceleration_range(
     grid: Intervals, limits: GridLimits, location: tuple[int, int, int, int], x: float
 ) -> tuple[float, float, float, int, int]:
-    """`acceleration_range` of a group of joint bounds; `location` has group and first joint."""
+    """`acceleration_range` of a group of joint bounds."""
+    # `location`: interval, end, group and first joint.
     i, end, group, joint = location
     offset = ROWS * group
     a, b = path_slopes(grid, i, joint, end)
     magnitude = size(a)
-    inverse = 1.0 / choose(NOTHING, magnitude, a, 1.0)
+    inverse = 1.0 / choose(NEGLIGIBLE, magnitude, a, 1.0)
     smallest, largest = load(limits.joints, offset + LOWEST), load(limits.joints, offset + HIGHEST)
     one, other = (smallest - x * b) * inverse, (largest - x * b) * inverse
-    bottom = choose(NOTHING, magnitude, lower(one, other), -math.inf)
-    top = choose(NOTHING, magnitude, higher(one, other), math.inf)
+    bottom = choose(NEGLIGIBLE, magnitude, lower(one, other), -math.inf)
+    top = choose(NEGLIGIBLE, magnitude, higher(one, other), math.inf)
     low, high = highest(bottom), lowest(top)
-    # Twice the joint, plus one for an upper bound.
+    # The active bounds are coded as twice the joint, plus one for an upper bound.
     lane = load(limits.joints, offset + LANE)
     below = highest(choose(bottom, low, -1.0, lane + choose(a, 0.0, 1.0, 0.0)))
     above = highest(choose(high, top, -1.0, lane + choose(a, 0.0, 0.0, 1.0)))
-    wide = lowest(choose(NOTHING, magnitude, size((largest - smallest) * inverse), math.inf))
+    wide = lowest(choose(NEGLIGIBLE, magnitude, size((largest - smallest) * inverse), math.inf))
     return low, high, wide, int(below) + 2 * LANES * group, int(above) + 2 * LANES * group
 
 
@@ -816,7 +838,7 @@ def acceleration_range(
 def _choose_slopes(
     grid: Intervals, limits: GridLimits, cap: FloatArray, x: FloatArray, bounds: MotionBounds
 ) -> None:
-    """Write slopes with which u stays at its bound on the whole interval."""
+    """Write slopes k with which u stays at its bound on the whole interval."""
     for i in range(len(grid.piece)):
         w, x0, x1 = grid.s[i + 1] - grid.s[i], x[i], x[i + 1]
         bounds.k[i] = 0.0
@@ -830,12 +852,13 @@ def _choose_slopes(
         if min((high0 - mean) / wide0, (high1 - mean) / wide1) < NEAR:
             turn = high1 - high0
             if falling:
-                # Both bounds, for example where two joints limit u from both sides: the mean.
+                # If u is at both bounds, for example because of two joints, the mean change is
+                # used.
                 turn = (turn + low1 - low0) / 2
         elif falling:
             turn = low1 - low0
         small = abs(turn) < LARGEST_TURN * min(wide0, wide1)
-        # x must not fall far below its ends.
+        # x must not fall far below its values at the ends.
         if small and 8 * turn * w <= x0 + x1:
             bounds.k[i] = turn / w
 
@@ -855,7 +878,9 @@ def _motion_extent(
 def _bound_motion(
     width: FloatArray, x: FloatArray, rules: Rules, headroom: float, bounds: MotionBounds
 ) -> None:
-    """Write bounds around a plan; they include u of neighbours, because switches move."""
+    """Write bounds of x and u around a plan."""
+    # The bound of u includes the neighbours of an interval, because switching points move between
+    # plans.
     n, fastest = len(width), 0.0
     rates = np.empty(n)
     for i in range(n):
@@ -875,21 +900,22 @@ def _prove_or_widen(
     x: FloatArray,
     rules: Rules,
     bounds: MotionBounds,
-    rubs: bool,
+    has_friction: bool,
     changed: BoolArray,
 ) -> bool:
-    """Proof: test whether a plan is within its bounds, and widen the bounds where it is not."""
+    """Test whether a plan is within its bounds, which proves it; otherwise widen the bounds."""
     holds = True
     for i in range(len(width)):
         largest, smallest, rate = _motion_extent(width, x, bounds.k, i)
         outside = largest > bounds.x[i] or rate > bounds.u[i]
-        if rubs and smallest < bounds.x_min[i]:
+        if has_friction and smallest < bounds.x_min[i]:
             outside, bounds.x_min[i] = True, smallest / (rules.headroom * rules.headroom)
         if outside:
             bounds.x[i] = max(bounds.x[i], rules.headroom * largest)
             bounds.u[i] = max(bounds.u[i], 1.2 * rate)
         speeds = math.sqrt(x[i]) + math.sqrt(x[i + 1])
-        if 4 * bounds.k[i] * width[i] ** 2 > speeds**2:  # x would fall far below its ends
+        # x would fall far below its values at the ends
+        if 4 * bounds.k[i] * width[i] ** 2 > speeds**2:
             bounds.k[i], outside = 0.0, True
         changed[i] = outside
         holds &= not outside
@@ -916,7 +942,7 @@ def _duration(width: FloatArray, x: FloatArray, k: FloatArray) -> float:
 
 
 @compiled(inner=True)
-def _recentre(x: FloatArray, bounds: MotionBounds, near: float) -> bool:
+def _linearize_friction(x: FloatArray, bounds: MotionBounds, near: float) -> bool:
     """Linearize friction about a plan, and test whether the plan is close to the previous one."""
     is_near = True
     for i in range(len(bounds.x)):
@@ -932,11 +958,13 @@ def _pass_outcome(
 ) -> tuple[int, float]:
     """Outcome of a pass, and the largest ds² at an end whose speed is too high."""
     n = len(x) - 1
-    if rules.start < math.inf and min(rules.start, reachable[0]) < rules.start * (1 - PLAY):
+    if rules.start < math.inf and min(rules.start, reachable[0]) < rules.start * (
+        1 - END_TOLERANCE
+    ):
         return START, reachable[0]
     if stuck >= 0:
         return STUCK, 0.0
-    if rules.end < math.inf and x[n] < rules.end * (1 - PLAY):
+    if rules.end < math.inf and x[n] < rules.end * (1 - END_TOLERANCE):
         return END, x[n]
     return FOUND, 0.0
 
@@ -956,15 +984,16 @@ def _drop_slopes(
 
 @compiled()
 def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
-    """Plan without margins, then with margins for bounds around that plan until they contain it."""
-    # With one try only, the result is the plan without margins, with the outcome FINER.
-    n, rubbing = len(grid.piece), limits.friction.within.shape[1]
-    width, x, reachable, cap = np.empty(n), np.zeros(n + 1), np.empty(n + 1), np.empty(n + 1)
+    """Plan without margins, then with margins for bounds of x and u that contain the plan."""
+    # If `rules.tries` is 1, the result is the plan without margins, with the outcome FINER.
+    n, friction_rows = len(grid.piece), limits.friction.within.shape[1]
+    width, squares = np.empty(n), PassSquares(np.empty(n + 1), np.empty(n + 1), np.zeros(n + 1))
+    cap, reachable, x = squares
     bounds = MotionBounds(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
     changed, slots = np.ones(n, np.bool_), 1
     while slots < min(n, BLOCK):
         slots *= 2
-    groups = (limits.rows.rise.shape[1] + rubbing + LANES - 1) // LANES
+    groups = (limits.rows.rise.shape[1] + friction_rows + LANES - 1) // LANES
     count = 2 * LANES * max(1, len(limits.joints) // ROWS + groups)
     lines = LimitLines(
         np.empty(3 * count * slots),
@@ -984,17 +1013,17 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     )
     for i in range(n):
         width[i] = grid.s[i + 1] - grid.s[i]
-    if rubbing > 0 or count > 2 * LANES * (len(limits.joints) // ROWS):
-        # Unwritten lines limit nothing.
+    if friction_rows > 0 or count > 2 * LANES * (len(limits.joints) // ROWS):
+        # Lines that are never written must not limit x or m.
         for line in range(3 * count * slots):
             lines.table[line] = 0.0
         for slot in range(slots):
             for line in range(3 * count * slot + count, 3 * count * slot + 2 * count):
                 lines.table[line], lines.table[line + count] = -math.inf, math.inf
     for _ in range(rules.tries):
-        drawn = limits if kind > 0 else free
+        used_limits = limits if kind > 0 else free
         stuck = _backward_forward_pass(
-            grid, drawn, bounds, (changed, kind == 2), lines, rules, cap, reachable, x
+            grid, used_limits, bounds, (changed, kind == 2), lines, rules, squares
         )
         if stuck >= n:
             return GridPlan(x, bounds.k, lost, UNLIMITED, stuck - n, 0.0)
@@ -1008,24 +1037,25 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
             if shortest < math.inf:
                 break
             if kind == 2 and n <= rules.enough:
-                # Intervals around the failure, or all intervals if an end is too fast.
+                # A finer grid is needed around the failure, or everywhere if the speed at an end is
+                # too high.
                 for i in range(n):
-                    if stuck < 0 or abs(i - stuck) < AROUND:
-                        lines.lost[i] = max(lines.lost[i], NO_WAY)
+                    if stuck < 0 or abs(i - stuck) < REFINED_NEIGHBOURS:
+                        lines.lost[i] = max(lines.lost[i], NO_PLAN_MARGIN)
                 return GridPlan(x, bounds.k, lines.lost, FINER, max(stuck, 0), 0.0)
             return GridPlan(x, bounds.k, lines.lost, outcome, stuck, allowed)
         if kind < 2:
-            near = _recentre(x, bounds, rules.near)
+            near = _linearize_friction(x, bounds, rules.near)
             kind = 1
-            if rubbing and not near and tangents < rules.tangents:
+            if friction_rows and not near and tangents < rules.tangents:
                 tangents += 1
                 continue
             _choose_slopes(grid, limits, cap, x, bounds)
             _bound_motion(width, x, rules, rules.headroom, bounds)
             changed[:] = True
             kind = 2
-        elif _prove_or_widen(width, x, rules, bounds, rubbing > 0, changed):
-            if not rubbing:
+        elif _prove_or_widen(width, x, rules, bounds, friction_rows > 0, changed):
+            if not friction_rows:
                 return GridPlan(x, bounds.k, lines.lost, FOUND, -1, 0.0)
             duration = _duration(width, x, bounds.k)
             better = duration < shortest * (1 - rules.gain)
@@ -1042,6 +1072,6 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     if lines.lost[worst] <= rules.max_margin:
         for i in range(n):
             if changed[i]:
-                lines.lost[i] = NO_WAY
+                lines.lost[i] = NO_PLAN_MARGIN
         worst = _largest_margin(lines.lost)
     return GridPlan(x, bounds.k, lines.lost, FINER, worst, 0.0)

@@ -1,4 +1,4 @@
-"""Limits on a grid in the forms of the planner, with bounds of their rise inside intervals.
+"""Forms in which constraints state limits on a grid, with bounds of the rise inside intervals.
 
 On an interval the path acceleration u = dds is linear in s. A limit holds between the ends of the
 interval if both ends satisfy it with a margin `rise . (U, X, K, 1)`: this bounds its excess over
@@ -20,15 +20,16 @@ from armcontour.core.simd import LANES
 # Last axis of `LinearRows.ends`; A and B are also the axis of the two vectors in `Rounds.ends`.
 A, B, LOW, HIGH = range(4)
 # Last axis of every `rise`: factors of U, X, K and 1.
-BY_U, BY_X, BY_SLOPE, ALONE = range(4)
-# Rows of `JointBounds`, LANES joints each: bounds of accelerations, inverse squares of those of
-# velocities, and twice the number of the lane; and their total length.
-LOWEST, HIGHEST, BACK, FORTH, LANE, ROWS = range(0, 6 * LANES, LANES)
-# Number of last pieces in the padded copy, because vectors reach beyond the next piece.
-KEPT = 2
+BY_U, BY_X, BY_SLOPE, BY_CONSTANT = range(4)
+# Offsets in a group of `JointBounds`, which has LANES joints: lower and upper bounds of
+# accelerations, inverse squares of lower and upper bounds of velocities, and twice the lane index.
+# ROWS is the length of a group.
+LOWEST, HIGHEST, BACKWARD, FORWARD, LANE, ROWS = range(0, 6 * LANES, LANES)
+# Number of last pieces in the padded copy, because loads of LANES numbers read beyond a piece
+PADDED_PIECES = 2
 LANE_CODES = 2.0 * np.arange(LANES)
-# Columns of `Friction.within`.
-LARGEST, OFF, SIGN = range(3)
+# Columns of `Friction.within`: largest absolute value, deviation from the chord, sign
+LARGEST, DEVIATION, SIGN = range(3)
 
 
 class Intervals(NamedTuple):
@@ -38,20 +39,20 @@ class Intervals(NamedTuple):
     piece: IntArray  # Piece of the joint path for each interval, (n,)
     breaks: FloatArray  # Breaks of the joint path [m], (pieces + 1,)
     coefficients: FloatArray  # Coefficients of the joint path, flat
-    last: FloatArray  # Coefficients of the last KEPT pieces, padded by LANES numbers
+    last: FloatArray  # Coefficients of the last PADDED_PIECES pieces, padded by LANES numbers
     dof: int
 
 
 class JointBounds(NamedTuple):
-    """Bounds of joint velocities and accelerations; the planner itself makes rows of them."""
+    """Bounds of joint velocities and accelerations; the planner converts them to rows."""
 
-    # The rows LOWEST, HIGHEST, BACK, FORTH and LANE of each LANES joints, flat. Lanes without a
-    # joint have no bounds.
+    # LOWEST, HIGHEST, BACKWARD, FORWARD and LANE of each group of LANES joints, flat. Lanes without
+    # a joint are unbounded.
     bounds: FloatArray
 
     @classmethod
     def from_limits(cls, dof: int, *limits: FloatArray) -> JointBounds:
-        """Make the table from bounds of accelerations and inverse squares of velocities, if any."""
+        """Make the groups from acceleration bounds and inverse squares of velocity bounds."""
         groups = -(-dof // LANES)
         table = np.zeros((ROWS // LANES, groups * LANES))
         table[0], table[1], table[4] = -np.inf, np.inf, np.tile(LANE_CODES, groups)
@@ -61,7 +62,7 @@ class JointBounds(NamedTuple):
 
 
 class LinearRows(NamedTuple):
-    """`low <= a u + b x <= high`."""
+    """Linear limits `low <= a u + b x <= high`."""
 
     # a, b, low and high at the starts (index 0) and ends (1) of the intervals, (n, 2, rows, 4)
     ends: FloatArray
@@ -69,7 +70,7 @@ class LinearRows(NamedTuple):
 
 
 class Squares(NamedTuple):
-    """`b x <= 1`: squared speeds over the squares of their limits."""
+    """Speed limits `b x <= 1`, where b x is the squared ratio of speed and limit."""
 
     ends: FloatArray  # b at the starts and ends of the intervals, (n, 2, rows)
     largest: FloatArray  # The largest b on each interval, (n, rows)
@@ -77,13 +78,13 @@ class Squares(NamedTuple):
 
 
 class Rounds(NamedTuple):
-    """`|a u + b x| <= radius` for vectors a and b."""
+    """Limits `|a u + b x| <= radius` of the norms of vectors."""
 
-    # a and b at the starts and ends of the intervals, (n, 2, rounds, 2, 3). Products of vectors
+    # Vectors a and b at the starts and ends of the intervals, (n, 2, rounds, 2, 3). Their products
     # would lose the difference of two vectors that are almost equal.
     ends: FloatArray
     radius: FloatArray  # Radii, (n, rounds)
-    rise: FloatArray  # Rise of the length of each vector, (n, rounds, 4)
+    rise: FloatArray  # Rise of the norm of each vector, (n, rounds, 4)
 
     @property
     def products(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -97,19 +98,19 @@ class Friction(NamedTuple):
 
     # Friction for x = 1 at the starts and ends of the intervals, (n, 2, joints)
     viscous: FloatArray
-    # The largest size on the interval, the largest distance from the chord, and the sign, 0 if it
-    # may change, (n, joints, 3)
+    # Largest absolute value on the interval, largest deviation from the chord, and sign (0 if it
+    # may change), (n, joints, 3)
     within: FloatArray
 
 
 class Ceiling(NamedTuple):
-    """Largest x [m²/s²]; it holds on an interval if x stays below the chord of both ends."""
+    """Upper bound of x [m²/s²] at the ends of each interval; inside, their chord is the bound."""
 
-    x: FloatArray  # Ceilings at the starts and ends of the intervals, (n, 2)
+    x: FloatArray  # Bounds at the starts and ends of the intervals, (n, 2)
 
 
 class GridLimits(NamedTuple):
-    """All limits on a grid; `ceiling` is the lowest one, (n, 2), `joints` are the joint bounds."""
+    """All limits on a grid; `ceiling`: lowest upper bounds of x, (n, 2); `joints`: joint bounds."""
 
     rows: LinearRows
     squares: Squares
@@ -141,13 +142,14 @@ def check_form(form: Form, n: int, name: str) -> Form:
         shape = n, *(rows if x is None else x for x in SHAPES[type(form)][field])
         if values.shape != shape:
             raise InvalidInput(
-                f"The {type(form).__name__} of the constraint {name} have {field} of shape "
-                f"{values.shape}, where {shape} is expected, with {n} intervals."
+                f"The array {field} of the {type(form).__name__} of the constraint {name} has the "
+                f"shape {values.shape}, but must have the shape {shape} on a grid of {n} "
+                "intervals."
             )
     return type(form)(*(kernel_array(x) for x in form))
 
 
-def collect(forms: Iterable[Form], n: int) -> GridLimits:
+def combine_forms(forms: Iterable[Form], n: int) -> GridLimits:
     """Combine the forms of all constraints on a grid of n intervals."""
     tables: dict[type, list[tuple[FloatArray, ...]]] = {}
     for form in forms:
@@ -158,16 +160,16 @@ def collect(forms: Iterable[Form], n: int) -> GridLimits:
     else:
         lowest = ceiling[0][0] if len(ceiling) == 1 else np.min([x[0] for x in ceiling], axis=0)
     return GridLimits(
-        LinearRows(*_joined(tables.get(LinearRows), (n, 2, 0, 4), (n, 0, 4))),
-        Squares(*_joined(tables.get(Squares), (n, 2, 0), (n, 0), (n, 0, 4))),
-        Rounds(*_joined(tables.get(Rounds), (n, 2, 0, 2, 3), (n, 0), (n, 0, 4))),
-        Friction(*_joined(tables.get(Friction), (n, 2, 0), (n, 0, 3))),
+        LinearRows(*_concatenate(tables.get(LinearRows), (n, 2, 0, 4), (n, 0, 4))),
+        Squares(*_concatenate(tables.get(Squares), (n, 2, 0), (n, 0), (n, 0, 4))),
+        Rounds(*_concatenate(tables.get(Rounds), (n, 2, 0, 2, 3), (n, 0), (n, 0, 4))),
+        Friction(*_concatenate(tables.get(Friction), (n, 2, 0), (n, 0, 3))),
         lowest,
         np.concatenate([*(x[0] for x in tables.get(JointBounds, [])), np.empty(0)]),
     )
 
 
-def _joined(
+def _concatenate(
     tables: list[tuple[FloatArray, ...]] | None, *empty: tuple[int, ...]
 ) -> Iterable[FloatArray]:
     if tables is None:
@@ -190,7 +192,7 @@ def largest_u(limits: GridLimits) -> FloatArray:
 
 
 def margins_of(rise: FloatArray, bounds: tuple[FloatArray, ...]) -> FloatArray:
-    """Margins of rows, (n, rows), for bounds of x, the least x, u and its slope, (n,) each."""
+    """Margins of rows, (n, rows), for the bounds x, x_min, u and k of a plan, (n,) each."""
     x, _, u, slope = (y[:, None] for y in bounds)
     by = rise[..., BY_U] * u + rise[..., BY_X] * x
-    return np.asarray(by + rise[..., BY_SLOPE] * np.abs(slope) + rise[..., ALONE])
+    return np.asarray(by + rise[..., BY_SLOPE] * np.abs(slope) + rise[..., BY_CONSTANT])

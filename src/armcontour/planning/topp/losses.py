@@ -11,17 +11,19 @@ from armcontour.core.kernels import FUSED, compiled
 from armcontour.core.simd import choose, highest, load
 from armcontour.motion.kernels import interval_time
 from armcontour.planning.topp.kernels import GridPlan, acceleration_range, next_joint, path_slopes
-from armcontour.planning.topp.limit_forms import BACK, FORTH, ROWS, GridLimits, Intervals
+from armcontour.planning.topp.limit_forms import BACKWARD, FORWARD, ROWS, GridLimits, Intervals
 
-BINDS = 0.02  # u is at its bound within this share of its range
-# Lost time per unused share of the range of u, measured against finer grids; less where the range
-# is small compared with u.
+AT_BOUND = 0.02  # u is at its bound within this share of its range
+# Lost share of the time of an interval per unused share of the range of u, inside the motion and at
+# rest. The factors were measured against finer grids; they are too large where the range is small
+# compared with u.
 BY_GAP, BY_GAP_AT_REST = 0.25, 1.5
-# If u is at both bounds, at different ends, and a larger x would allow a range of u at both, the
-# speed is too low by an unknown factor, and reaching it may be lost time.
-CROSSED, MORE = 0.4, 1.02
-AROUND = 0.05  # this loss extends over this share of the length in which x changes by itself
-INSIDE = 0.02  # points closer to an end of an interval than this share gain nothing
+# If u is at different bounds at both ends, with at least the share CROSSED of the range unused, and
+# x increased by the factor LARGER_X allows a range of u at both ends, then x is too low by an
+# unknown factor, and the time to reach a higher x may be lost.
+CROSSED, LARGER_X = 0.4, 1.02
+REACH = 0.05  # this loss extends over this share of the length in which x changes by its own value
+INSIDE = 0.02  # a new grid point closer to an interval end than this share saves no time
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -31,7 +33,7 @@ def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
         a, _ = path_slopes(grid, i, joint, end)
         joint = next_joint(grid, joint)
         offset = ROWS * group
-        back, forth = load(limits.joints, offset + BACK), load(limits.joints, offset + FORTH)
+        back, forth = load(limits.joints, offset + BACKWARD), load(limits.joints, offset + FORWARD)
         steepest = max(steepest, highest(a * a * choose(a, 0.0, back, forth)))
     for r in range(limits.squares.largest.shape[1]):
         steepest = max(steepest, limits.squares.ends[i, end, r])
@@ -42,8 +44,8 @@ def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
 def _shortest_time(
     w: float, x: tuple[float, float], rates: tuple[float, float], ceiling: float
 ) -> tuple[float, float]:
-    """Shortest time between both values of x at given rates of u, and the share of the switch."""
-    # `rates` are the largest u and the largest -u.
+    """Shortest time [s] between the values of x at both ends, and switch point (0 to 1)."""
+    # `rates`: largest u and largest -u.
     up, down = 2 * rates[0], 2 * rates[1]
     first = min(max((x[1] - x[0] + down * w) / (up + down), 0.0), w)
     top = x[0] + up * first
@@ -67,7 +69,7 @@ def estimate_losses(
 ) -> tuple[float, FloatArray, FloatArray]:
     """Estimate the time that a plan loses by its grid and its slopes."""
     # Returns the duration of the plan [s]; the time lost on each interval [s], (n,); and the point
-    # of each interval at which a grid point saves most [m], (n,), its start if none.
+    # in each interval at which a new grid point saves most [m], (n,), or the start of the interval.
     s, x, k, lost, n, duration = grid.s, plan.x, plan.k, plan.lost, len(plan.k), 0.0
     loss, point, valley = np.empty(n), np.empty(n), np.zeros(n)
     for i in range(n):
@@ -75,7 +77,7 @@ def estimate_losses(
         time = interval_time(w, math.sqrt(x0), math.sqrt(x1), k[i])
         duration += time
         loss[i], point[i] = time * lost[i] / 2, s[i]
-        near, by_gap = BINDS + lost[i], BY_GAP if x0 > 0.0 and x1 > 0.0 else BY_GAP_AT_REST
+        near, by_gap = AT_BOUND + lost[i], BY_GAP if x0 > 0.0 and x1 > 0.0 else BY_GAP_AT_REST
         top0, top1 = _ceiling(grid, limits, i, 0), _ceiling(grid, limits, i, 1)
         if x0 > 0.0 and x1 > 0.0 and x0 >= (1 - near) * top0 and x1 >= (1 - near) * top1:
             use = (math.sqrt(x0 / top0) + math.sqrt(x1 / top1)) / 2
@@ -86,8 +88,8 @@ def estimate_losses(
         low1, high1, wide1, below1, above1 = acceleration_range(grid, limits, i, 1, x1)
         if not (wide0 < math.inf or wide1 < math.inf):
             continue
-        # Unused share of the range to both bounds; an end that does not limit u counts as the
-        # other.
+        # Unused share of the range up to each bound. An end that does not limit u gets the shares
+        # of the other end.
         up0, up1 = (high0 - mean + turn) / wide0, (high1 - mean - turn) / wide1
         down0, down1 = (mean - turn - low0) / wide0, (mean + turn - low1) / wide1
         if not wide0 < math.inf:
@@ -100,11 +102,11 @@ def estimate_losses(
             gap = min(up, down)
             if gap > CROSSED and above0 != below1 and below0 != above1:
                 rate = max(max(abs(low0), abs(high0)), max(abs(low1), abs(high1)))
-                low0, high0, _, _, _ = acceleration_range(grid, limits, i, 0, MORE * x0)
-                low1, high1, _, _, _ = acceleration_range(grid, limits, i, 1, MORE * x1)
+                low0, high0, _, _, _ = acceleration_range(grid, limits, i, 0, LARGER_X * x0)
+                low1, high1, _, _, _ = acceleration_range(grid, limits, i, 1, LARGER_X * x1)
                 if low0 < high0 and low1 < high1:
                     wrong = by_gap * gap * math.sqrt(x0) / min(high0 - low0, high1 - low1)
-                    reach = max(AROUND * min(x0, x1) / rate, w)
+                    reach = max(REACH * min(x0, x1) / rate, w)
                     first = last = i
                     while first > 0 and s[i] - s[first] < reach:
                         first -= 1

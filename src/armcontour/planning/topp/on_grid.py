@@ -12,13 +12,13 @@ from armcontour.core.kernels import FUSED, compiled
 from armcontour.core.simd import LANES
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import (
-    ALONE,
+    BY_CONSTANT,
     BY_SLOPE,
     BY_U,
     BY_X,
     HIGH,
-    KEPT,
     LOW,
+    PADDED_PIECES,
     A,
     B,
     Intervals,
@@ -27,7 +27,7 @@ from armcontour.planning.topp.limit_forms import (
     Squares,
 )
 
-ROUNDING = 2e-15  # relative rounding error of x, in differences of x
+ROUNDING = 2e-15  # rounding error of differences of x, as a share of x
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -44,7 +44,7 @@ def _derivative_bounds(
 ) -> tuple[float, float]:
     """Bounds of |d3q_ds3| and |d4q_ds4| of joint j from position x to y of piece k."""
     c3, c4, c5 = c[k, 3, j], c[k, 4, j], c[k, 5, j]
-    # Taylor expansion about the middle; the fifth derivative is constant.
+    # The bounds use a Taylor expansion about the middle; the fifth derivative is constant.
     middle, half, cube = (x + y) / 2, (y - x) / 2, scale * scale * scale
     q5 = abs(120 * c5)
     q4 = abs(24 * c4 + middle * 120 * c5) + half * q5
@@ -87,7 +87,7 @@ def write_sampled(
     second = np.empty((n, 3, count))
     for i in range(n):
         w, last = grid.s[i + 1] - grid.s[i], after[i]
-        # Twice the deviation of the middle from the chord, over w².
+        # `second` is twice the deviation of the middle from the chord, divided by w².
         inverse = 2 / (w * w)
         for r in range(count):
             second[i, 0, r] = inverse * abs(a[n + i, r] - (a[i, r] + a[last, r]) / 2)
@@ -110,7 +110,7 @@ def write_sampled(
             rows.rise[i, r, BY_U] = by_u + abs(b1 - b0) * w / 2
             rows.rise[i, r, BY_X] = by_x + ROUNDING * max(abs(a0), abs(a1)) / w
             rows.rise[i, r, BY_SLOPE] = w / 4 * (abs(a1 - a0) + w * max(abs(b0), abs(b1)))
-            rows.rise[i, r, ALONE] = alone
+            rows.rise[i, r, BY_CONSTANT] = alone
 
 
 Terms = tuple[FloatArray, FloatArray, FloatArray]
@@ -129,12 +129,12 @@ class OnGrid:
 
     @cached_property
     def intervals(self) -> Intervals:
-        """The intervals for kernels."""
+        """Arrays of the grid and the joint path for kernels."""
         path = self.grid.joint_path
         flat, dof = path.coefficients.ravel(), path.dof
-        last = np.zeros(6 * dof * KEPT + LANES)
-        tail = flat[-6 * dof * KEPT :]
-        last[6 * dof * KEPT - len(tail) : -LANES] = tail
+        last = np.zeros(6 * dof * PADDED_PIECES + LANES)
+        tail = flat[-6 * dof * PADDED_PIECES :]
+        last[6 * dof * PADDED_PIECES - len(tail) : -LANES] = tail
         return Intervals(self.grid.s, self.grid.piece, path.breaks, flat, last, dof)
 
     @cached_property
@@ -174,41 +174,41 @@ class OnGrid:
     def rows(self, terms: Terms, low: FloatArray, high: FloatArray) -> LinearRows:
         """Rows `low <= a u + b x + c <= high` from coefficients at all samples, (samples, rows)."""
         # The deviation of a coefficient from its chord is measured in the middle of an interval.
-        # Close to an inflection this misses the third derivative. Therefore the bound is twice the
-        # largest second derivative of the interval and both neighbours. `low` and `high` are
-        # bounds, (rows,) each.
+        # Close to an inflection point this deviation is too small. Therefore the bound is twice the
+        # largest second derivative of the interval and both neighbours. `low` and `high`: bounds,
+        # (rows,) each.
         n, count = len(self), terms[0].shape[1]
         rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
         write_sampled(self.intervals, self.after, terms, (low, high), rows)
         return rows
 
     def at_ends(self, values: FloatArray) -> FloatArray:
-        """Values at starts and ends of the intervals, (n, 2, ...), from those at all samples."""
+        """Select the starts and ends of the intervals, (n, 2, ...), from values at all samples."""
         return np.stack([values[: len(self)], values[self.after]], axis=1)
 
     def round(self, a: FloatArray, b: FloatArray, radius: float) -> Rounds:
-        """`|a u + b x| <= radius` for vectors at all samples, (samples, 2 or 3) each."""
+        """Limit `|a u + b x| <= radius` for vectors at all samples, (samples, 2 or 3) each."""
         n, w = len(self), self.grid.width
         ends, rise = np.zeros((n, 2, 1, 2, 3)), np.zeros((n, 1, 4))
         for column, vectors in ((A, a), (B, b)):
             ends[:, :, 0, column, : a.shape[1]] = self.at_ends(vectors)
         change = _length(ends[:, 1, 0] - ends[:, 0, 0])
         size = _length(ends[:, :, 0]).max(axis=1)
-        rise[:, 0, BY_U] = self._bend(a) + change[:, B] * w / 2
-        rise[:, 0, BY_X] = self._bend(b) + ROUNDING * size[:, A] / w
+        rise[:, 0, BY_U] = self._chord_deviations(a) + change[:, B] * w / 2
+        rise[:, 0, BY_X] = self._chord_deviations(b) + ROUNDING * size[:, A] / w
         rise[:, 0, BY_SLOPE] = w / 4 * (change[:, A] + w * size[:, B])
         return Rounds(ends, np.full((len(self), 1), radius), rise)
 
     def square(self, b: FloatArray) -> Squares:
-        """`b x <= 1` for one b >= 0 at all samples, (samples,)."""
+        """Limit `b x <= 1` for one b >= 0 at all samples, (samples,)."""
         w, ends = self.grid.width, self.at_ends(b)
-        deviation, rise = self._bend(b[:, None]), np.zeros((len(self), 1, 4))
+        deviation, rise = self._chord_deviations(b[:, None]), np.zeros((len(self), 1, 4))
         rise[:, 0, BY_U] = np.abs(ends[:, 1] - ends[:, 0]) * w / 2
         rise[:, 0, BY_X] = deviation
         rise[:, 0, BY_SLOPE] = w * w / 4 * ends.max(axis=1)
         return Squares(ends[..., None], (ends.max(axis=1) + deviation)[:, None], rise)
 
-    def _bend(self, values: FloatArray) -> FloatArray:
+    def _chord_deviations(self, values: FloatArray) -> FloatArray:
         """Bounds of the distances of vectors at all samples from their chords, (n,)."""
         n, square, piece = len(self), self.grid.width**2, self.grid.piece
         middle = values[n : 2 * n] - self.at_ends(values).mean(axis=1)

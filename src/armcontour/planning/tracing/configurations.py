@@ -18,7 +18,7 @@ from armcontour.planning.tracing.knots import (
     Knots,
     poses_at,
     row_of_poses,
-    what_helps,
+    suggest_remedy,
 )
 from armcontour.planning.tracing.ranges import out_of_range
 from armcontour.planning.tracing.redundancy import null_space, smooth
@@ -36,32 +36,34 @@ from armcontour.robot.limit_use import use_of
 T = TypeVar("T")
 R = TypeVar("R")
 
-# Number of poses from which threads share the work (starting them takes as long as 100 poses), and
-# number of parts of branches, because some end early.
-MANY, PARTS = 2000, 16
+# From THREADED_POSES poses on, threads share the work, because starting them takes as long as 100
+# poses. PARTS is the number of groups of branches; some branches end early.
+THREADED_POSES, PARTS = 2000, 16
 # Number of parts of smoothed joint paths; NumPy processes a part at once.
 SMOOTHED_PARTS = 4
-# Largest correction of a followed pose [rad]. Branches of equal cost are distinguished by the last
-# digit. With a seed there is one branch, whose last correction is made by the solver: about the
-# square of this times the condition number of the Jacobian.
+# Largest correction of joint positions in the last iteration at a followed pose [rad]. EXACTLY
+# distinguishes branches whose costs differ in the last digit. NEARLY is for the single branch of a
+# seed, which the solver corrects again; the error is about the square of this value times the
+# condition number of the Jacobian.
 EXACTLY, NEARLY = 1e-9, 1e-7
 # Largest number of start configurations to follow.
 MAX_STARTS = 48
 # Largest number of different solutions of a redundant arm.
 MAX_SOLUTIONS = 8
-# Largest difference of equal solutions outside the null space [rad].
+# Largest difference outside the null space between solutions that count as equal [rad]
 SAME_SOLUTION = 0.05
 # Number of knots at which solutions are compared first.
 FEW_KNOTS = 16
-# Iterations of smoothing, and largest number of knots, for the ranking of redundant solutions by
-# cost.
+# Number of iterations of smoothing, and largest number of knots, for the ranking of redundant
+# solutions by cost
 ROUGH_ROUNDS = 3
 ROUGH_KNOTS = 70
-# Number of the best redundant solutions that are smoothed to the end; more only if none succeeds.
+# Number of best-ranked redundant solutions that are smoothed completely; more are smoothed only if
+# none of these succeeds.
 MAX_SMOOTHED = 16
 # Largest turn of the path over a chord along which solutions are followed [rad].
 CHORD_TURN = 0.1
-# Largest shift of a joint out of its range, in whole turns.
+# Largest number of whole turns by which a joint that is out of its range is shifted
 MAX_TURNS = 5
 # Number of poses of the path for the search of poses out of reach, with several seeds and with one
 # seed.
@@ -88,8 +90,8 @@ class _Failure:
     reached: int  # Index of the first knot that is not reached
     q: FloatArray  # Joint positions at the previous knot, or at the knot out of range [rad], (dof,)
     joint: int = -1  # Index of the joint that leaves its range; -1 if the pose has no solution
-    value: float = 0.0  # Position of that joint [rad]
-    limit: float = 0.0  # End of its range [rad]
+    value: float = 0.0  # Position of the joint that leaves its range [rad]
+    limit: float = 0.0  # End of the range that this joint exceeds [rad]
 
 
 def find_solutions(
@@ -101,9 +103,9 @@ def find_solutions(
     seed: FloatArray | None,
 ) -> list[Solution]:
     """Solutions that complete the path inside the joint ranges, the shortest first."""
-    # `knot_poses`: poses of the tool at their starts and at the end of the last, (n + 1, 3, 4);
-    # `seed`: joint positions near those at the start of the path [rad], (dof,); None for all
-    # configurations.
+    # `knot_poses`: tool poses at the starts of the knot intervals and at the end of the last one,
+    # (n + 1, 3, 4); `seed`: approximate joint positions at the start of the path [rad], (dof,);
+    # None for all configurations.
     fine, knot_index = subdivide(path, knots, knot_poses)
     poses = knot_poses if len(fine) == len(knots) else row_of_poses(path, fine)
     starts = configurations(arm, poses[0], task, seed)
@@ -117,7 +119,7 @@ def find_solutions(
     if redundant:
         followed = _rank(arm, s, knot_poses, task, followed, seed)
     solutions: list[Solution] = []
-    different = _Different(arm, knot_poses, task)
+    different = _DistinctSolutions(arm, knot_poses, task)
     candidates = _with_costs(arm, s, knot_poses, task, followed, seed)
     for count, (q, cost) in enumerate(candidates, start=1):
         in_range = _turn_into_range(arm, q, seed)
@@ -129,7 +131,8 @@ def find_solutions(
             break
     if not solutions:
         _refuse(path, arm, fine, poses, task, max(failures, key=lambda x: x.reached))
-    # Elbow up and down often have equal cost: the one whose joints start closer to 0 comes first.
+    # Solutions with the elbow up and down often have equal cost. The solution whose joints start
+    # closer to 0 comes first.
     solutions.sort(key=lambda x: (float(f"{x.cost:.9e}"), float(np.abs(x.q[0]).sum())))
     return solutions[:MAX_SOLUTIONS] if redundant else solutions
 
@@ -142,7 +145,7 @@ def _with_costs(
     joint_paths: list[FloatArray],
     seed: FloatArray | None,
 ) -> Iterator[tuple[FloatArray, float]]:
-    """Joint paths with their costs; those of a redundant arm are smoothed on demand."""
+    """Yield joint paths with their costs; the paths of a redundant arm are smoothed on demand."""
     if task == arm.dof:
         yield from ((q, _joint_distance(arm, q)) for q in joint_paths)
         return
@@ -171,7 +174,7 @@ def follow_branches(
     max_correction: float = EXACTLY,
 ) -> tuple[FloatArray, IntArray]:
     """Follow poses from several starts in parallel."""
-    # `max_correction`: A pose is reached if the correction of every joint is below this [rad].
+    # `max_correction`: a pose is reached if the correction of every joint is below this [rad].
     # Returns joint positions at the reached poses [rad], (starts, n, dof), and the number of
     # reached poses, including the first, (starts,).
     q, reached = np.empty((len(starts), len(poses), arm.dof)), np.empty(len(starts), np.intp)
@@ -180,13 +183,13 @@ def follow_branches(
     def follow(branches: slice) -> None:
         newton.follow(arm.link_table, task, poses, q[branches], reached[branches], max_correction)
 
-    _in_threads(follow, split_evenly(len(starts), PARTS), len(starts) * len(poses))
+    _map_in_threads(follow, split_evenly(len(starts), PARTS), len(starts) * len(poses))
     return q, reached
 
 
-def _in_threads(work: Callable[[T], R], items: Sequence[T], poses: int) -> list[R]:
-    """Do compiled work on several items, in threads if they have many poses."""
-    return map_in_threads(work, items) if poses >= MANY else [work(x) for x in items]
+def _map_in_threads(work: Callable[[T], R], items: Sequence[T], poses: int) -> list[R]:
+    """Apply compiled work to several items, in threads if they have many poses in total."""
+    return map_in_threads(work, items) if poses >= THREADED_POSES else [work(x) for x in items]
 
 
 def _rank(
@@ -211,7 +214,7 @@ def _rank(
     ranked.sort(key=lambda x: x[0])
     distinct: list[FloatArray] = []
     repeated: list[FloatArray] = []
-    different = _Different(arm, poses, task)
+    different = _DistinctSolutions(arm, poses, task)
     for _, q in ranked:
         (distinct if different.add(q) else repeated).append(q)
     return distinct + repeated
@@ -232,18 +235,18 @@ def _smooth(
         return smooth(arm, s, poses, task, np.array(joint_paths[part]), **options)
 
     parts = split_evenly(len(joint_paths), SMOOTHED_PARTS)
-    done = _in_threads(work, parts, len(joint_paths) * len(s))
+    done = _map_in_threads(work, parts, len(joint_paths) * len(s))
     return [(q, float(cost)) for part in done for q, cost in zip(*part, strict=True)]
 
 
-class _Different:
-    """Solutions whose differences exceed null-space motion."""
+class _DistinctSolutions:
+    """Collection of solutions that differ by more than null-space motion."""
 
     def __init__(self, arm: SerialArm, poses: FloatArray, task: int) -> None:
         # `poses`: rotations and positions of the tool, (n, 3, 4).
         self.arm, self.poses, self.task = arm, poses, task
         self._known: list[FloatArray] = []
-        # Null spaces of known solutions at some knots, and at all knots for close comparisons.
+        # Null spaces of known solutions at a few knots, and at all knots for close comparisons
         self._rough: list[FloatArray] = []
         self._spaces: dict[int, FloatArray] = {}
 
@@ -252,16 +255,17 @@ class _Different:
         return np.unique(np.linspace(0, len(self.poses) - 1, FEW_KNOTS).astype(np.intp))
 
     def add(self, q: FloatArray) -> bool:
-        """Add joint positions, (n, dof), unless they repeat a known solution."""
+        """Add joint positions, (n, dof), and return true, unless they repeat a known solution."""
         if self.task == self.arm.dof:
             if any(np.abs(q - x).max() < SAME_SOLUTION for x in self._known):
                 return False
         else:
             few = self._few
             if self._known:
-                # The remainder at any knot is at most that of a difference of half a turn.
+                # `_is_known` accepts at most SAME_SOLUTION times half a turn, pi, so only solutions
+                # within this distance are compared exactly.
                 apart = q[few] - np.array([x[few] for x in self._known])
-                near = _outside(np.array(self._rough), apart)[0] < SAME_SOLUTION * np.pi
+                near = _outside_null_space(np.array(self._rough), apart)[0] < SAME_SOLUTION * np.pi
                 if any(self._is_known(k, q) for k in np.flatnonzero(near).tolist()):
                     return False
             self._rough.append(null_space(self.arm, self.poses[few], self.task, q[few]))
@@ -272,23 +276,24 @@ class _Different:
         """Test whether joint positions differ from a known solution by null-space motion only."""
         if k not in self._spaces:
             self._spaces[k] = null_space(self.arm, self.poses, self.task, self._known[k])
-        deviation, size = _outside(self._spaces[k], q - self._known[k])
+        deviation, size = _outside_null_space(self._spaces[k], q - self._known[k])
         return bool(deviation < SAME_SOLUTION * max(1.0, float(size)))
 
 
-def _outside(w: FloatArray, difference: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Largest component outside null spaces of joint differences, and their largest value."""
-    # `w` are bases of the null spaces, (..., n, free, dof); `difference` is modulo whole turns
-    # [rad].
+def _outside_null_space(w: FloatArray, difference: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Largest component of joint differences outside null spaces, and largest difference [rad]."""
+    # `w`: bases of the null spaces, (..., n, free, dof); `difference`: joint differences, modulo
+    # whole turns [rad].
     wrapped = np.pi - np.mod(np.pi - difference, 2 * np.pi)
     outside = wrapped - (np.swapaxes(w, -1, -2) @ (w @ wrapped[..., None]))[..., 0]
     return np.abs(outside).max(axis=(-1, -2)), np.abs(wrapped).max(axis=(-1, -2))
 
 
 def subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntArray]:
-    """Subintervals whose chords are close to the path."""
-    # `poses`: poses of the tool at their starts and at the end of the last, (n + 1, 3, 4).
-    # Returns the subintervals, and the indices of the given knots among their starts and last end.
+    """Divide knot intervals into subintervals whose chords are close to the path."""
+    # `poses`: tool poses at the starts of the intervals and at the end of the last one, (n + 1, 3,
+    # 4). Returns the subintervals, and the indices of the given knots among their starts and last
+    # end.
     width = knots.u1 - knots.u0
     turn = width * path.curvatures[knots.segment]
     if path.orientation is not None and not path.orientation.constant:
@@ -301,7 +306,7 @@ def subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntAr
 
 
 def _joint_distance(arm: SerialArm, q: FloatArray) -> float:
-    """Length of a joint path: sum of the slowest joint's shortest times between knots [s]."""
+    """Sum of the shortest times between knots [s]; without velocity limits, of the steps [rad]."""
     steps = np.diff(q, axis=0)
     if arm.limits.joint_velocity is None:
         return float(np.abs(steps).max(axis=1).sum())
@@ -311,14 +316,14 @@ def _joint_distance(arm: SerialArm, q: FloatArray) -> float:
 def _turn_into_range(
     arm: SerialArm, q: FloatArray, seed: FloatArray | None
 ) -> FloatArray | _Failure:
-    """Shift positions by whole turns into the joint ranges, close to the seed; or the failure."""
+    """Shift positions by whole turns into the joint ranges, or return the failure."""
     shifted, inside = shift_by_turns(arm, q, seed)
     if inside:
         return shifted
     lower, upper = arm.limits.joint_range(arm.dof)
     below, above = shifted < lower, shifted > upper
-    # For each joint: the shift that stays in range farthest along the path, and among equal ones
-    # that with the least excess at the first knot out of range.
+    # Each joint gets the shift with which it stays in its range farthest along the path. Among
+    # equal shifts, it gets the shift with the smallest excess at the first knot out of range.
     for joint in np.flatnonzero((below | above).any(axis=0)):
         turns = 2 * np.pi * np.arange(-MAX_TURNS, MAX_TURNS + 1)
         tried = shifted[:, joint, None] + turns
@@ -351,8 +356,8 @@ def _refuse_start(
         farthest = f" (at most {gaps.max():.3g} m on the path, at {worst_point} m)"
     raise Unreachable(
         f"At 0 m along the path the arm {arm.name} cannot reach the position "
-        f"{tuple(np.round(point, 6).tolist())} m with the required tool orientation: the tool "
-        f"stays {gap:.3g} m away{farthest}; {what_helps(path)}{unit_hint(gap)}.",
+        f"{tuple(np.round(point, 6).tolist())} m with the required tool orientation. The tool "
+        f"stays {gap:.3g} m away{farthest}: {suggest_remedy(path)}{unit_hint(gap)}.",
         point=point.tolist(),
         s=0.0,
         limit="reach",
@@ -372,9 +377,9 @@ def _refuse_seed(arm: SerialArm, pose: FloatArray, task: int, seed: FloatArray) 
     nearest = solutions[np.argmin(difference)]
     point = pose[:, 3]
     raise Unreachable(
-        f"From the given seed the arm {arm.name} does not reach the pose of the tool at the start "
-        f"of the path, {tuple(np.round(point, 6).tolist())} m; give a seed nearer to joint "
-        f"positions that reach it, such as {tuple(np.round(nearest, 4).tolist())} rad.",
+        f"From the given seed, the arm {arm.name} does not reach the tool pose at the start of "
+        f"the path, {tuple(np.round(point, 6).tolist())} m: give a seed closer to joint positions "
+        f"that reach this pose, such as {tuple(np.round(nearest, 4).tolist())} rad.",
         point=point.tolist(),
         s=0.0,
         limit="seed",
@@ -383,7 +388,7 @@ def _refuse_seed(arm: SerialArm, pose: FloatArray, task: int, seed: FloatArray) 
 
 
 def _reach_gap(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) -> float:
-    """Least distance of the tool from a pose [m], by Newton's method from joint positions q."""
+    """Smallest distance of the tool from a pose [m], by Newton's method from joint positions q."""
     return float(out_of_reach(arm, pose[None], task, q)[0])
 
 
@@ -395,7 +400,7 @@ def _largest_reach_gap(
     gaps = out_of_reach(arm, poses[indices], task, q)
     more_seeds = np.concatenate([q, seeds(arm)[:REACH_SEEDS]])
     for i in np.argsort(-gaps)[:SOME_POSES]:
-        # Another configuration may come closer.
+        # Another configuration may be closer to the pose.
         gap = (
             0.0 if gaps[i] <= OUT_OF_REACH else _reach_gap(arm, poses[indices[i]], task, more_seeds)
         )
@@ -407,7 +412,7 @@ def _largest_reach_gap(
 def _refuse(
     path: Path, arm: SerialArm, knots: Knots, poses: FloatArray, task: int, failure: _Failure
 ) -> None:
-    """Raise Unreachable with the end of the solution with the longest reach, and its cause."""
+    """Raise Unreachable with the cause that ends the solution that follows the path farthest."""
     s = np.append(knots.s0, path.length)
     i = failure.reached
     if failure.joint >= 0:
@@ -419,9 +424,10 @@ def _refuse(
         first = _find_end_of_reach(path, arm, knots, i - 1, task, q)
         worst = poses[i + farthest, :, 3]
         raise Unreachable(
-            f"From {first:.6g} m of {path.length:.6g} m along the path it is out of reach of the "
-            f"arm {arm.name}: at {tuple(np.round(worst, 6).tolist())} m, {s[i + farthest]:.6g} m "
-            f"along it, the tool stays {gap:.3g} m away; {what_helps(path)}{unit_hint(gap)}.",
+            f"From {first:.6g} m of {path.length:.6g} m along the path, the path is out of reach "
+            f"of the arm {arm.name}. At {tuple(np.round(worst, 6).tolist())} m, "
+            f"{s[i + farthest]:.6g} m along the path, the tool stays {gap:.3g} m away: "
+            f"{suggest_remedy(path)}{unit_hint(gap)}.",
             s=first,
             point=worst.tolist(),
             limit="reach",
@@ -439,9 +445,9 @@ def _refuse_singularity(
     _, sizes, motions = np.linalg.svd(np.concatenate([jacobian[:3], angular]))
     joint = int(np.argmax(np.abs(motions[task - 1])))
     raise Unreachable(
-        f"After {s:.6g} m of {path.length:.6g} m along the path the arm {arm.name} reaches "
-        f"a singularity, where joint {joint + 1} would have to move without bound (smallest "
-        f"singular value {sizes[task - 1]:.2g}): {what_helps(path)}.",
+        f"After {s:.6g} m of {path.length:.6g} m along the path the arm {arm.name} reaches a "
+        f"singularity, at which joint {joint + 1} would need an unlimited velocity (smallest "
+        f"singular value {sizes[task - 1]:.2g}): {suggest_remedy(path)}.",
         s=s,
         point=pose[:, 3].tolist(),
         joint=joint,

@@ -1,4 +1,4 @@
-"""Knots along a path, at which tracing computes exact joint positions, and the tool poses there."""
+"""Knots along a path, at which tracing computes exact joint positions, and tool poses at knots."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from armcontour.robot import SerialArm
 
 # Largest distance between the first knots, over the extent of the path.
 FIRST_STEP = 1 / 16
-# Lower limit of this distance, over the span of the arm: joint paths are nearly straight over short
-# distances.
+# Lower limit of this distance, over the span of the arm, because joint paths are nearly straight
+# over short distances
 SHORTEST_FIRST_STEP = 1 / 512
 # Largest angle by which the tangent or the tool turns between the first knots [rad].
 FIRST_TURN = 0.5
@@ -48,7 +48,7 @@ class Knots:
     def halve(self, mask: BoolArray, u: FloatArray) -> tuple[Knots, IntArray, IntArray]:
         """Split the selected intervals in two."""
         # `mask`: mask of the intervals to split, (n,); `u`: distance along the segment at which
-        # each of these is split [m].
+        # each selected interval is split [m].
         # Returns the new intervals; the index of the old interval of each; and the indices of the
         # second halves among the new intervals.
         parent = np.repeat(np.arange(len(self)), 1 + mask)
@@ -61,8 +61,8 @@ class Knots:
 
     def cut(self, count: IntArray) -> tuple[Knots, IntArray]:
         """Divide each interval into `count` equal parts, (n,)."""
-        # Returns the parts, and the indices of the given knots among their starts and last end, (n
-        # + 1,).
+        # Returns the parts, and the indices of the given knots among the starts of the parts and
+        # the end of the last part, (n + 1,).
         ends = np.append(0, np.cumsum(count))
         parent = np.repeat(np.arange(len(self)), count)
         number = np.arange(ends[-1]) - ends[parent]
@@ -77,9 +77,9 @@ class Knots:
         ), ends
 
     def ends(self) -> tuple[IntArray, FloatArray, IntArray]:
-        """Starts of the intervals, and ends that are not starts of others."""
-        # Returns the interval of each of these points, (m,); the distances along the segments there
-        # [m], (m,); and the index of the end of every interval, (n,).
+        """Points at the starts of all intervals, and at ends that are not another start."""
+        # Returns the interval of each of these points, (m,); the distances of the points along
+        # their segments [m], (m,); and the index of the end of every interval, (n,).
         knots, n = self, len(self)
         alone = np.append((np.diff(knots.segment) != 0) | (np.diff(knots.piece) != 0), True)
         alone[:-1] |= knots.u0[1:] != knots.u1[:-1]
@@ -91,7 +91,8 @@ class Knots:
 
     def places(self) -> tuple[Knots, FloatArray]:
         """The intervals repeated for each of `PLACES`, and distances along their segments [m]."""
-        # All intervals at the first fraction come before those at the second, (len(PLACES) n,).
+        # All intervals at the first fraction come before all intervals at the second fraction,
+        # (len(PLACES) n,).
         columns = {x: [getattr(self, x)] * len(PLACES) for x in Knots.__slots__}
         repeated = Knots(**{name: np.concatenate(x) for name, x in columns.items()})
         u = self.u0 + PLACES[:, None] * (self.u1 - self.u0)
@@ -144,7 +145,7 @@ def _cells(path: Path) -> Knots:
 NO_JUMP = 1e-8
 # Distance of the tool from which a pose is out of reach [m].
 OUT_OF_REACH = 1e-7
-# Rotation rate of the tool above which it causes an apparent singularity [rad/m].
+# Rotation rate of the tool above which an error names this rate instead of a singularity [rad/m]
 TOO_FAST = 1e5
 
 
@@ -154,8 +155,8 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
     # (position).
     if path.dimension != 3:
         raise InvalidInput(
-            f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} "
-            f"moves in {arm.dimension}."
+            f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} has "
+            f"{arm.dimension}: give a path with {arm.dimension} coordinates."
         )
     orientation = path.orientation
     if orientation is None:
@@ -163,10 +164,11 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
         return 3
     task = 5 if orientation.axis_only else 6
     if task > arm.dof:
+        remedy = ": leave the rotation about the tool axis free with axis_only"
         raise InvalidInput(
             f"The arm {arm.name} has {arm.dof} joints, but a tool "
             f"{'axis' if task == 5 else 'orientation'} in space needs {task}"
-            f"{'; leave turning about the tool axis free with axis_only' if arm.dof == 5 else ''}."
+            f"{remedy if arm.dof == 5 else ''}."
         )
     if not orientation.constant and (orientation.jumps > NO_JUMP).any():
         _refuse_jump(path, orientation)
@@ -182,8 +184,8 @@ def _refuse_position_only(arm: SerialArm) -> None:
         )
     if arm.dof < 3:
         raise InvalidInput(
-            f"The arm {arm.name} has {arm.dof} joints, but a path in space needs 3: describe "
-            "an arm that moves in a plane by an arm file of two links."
+            f"The arm {arm.name} has {arm.dof} joints, but a path in space needs at least 3: "
+            "describe an arm that moves in a plane by an arm file of the kind planar_two_link."
         )
 
 
@@ -191,18 +193,20 @@ def _refuse_jump(path: Path, orientation: Orientation) -> None:
     jumps = orientation.jumps
     i = int(np.argmax(jumps > NO_JUMP))
     s = float(orientation.breaks[i + 1])
-    remedy = "round a sharp corner: round the corner, with an angular tolerance"
+    remedy = "at a sharp corner: round the corner, with an angular tolerance"
     if _bends_out_of_plane(path, s):
         remedy = (
-            "round a corner that is not rounded, as its two segments do not lie in one plane: let "
-            "them lie in one, or join them by an arc that touches both"
+            "at a corner that is not rounded, because its two segments do not lie in one plane: "
+            "put the segments into one plane, or join them by an arc that touches both"
         )
     cause = (
-        f", as it follows the tangent {remedy}" if orientation.follows else ": make it turn evenly"
+        f", because it follows the tangent {remedy}"
+        if orientation.follows
+        else ": make the orientation continuous"
     )
     raise InvalidInput(
         f"At {s:.6g} m along the path the tool's orientation jumps by "
-        f"{np.degrees(jumps[i]):.3g}°{cause}, or leave the orientation fixed there.",
+        f"{np.degrees(jumps[i]):.3g}°{cause}, or keep the orientation constant there.",
         s=s,
         point=path(s).tolist(),
     )
@@ -216,16 +220,16 @@ def _bends_out_of_plane(path: Path, s: float) -> bool:
     return bool(path.corners.reason[nearest] == OUT_OF_PLANE)
 
 
-def what_helps(path: Path | None) -> str:
+def suggest_remedy(path: Path | None) -> str:
     """Advice for users whose arm cannot follow a path, as the end of a sentence."""
     orientation = None if path is None else path.orientation
     if orientation is None or orientation.axis_only:
         return "move the path or the arm"
-    return "move the path or the arm, or leave turning about the tool axis free"
+    return "move the path or the arm, or leave the rotation about the tool axis free"
 
 
-def turning_too_fast(path: Path, s: float) -> str:
-    """Sentence for an arc length [m] at which the path turns the tool too fast, else ""."""
+def describe_fast_rotation(path: Path, s: float) -> str:
+    """Message if the path rotates the tool too fast at the arc length s [m], otherwise ""."""
     if path.orientation is None:
         return ""
     near = path.orientation.locate(np.array([s]))[0] + np.array([-1, 0, 1])
@@ -236,8 +240,8 @@ def turning_too_fast(path: Path, s: float) -> str:
         return ""
     return (
         f"At {s:.6g} m along the path the tool turns by {rate * 1e-6:.3g} rad per micrometre, "
-        "which no joint path can follow: put the points of the path farther apart there, "
-        "or allow larger corners."
+        "which no joint path can follow: increase the distance between the points of the path "
+        "there, or allow larger corner errors."
     )
 
 
@@ -296,15 +300,15 @@ class FirstPoses:
     """Required motion of the tool at the first knots of a path, shared by all configurations."""
 
     knots: Knots
-    # The intervals, followed by those whose end is not the start of the next one on the same
-    # segment, m in all
+    # Intervals of m points: all intervals for their starts, then for their ends the intervals whose
+    # end is not the start of the next interval
     places: Knots
-    # Distances along the segments: starts of the intervals, then these ends [m], (m,)
+    # Distances of the points along their segments [m], (m,)
     u: FloatArray
-    poses: FloatArray  # Poses there, (m, 3, 4)
-    rates: FloatArray  # Their derivatives there, (m, 4, 3)
+    poses: FloatArray  # Tool poses at the points, (m, 3, 4)
+    rates: FloatArray  # Derivatives of the poses at the points, (m, 4, 3)
     ends: IntArray  # Index of the end of every interval among these points, (n,)
-    between: FloatArray  # Poses between knots, as `Knots.places`
+    between: FloatArray  # Tool poses at the points of `Knots.places`
     stops: FloatArray  # Arc lengths at which the tool stops [m]
 
     @classmethod

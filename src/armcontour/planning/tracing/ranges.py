@@ -10,7 +10,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
-from armcontour.planning.tracing.knots import what_helps
+from armcontour.planning.tracing.knots import suggest_remedy
 from armcontour.robot import Limits
 
 # Tolerance of joint ranges [rad], above rounding errors and below the resolution of robots.
@@ -29,7 +29,7 @@ BERNSTEIN = np.array(
 
 
 def check_joint_range(joint_path: JointPath, limits: Limits) -> None:
-    """Check that no joint leaves its range along a joint path."""
+    """Raise Unreachable if a joint leaves its range along a joint path."""
     if limits.joint_lower is None and limits.joint_upper is None:
         return
     lower, upper = limits.joint_range(joint_path.dof)
@@ -58,15 +58,15 @@ def check_joint_range(joint_path: JointPath, limits: Limits) -> None:
 def out_of_range(
     path: Path | None, s: float, joint: int, q: float, edge: float, also: str = ""
 ) -> Unreachable:
-    """Error for a joint that leaves its range."""
+    """Make the error for a joint that leaves its range."""
     # `s`: arc length at which the joint is out of range [m]; `joint`: index of the joint, from 0;
-    # `q`: joint position that the path would need there [rad]; `edge`: the end of the joint range
-    # that is exceeded [rad].
+    # `q`: joint position that the path requires there [rad]; `edge`: end of the joint range that is
+    # exceeded [rad]; `also`: clause that is added to the message.
     name = "upper" if q > edge else "lower"
     return Unreachable(
         f"At {s:.6g} m along the path joint {joint + 1} would be at {q:.6g} rad, "
         f"{abs(q - edge):.3g} rad beyond its {name} limit of {edge:.6g} rad{also}: "
-        f"{what_helps(path)}.",
+        f"{suggest_remedy(path)}.",
         s=s,
         point=None if path is None else path(s).tolist(),
         joint=joint,

@@ -18,8 +18,8 @@ from armcontour.core.quintics import solve_banded
 from armcontour.motion import quintic
 from armcontour.robot import SerialArm, newton
 
-# Largest deviation of a spline from a chord, as a fraction of the largest neighbouring step, and
-# its floor [rad].
+# Largest deviation of a spline from a chord, as a fraction of the largest neighbouring step, plus
+# SWING_FLOOR [rad]
 SWING = 0.1
 SWING_FLOOR = 0.01
 QUARTERS = np.array([0.25, 0.5, 0.75])[:, None, None]
@@ -35,7 +35,7 @@ SETTLED = 1e-4
 # is singular if no cost depends on a null-space motion.
 DAMPING = 1e-6
 # Largest number of iterations of smoothing.
-ROUNDS = 25
+MAX_ROUNDS = 25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,8 +43,8 @@ class Guide:
     """Splines of the reference g and the null-space rows w, one per section between stops."""
 
     s: FloatArray  # Arc lengths of the knots [m], (n,)
-    # Coefficients of powers of the distance from the knot before, from 1 to u⁵, of g and then of
-    # the rows of w, (n - 1, 6, values)
+    # Coefficients of g and then of the rows of w in powers of the distance from the previous knot,
+    # from 1 to u⁵, (n - 1, 6, values)
     coefficients: FloatArray
     dof: int
 
@@ -57,7 +57,7 @@ class Guide:
         # space, (n, free, dof); `stops`: arc lengths, out of s, at which the tool stops [m].
         n, free, dof = w.shape
         turned = [np.eye(free)]
-        for turn in _turns(w):
+        for turn in _basis_rotations(w):
             turned.append(turned[-1] @ turn)
         values = np.concatenate([q, (np.array(turned) @ w).reshape(n, free * dof)], axis=1)
         cuts = [0, *np.searchsorted(s, stops).tolist(), n - 1]
@@ -68,7 +68,7 @@ class Guide:
         return cls(s=s, coefficients=np.concatenate(parts), dof=dof)
 
     def evaluate(self, s: FloatArray, middle: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The values w and g with two derivatives along s, (n, 3, free, dof) and (n, 3, dof)."""
+        """Rows w and guide g with two derivatives along s, (n, 3, free, dof) and (n, 3, dof)."""
         # `s`: arc lengths [m], (n,); `middle`: arc lengths inside the intervals that `s` belong to
         # [m], (n,); at a knot they select the interval.
         interval, k = np.searchsorted(self.s, middle) - 1, np.arange(6)
@@ -79,7 +79,7 @@ class Guide:
         return w.reshape(len(s), 3, -1, self.dof), g
 
 
-def _turns(w: FloatArray) -> FloatArray:
+def _basis_rotations(w: FloatArray) -> FloatArray:
     """Smallest rotations between null-space bases at neighbouring knots, (n - 1, free, free)."""
     along = np.einsum("nik,njk->nij", w[:-1], w[1:])
     if w.shape[1] == 1:
@@ -104,11 +104,11 @@ def _spline(s: FloatArray, values: FloatArray) -> FloatArray:
     deviation = np.abs(u * (c[:, 1] + u * (c[:, 2] + u * c[:, 3])) - QUARTERS * steps).max(
         axis=(0, 2)
     )
-    return _without_swing(s, values) if (deviation > SWING * largest + SWING_FLOOR).any() else c
+    return _pchip_quintics(s, values) if (deviation > SWING * largest + SWING_FLOOR).any() else c
 
 
 def _slopes(s: FloatArray, values: FloatArray) -> FloatArray:
-    """Slopes at its knots of the cubic spline through values, (n, values)."""
+    """Slopes of the cubic spline through values at its knots, (n, values)."""
     # The third derivative is continuous at the second and last but one knot ("not a knot"). Through
     # two points the spline is a line, through three a parabola.
     h = np.diff(s)[:, None]
@@ -133,7 +133,7 @@ def _slopes(s: FloatArray, values: FloatArray) -> FloatArray:
     return right
 
 
-def _without_swing(s: FloatArray, values: FloatArray) -> FloatArray:
+def _pchip_quintics(s: FloatArray, values: FloatArray) -> FloatArray:
     """Quintics through values with zero second derivative at the knots and PCHIP slopes."""
     # Returns coefficients of powers of the distance from the previous knot, (n - 1, 6, values).
     from scipy.interpolate import PchipInterpolator
@@ -154,15 +154,16 @@ def smooth(
     s: FloatArray,  # Arc lengths [m], (n,)
     poses: FloatArray,  # Rotations and positions of the tool, (n, 3, 4)
     task: int,
-    q: FloatArray,  # Joint positions at the poses in several configurations [rad], (ways, n, dof)
+    # Joint positions at the poses, one path per configuration [rad], (paths, n, dof)
+    q: FloatArray,
     *,
     start_stays: bool = False,  # True if the first joint position is fixed
-    rounds: int = ROUNDS,
+    rounds: int = MAX_ROUNDS,
 ) -> tuple[FloatArray, FloatArray]:
     """Shorten joint paths by null-space motion, with unchanged tool poses."""
     # Gauss-Newton iterations reduce the sum of squares of the joint steps, weighted by the largest
     # joint velocities, and of their excess over the inner part of their ranges.
-    # Returns the joint positions, (ways, n, dof), and their costs, (ways,).
+    # Returns the joint positions, (paths, n, dof), and their costs, (paths,).
     cost, n, free = _Cost(arm, s, q), len(s), arm.dof - task
     smoothed, values, active = q.copy(), cost.values(q), np.arange(len(q))
     for _ in range(rounds):
@@ -195,11 +196,12 @@ def smooth(
 class _Cost:
     """Sum of squares of the weighted joint steps and of the excess over the inner ranges."""
 
-    # The allowed length of a step is its share of the tool path and of the initial joint path: at a
-    # tight corner the joints move far on a short path, which must not outweigh all other steps.
+    # The weight of a step decreases with its share of the tool path and of the initial joint path,
+    # because at a tight corner the joints move far on a short path, which must not outweigh all
+    # other steps.
 
     def __init__(self, arm: SerialArm, s: FloatArray, q: FloatArray) -> None:
-        # `s`: arc lengths [m], (n,); `q`: joint positions in several configurations [rad], (ways,
+        # `s`: arc lengths [m], (n,); `q`: joint positions in several configurations [rad], (paths,
         # n, dof).
         lower, upper = arm.limits.joint_range(arm.dof)
         both = np.isfinite(lower) & np.isfinite(upper)
@@ -223,14 +225,14 @@ class _Cost:
     def values(self, q: FloatArray) -> FloatArray:
         steps = (q[:, 1:] - q[:, :-1]) * self.weights
         excess = self.outside * np.maximum(np.abs((q - self.middle) / self.half) - INNER_RANGE, 0.0)
-        # NumPy sums pairwise. Joint positions that differ by a free rotation of the tool have equal
-        # cost, so the small rounding errors decide between them.
+        # NumPy sums pairwise, so rounding errors are small. Joint positions that differ by a free
+        # rotation of the tool have equal cost, and rounding errors decide between them.
         return np.asarray((steps**2).sum(axis=(1, 2)) + (excess**2).sum(axis=(1, 2)))
 
     def equations(self, q: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Equations of the null-space motion that minimizes the linearized cost."""
-        # Returns the matrices as `solve_banded` takes them, (ways, n free, 2 free), and half the
-        # negative gradients, (ways, n free).
+        # Returns the matrices in the form of `solve_banded`, (paths, n free, 2 free), and half the
+        # negative gradients, (paths, n free).
         count, n, free, _ = w.shape
         share = (q - self.middle) / self.half
         beyond = np.maximum(np.abs(share) - INNER_RANGE, 0.0)

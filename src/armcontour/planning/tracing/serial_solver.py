@@ -31,7 +31,7 @@ ANGULAR_TOLERANCE = 1e-9
 SINGULAR = 1e-9
 
 
-class Numeric(Solver[SerialArm]):
+class NumericSolver(Solver[SerialArm]):
     """Exact joint positions and derivatives at knots, by Newton's method from nearby guesses."""
 
     def __init__(
@@ -63,7 +63,7 @@ class Numeric(Solver[SerialArm]):
         return (q, dq_ds, d2q_ds2), (end_q, end_dq_ds, end_d2q_ds2)
 
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
-        """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots."""
+        """q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each."""
         assert guess is not None
         return self._solve(knots, u, np.array(guess, order="C"), *motion_at(self.path, knots, u))
 
@@ -83,7 +83,7 @@ class Numeric(Solver[SerialArm]):
         return q, dq_ds, d2q_ds2
 
     def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
-        """Same as `Solver.errors_between`; the solutions share poses between the first knots."""
+        """Same as `Solver.errors_between`; solutions share the poses between the first knots."""
         if knots is not self._first.knots:
             return super().errors_between(knots, start, end)
         q = quintics_at_places(knots, start, end)

@@ -11,7 +11,13 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, quintic
-from armcontour.planning.tracing.knots import MIDDLE, PLACES, Knots, turning_too_fast, what_helps
+from armcontour.planning.tracing.knots import (
+    MIDDLE,
+    PLACES,
+    Knots,
+    describe_fast_rotation,
+    suggest_remedy,
+)
 from armcontour.robot import Arm, PlanarTwoLink
 
 # Length below which an interval outside the tolerance indicates a singularity [m].
@@ -26,7 +32,7 @@ A = TypeVar("A", bound=Arm, covariant=True)
 
 
 class Solver(ABC, Generic[A]):
-    """Joint positions and their derivatives along a tool path."""
+    """Computes joint positions and their derivatives along a tool path, for one kind of arm."""
 
     def __init__(self, path: Path, arm: A) -> None:
         self.path = path
@@ -38,19 +44,18 @@ class Solver(ABC, Generic[A]):
 
     @abstractmethod
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
-        """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots."""
-        # `knots`: the knot intervals, n of them; `u`: distance along the segment of each interval
-        # [m], (n,); `guess`: joint positions near the solution, (n, dof); None for the first knots.
+        """q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each."""
+        # `knots`: the n knot intervals; `u`: distance along the segment of each interval [m], (n,);
+        # `guess`: joint positions near the solution, (n, dof); None for the first knots.
 
     def guess(
         self, knots: Knots, u: FloatArray, middle: FloatArray, halfway: FloatArray
     ) -> FloatArray | None:
         """Joint positions near the solutions within intervals, (n, dof); None if not needed."""
-        # `knots`: the knot intervals, n of them; `u`: distance along the segment of each interval
-        # [m], (n,); `middle`: joint positions in the middle of the quintics of the intervals, (n,
-        # dof); `halfway`: means of the joint positions at both ends, (n, dof).
-        # Near a singularity the quintic may overshoot, and the mean of the ends is the better
-        # guess.
+        # `knots`: the n knot intervals; `u`: distance along the segment of each interval [m], (n,);
+        # `middle`: joint positions in the middle of the quintics of the intervals, (n, dof);
+        # `halfway`: means of the joint positions at both ends, (n, dof). Near a singularity the
+        # quintic may overshoot, and `halfway` is the better guess.
         nearer = self.tool_errors(knots, u, halfway) < self.tool_errors(knots, u, middle)
         return np.where(nearer[:, None], halfway, middle)
 
@@ -81,8 +86,8 @@ def largest_errors(errors: FloatArray, n: int) -> FloatArray:
     return np.asarray(errors.reshape(-1, n).max(axis=0))
 
 
-class Analytic(Solver[PlanarTwoLink]):
-    """Exact joint positions and derivatives at knots, by (3)-(4), (28) and (27)."""
+class AnalyticSolver(Solver[PlanarTwoLink]):
+    """Exact joint positions and derivatives at knots, by (3)-(4), (28) and (27) of the paper."""
 
     def __init__(
         self, path: Path, arm: PlanarTwoLink, configuration: str, tolerance: float
@@ -92,7 +97,7 @@ class Analytic(Solver[PlanarTwoLink]):
         if path.dimension != arm.dimension:
             raise InvalidInput(
                 f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} "
-                f"moves in {arm.dimension}."
+                f"has {arm.dimension}: give a path with {arm.dimension} coordinates."
             )
         super().__init__(path, arm)
         self.configuration, self.tolerance = configuration, tolerance
@@ -105,7 +110,7 @@ class Analytic(Solver[PlanarTwoLink]):
         return (q[:n], dq_ds[:n], d2q_ds2[:n]), (q[n:], dq_ds[n:], d2q_ds2[n:])
 
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
-        """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots."""
+        """q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each."""
         try:
             q = self.arm.joint_position(self.path.on_segment(knots.segment, u), self.configuration)
         except Unreachable as error:
@@ -125,7 +130,7 @@ class Analytic(Solver[PlanarTwoLink]):
         return q, dq_ds, self.arm.joint_acceleration(q, dq_ds, curvature)
 
     def guess(self, knots: Knots, u: FloatArray, middle: FloatArray, halfway: FloatArray) -> None:
-        """None, because a closed form needs no guess."""
+        """Return None, because the closed form needs no guess."""
 
     def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
         """Remove jumps by whole turns from the joint positions."""
@@ -183,15 +188,15 @@ def _select(ends: Ends, selection: BoolArray | IntArray) -> Ends:
 
 
 def raise_singular(solver: Solver[Any], s: float, state: str) -> NoReturn:
-    """Refuse a point of the path without a joint motion."""
+    """Raise Unreachable at a point of the path at which the joints have no unique motion."""
     # `s`: arc length of the point [m]; `state`: state of the arm at the point, such as "is
     # singular".
     path, point = solver.path, solver.path(s).tolist()
     raise Unreachable(
-        turning_too_fast(path, s)
+        describe_fast_rotation(path, s)
         or f"At {s:.6g} m of {path.length:.6g} m along the path, at "
         f"{tuple(round(x, 6) for x in point)} m, the arm {solver.arm.name} {state}: "
-        f"{what_helps(path)}.",
+        f"{suggest_remedy(path)}.",
         point=point,
         s=s,
         limit="singularity",

@@ -22,14 +22,14 @@ from armcontour.planning.tracing.knots import (
     task_dimension,
 )
 from armcontour.planning.tracing.ranges import check_joint_range, turn_into_range
-from armcontour.planning.tracing.solver import Analytic, refine
+from armcontour.planning.tracing.solver import AnalyticSolver, refine
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm
 
 if TYPE_CHECKING:
     from armcontour.planning.tracing.configurations import Solution
 
-# Factor of the number of first knots of a redundant arm, because the null-space motion is
-# interpolated between them.
+# Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
+# between these knots
 FINER = 3
 # Distance between the points of a sketch, over the span of the arm.
 SKETCHED = 0.01
@@ -99,8 +99,8 @@ def trace_all(
     # starts are followed, and at most `configurations.MAX_SOLUTIONS` joint paths are returned.
     if not isinstance(path, Path):
         raise InvalidInput(
-            f"trace takes a Path, not a {type(path).__name__}: plan takes programs, and traces "
-            "their contours itself."
+            f"trace takes a Path, not a {type(path).__name__}. Give a program to plan, which "
+            "traces its contours."
         )
     checks.positive("tracing tolerance", tolerance, "m")
     if limits is not None:
@@ -108,17 +108,22 @@ def trace_all(
         arm = arm.with_limits(limits)
     if isinstance(arm, PlanarTwoLink):
         if seed is not None:
-            raise InvalidInput(f"The arm {arm.name} takes a branch to start in, not a seed.")
+            raise InvalidInput(
+                f"The arm {arm.name} has named branches: give a configuration instead of a seed."
+            )
         branches = arm.branches if configuration is None else (configuration,)
         return _complete(
             (partial(_trace_planar, path, arm, x, tolerance) for x in branches), max_count
         )
     if not isinstance(arm, SerialArm):
-        raise InvalidInput(f"There is no inverse kinematics for {type(arm).__name__}.")
+        raise InvalidInput(
+            f"Inverse kinematics is not available for {type(arm).__name__}: use a SerialArm or "
+            "a PlanarTwoLink."
+        )
     if configuration is not None:
         raise InvalidInput(
-            f"The arm {arm.name} has no named branches: give seed, joint positions near those at "
-            "the start of the path."
+            f"The arm {arm.name} has no named branches: instead of a configuration, give a seed "
+            "with approximate joint positions at the start of the path."
         )
     _refuse_flat(arm)
     near = None if seed is None else _check_seed(arm, seed)
@@ -126,7 +131,7 @@ def trace_all(
 
 
 def _refuse_flat(arm: SerialArm) -> None:
-    """Refuse an arm in space whose joints are all parallel, because it is singular everywhere."""
+    """Raise InvalidInput for an arm in space whose joints are parallel, because it is singular."""
     if arm.dof > 2 and arm.moves_in_a_plane:
         raise InvalidInput(
             f"The {arm.dof} joints of the arm {arm.name} are parallel, so its tool stays in a "
@@ -155,7 +160,7 @@ def sketch_all(
 
 
 def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
-    """Indices of knots `step` [m] or a tool rotation of `CHORD_TURN` apart; includes the last."""
+    """Indices of knots at steps of `step` [m] or rotations of CHORD_TURN, and of the last."""
     from armcontour.planning.tracing.configurations import CHORD_TURN
 
     turn = np.linalg.norm(np.diff(row_of_poses(path, knots)[:, :, :3], axis=0), axis=(1, 2))
@@ -169,7 +174,7 @@ def _trace_planar(
     path: Path, arm: PlanarTwoLink, configuration: str, tolerance: float
 ) -> JointPath:
     joint_path = refine(
-        Analytic(path, arm, configuration, tolerance), first_knots(path, arm.span), path.stops
+        AnalyticSolver(path, arm, configuration, tolerance), first_knots(path, arm.span), path.stops
     )
     joint_path = turn_into_range(joint_path, arm.limits)
     check_joint_range(joint_path, arm.limits)
@@ -181,14 +186,14 @@ def _trace_serial(
 ) -> list[JointPath]:
     """Joint paths of a serial arm in its configurations, the shortest first."""
     from armcontour.planning.tracing.configurations import find_solutions
-    from armcontour.planning.tracing.serial_solver import Numeric
+    from armcontour.planning.tracing.serial_solver import NumericSolver
 
     task = task_dimension(path, arm)
     knots = first_knots(path, arm.span, FINER if task < arm.dof else 1)
     first = FirstPoses.at_knots(path, knots)
 
     def refine_solution(solution: Solution) -> JointPath:
-        numeric = Numeric(path, arm, task, first, solution, tolerance)
+        numeric = NumericSolver(path, arm, task, first, solution, tolerance)
         joint_path = refine(numeric, knots, first.stops)
         check_joint_range(joint_path, arm.limits)
         return joint_path
@@ -222,7 +227,7 @@ def _check_seed(arm: SerialArm, seed: npt.ArrayLike) -> FloatArray:
     if outside.any():
         j = int(np.argmax(outside))
         raise InvalidInput(
-            f"seed has joint {j + 1} at {positions[j]:.6g} rad, outside its range from "
+            f"seed has joint {j + 1} at {positions[j]:.6g} rad, but its range is from "
             f"{lower[j]:.6g} to {upper[j]:.6g} rad: give angles in rad, or with their unit.",
             joint=j,
             needed=float(positions[j]),

@@ -21,7 +21,7 @@ from armcontour.motion import (
     Trajectory,
     largest_shares,
 )
-from armcontour.motion.laws import join_path
+from armcontour.motion.laws import chain_rule_motion
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States
 from armcontour.robot.servo import ServoModel
@@ -257,7 +257,7 @@ def _motion(plan: Trajectory, t: FloatArray, side: Side) -> tuple[FloatArray, Fl
         assert isinstance(law, PathLaw)
         along = law.path_motion(i, local)
         s[mask] = along[0]
-        states[:, mask] = join_path(law.joint_path, law.s[i + 1], along, (0, 1, 2))
+        states[:, mask] = chain_rule_motion(law.joint_path, law.s[i + 1], along, (0, 1, 2))
     return s, states
 
 
@@ -454,7 +454,9 @@ def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
     # Breaks of the tool path are breaks of the joint path.
     segment = path.locate(np.clip((breaks[:-1] + breaks[1:]) / 2, 0.0, path.length))
     bounds[:, 0] = np.fmin(path.speeds[segment], np.inf if limits.speed is None else limits.speed)
-    varies = path.segments.bent[segment] | (isinstance(path, ShapedPath) and path.curve is not None)
+    varies = path.segments.is_transition[segment] | (
+        isinstance(path, ShapedPath) and path.curve is not None
+    )
     if limits.centripetal_acceleration is not None:
         bent = np.where(varies, 0.0, np.abs(path.curvatures[segment]))
         with np.errstate(divide="ignore"):

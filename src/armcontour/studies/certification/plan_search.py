@@ -122,7 +122,7 @@ def execute_program(
             continue
         move = next(following)
         if move.pause > 0:
-            joined.stand(move.pause)
+            joined.add_dwell(move.pause)
         joined.add(step, move.plan)
     trajectory = joined.trajectory().limited(case.limits)
     set_points = case.compute_set_points(trajectory)

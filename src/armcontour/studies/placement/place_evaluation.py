@@ -20,7 +20,7 @@ from armcontour.jobs.run_plan import plan_one, trace_one
 from armcontour.motion import Trajectory
 from armcontour.planning import Optimal, Tracing, with_reserve
 from armcontour.planning.duration_bound import bound_duration
-from armcontour.planning.program_tracing import SURE
+from armcontour.planning.program_tracing import BOUND_SHARE
 from armcontour.planning.tracing.knots import task_dimension
 from armcontour.program import Contour, Dwell
 from armcontour.robot import Arm, SerialArm
@@ -201,7 +201,7 @@ class PlaceEvaluator:
     def least_score(self, bounds: PlaceBounds) -> float:
         """Lower bound of the score of a place with these bounds."""
         if self.objective == DURATION:
-            return SURE * bounds.duration
+            return BOUND_SHARE * bounds.duration
         known = self.objective == MANIPULABILITY and not np.isnan(bounds.singular)
         return -bounds.singular if known else -np.inf
 
@@ -218,7 +218,7 @@ class PlaceEvaluator:
         bound = 0.0
         for point in around:
             (bounds,) = self.bounds_of([point])
-            bound = max(bound, SURE * bounds.duration)
+            bound = max(bound, BOUND_SHARE * bounds.duration)
             verdict = Verdict(bound=bound, singular=bounds.singular, refusal=bounds.refusal)
             steps.append((np.inf if bounds.refusal else self.least_score(bounds), verdict))
             if steps[-1][0] > cutoff or bounds.refusal:
@@ -243,7 +243,7 @@ class PlaceEvaluator:
         try:
             reuse, program = Reuse(), job.program
             _, traced = trace_one(job, run, reuse, objective=program, first_only=True)
-            bound = SURE * self._bound(traced) if self.bounded else 0.0
+            bound = BOUND_SHARE * self._bound(traced) if self.bounded else 0.0
             if self.objective == DURATION and bound > cutoff:
                 return Verdict(bound=bound)
             planned = plan_one(job, run, reuse, objective=program, first_only=True)

@@ -80,7 +80,7 @@ def _only_path(handles: Handles) -> Path:
             f"process.by_layer has values for the layer {layer}, which waypoints of a job do not "
             "have: give them to the whole process first."
         )
-    if path.segments.bent.any():
+    if path.segments.is_transition.any():
         raise InvalidInput(f"{handles.file} has transitions, which are neither lines nor arcs.")
     layer_values = job.process.layers.get(layer or "")
     if layer_values is None:

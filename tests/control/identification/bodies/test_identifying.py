@@ -166,7 +166,7 @@ def test_logs_that_do_not_fit_the_arm_are_refused(log, nominal):
     limits = ac.Limits(joint_velocity=[9.0, 9.0], joint_acceleration=[900.0, 900.0])
     rods = ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=limits)
     for wrong, arm, message in (
-        (log.between(0, 1.0), nominal, "covers 1 s, but a robot is identified only from 2 s"),
+        (log.between(0, 1.0), nominal, "covers 1 s, but identification needs at least 2 s"),
         (changed(log, t=log.t * 6), nominal, "a sample every 24 ms"),
         (of_joints(log, range(5)), nominal, "has 5 joints .*, but the arm has 6"),
         (

@@ -1,4 +1,4 @@
-"""The reader of G-code (RS274/NGC as in the LinuxCNC manual), which returns a `Program`."""
+"""Reader for G-code (RS274/NGC as in the LinuxCNC manual); it returns a `Program`."""
 
 from armcontour.files.drawings.gcode.reader import read_gcode
 

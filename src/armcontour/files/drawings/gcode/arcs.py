@@ -1,12 +1,13 @@
-"""The geometry of arcs (G2, G3) that are given by end and centre or by end and radius.
+"""Geometry of arcs (G2, G3) that are defined by end and centre or by end and radius.
 
-All points are in the arc's plane [m]; `turn` is 1 for counter-clockwise (G3), -1 for clockwise.
+All points are in the plane of the arc [m]; `turn` is 1 for counter-clockwise (G3), -1 for
+clockwise.
 
 An arc must start and end exactly at the programmed points, but programmed centres are rounded to
-a few decimals. So the centre is moved to the nearest point with equal distances to start and end:
-its projection onto their perpendicular bisector. For an arc of more than three quarters of a
-circle this projection can be far from the centre. Such an arc is replaced by two: one around the
-programmed centre over half the angle, and one that continues with the same tangent to the end.
+a few decimals. Therefore the centre is projected onto the perpendicular bisector of start and end,
+where its distances to both are equal. For an arc of more than three quarters of a circle, this
+projection can be far from the programmed centre. Such an arc is replaced by two arcs: one around
+the programmed centre over half the angle, and a tangent arc from there to the end.
 """
 
 from __future__ import annotations
@@ -21,27 +22,27 @@ from armcontour.geometry.segments import REPEATED_POINT
 Point = tuple[float, float]
 
 # LinuxCNC's tolerances for the difference between the distances from the centre to start and end
-# [m], in programs in millimetres and in inches. A difference up to ROUNDED is always accepted,
-# which allows coordinates rounded to 0.01 mm or 0.001 inch (default CENTER_ARC_RADIUS_TOLERANCE).
-# A difference up to MOST, 0.5 mm or 0.05 inch (manual, "Center Format Arcs"), is accepted if it is
-# at most RELATIVE, 0.1 %, of the radius.
-ROUNDED = {"mm": 2 * math.sqrt(2) * 1e-5, "inch": 2 * math.sqrt(2) * 2.54e-5}
-MOST = {"mm": 0.5e-3, "inch": 0.05 * 0.0254}
-RELATIVE = 1e-3
-# A radius may be too short for the end point by this length [m]; a smaller radius is zero
-# (LinuxCNC's RADIUS_TOLERANCE).
-SHORT = 0.00005 * 0.0254
-# A larger swept angle [rad] is drawn as two arcs. At this angle the projection onto the bisector
-# is 0.7 times the difference of the distances away from the centre.
+# [m], for programs in millimetres and in inches. A difference up to ALWAYS_ALLOWED is always
+# accepted, because coordinates are rounded to 0.01 mm or 0.001 inch (default
+# CENTER_ARC_RADIUS_TOLERANCE). A difference up to MAX_DIFFERENCE, 0.5 mm or 0.05 inch (manual,
+# "Center Format Arcs"), is accepted if it is at most MAX_RELATIVE, 0.1 %, of the radius.
+ALWAYS_ALLOWED = {"mm": 2 * math.sqrt(2) * 1e-5, "inch": 2 * math.sqrt(2) * 2.54e-5}
+MAX_DIFFERENCE = {"mm": 0.5e-3, "inch": 0.05 * 0.0254}
+MAX_RELATIVE = 1e-3
+# A programmed radius may be shorter than half the chord by this length [m]. A distance from the
+# centre below it counts as zero (LinuxCNC's RADIUS_TOLERANCE).
+RADIUS_TOLERANCE = 0.00005 * 0.0254
+# An arc with a larger swept angle [rad] is drawn as two arcs. At this angle, the projection onto
+# the bisector moves the centre by 0.7 times the difference of its distances to start and end.
 NEARLY_FULL = 1.5 * math.pi
-# Largest distance of a drawn arc's end from the programmed end [m]: half of the distance up to
-# which two points count as the same.
-MISS = REPEATED_POINT / 2
+# Largest distance between the end of a drawn arc and the programmed end [m]: half of the distance
+# up to which two points count as the same.
+END_TOLERANCE = REPEATED_POINT / 2
 
 
 @dataclass(frozen=True, slots=True)
 class ArcPart:
-    """One arc of at most a full circle, with the data of a path's segment."""
+    """An arc of at most a full circle, with the data of a path segment."""
 
     tangent: Point  # Unit tangent at the start
     normal: Point  # Unit vector from the start to the centre
@@ -50,14 +51,14 @@ class ArcPart:
     end: Point  # End point [m]
 
     def circle(self, start: Point) -> ArcPart:
-        """The full circle of the arc, from `start` to `start`."""
+        """The full circle on which the arc is, from its start point `start` back to `start`."""
         length = 2 * math.pi / self.curvature
         return ArcPart(self.tangent, self.normal, self.curvature, length, start)
 
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """A programmed arc of up to one full turn."""
+    """A programmed arc of at most one full turn, as a circle with start and end."""
 
     center: Point  # Centre [m]
     start: Point  # Start point [m]
@@ -69,42 +70,48 @@ class Circle:
 
 
 def arc_around(start: Point, end: Point, center: Point, turn: int, dialect: str) -> Circle:
-    """The arc around a centre; a full circle if start and end are the same point."""
+    """The arc around a programmed centre; a full circle if start and end are the same point.
+
+    `dialect` is the unit of the program, "mm" or "inch", which selects the tolerances.
+    """
     px, py = start[0] - center[0], start[1] - center[1]
     qx, qy = end[0] - center[0], end[1] - center[1]
     radius, end_radius = math.hypot(px, py), math.hypot(qx, qy)
-    if min(radius, end_radius) < SHORT:
-        raise Fault("an arc whose centre is its start or end point, so that it has no radius")
+    if min(radius, end_radius) < RADIUS_TOLERANCE:
+        raise Fault("an arc has no radius, because its centre is its start or end point")
     difference = abs(radius - end_radius)
-    relative = RELATIVE * max(radius, end_radius)
-    if difference > MOST[dialect] or (difference > ROUNDED[dialect] and difference > relative):
-        allowed = min(MOST[dialect], max(ROUNDED[dialect], relative))
+    relative = MAX_RELATIVE * max(radius, end_radius)
+    if difference > MAX_DIFFERENCE[dialect] or (
+        difference > ALWAYS_ALLOWED[dialect] and difference > relative
+    ):
+        allowed = min(MAX_DIFFERENCE[dialect], max(ALWAYS_ALLOWED[dialect], relative))
         raise Fault(
-            "an arc whose centre is {} from its start but {} from its end, a difference of {} "
-            "where {} are allowed: correct I, J and K, or write G90.1 if they are absolute",
+            "the centre of an arc must have equal distances to start and end, but is {} from the "
+            "start and {} from the end. The difference is {}, but at most {} are allowed: correct "
+            "I, J and K, or write G90.1 if they are absolute",
             radius, end_radius, difference, allowed,
         )  # fmt: skip
     if math.dist(start, end) <= REPEATED_POINT:
         return Circle(center, start, start, turn, 2 * math.pi, radius, radius)
     sweep = turn * math.atan2(px * qy - py * qx, px * qx + py * qy)
-    # Rounding must not decide between an arc of no length and a full turn.
+    # An arc that would be shorter than rounding errors is a full turn.
     if sweep * radius <= REPEATED_POINT:
         sweep += 2 * math.pi
     return Circle(center, start, end, turn, sweep, radius, end_radius)
 
 
 def arc_with_radius(start: Point, end: Point, radius: float, turn: int) -> Circle:
-    """The arc of a given radius: at most half a circle, or at least that for a negative radius."""
+    """The arc of a given radius [m]: at most half a circle, or at least half if it is negative."""
     chord = math.dist(start, end)
     if chord <= REPEATED_POINT:
         raise Fault(
-            "a full circle by its radius R, which leaves its centre open: give the centre by I, J "
-            "and K"
+            "a full circle cannot be defined by its radius R, because its centre is undefined: "
+            "write the centre as I, J and K"
         )
-    if chord / 2 > abs(radius) + SHORT:
+    if chord / 2 > abs(radius) + RADIUS_TOLERANCE:
         raise Fault(
-            "an arc of radius {} to a point {} away, which needs a radius of at least {}",
-            abs(radius), chord, chord / 2,
+            "an arc to a point at a distance of {} needs a radius of at least {}, but R is {}",
+            chord, chord / 2, abs(radius),
         )  # fmt: skip
     across = math.sqrt(max((abs(radius) - chord / 2) * (abs(radius) + chord / 2), 0.0))
     height = turn * math.copysign(across, radius)
@@ -115,8 +122,8 @@ def arc_with_radius(start: Point, end: Point, radius: float, turn: int) -> Circl
     return Circle(center, start, end, turn, sweep, actual, actual)
 
 
-def pieces_of(circle: Circle, turns: int) -> list[ArcPart]:
-    """The arcs that draw a programmed arc: `turns` - 1 full circles, then the last turn."""
+def arc_parts(circle: Circle, turns: int) -> list[ArcPart]:
+    """Divide a programmed arc into `turns` - 1 full circles and the one or two arcs of the rest."""
     arc = circle
     if arc.start == arc.end:
         last = [_arc_around(arc, 2 * math.pi)]
@@ -135,7 +142,7 @@ def _distance_to_bisector(circle: Circle) -> float:
 
 
 def _arc_between(start: Point, end: Point, center: Point, turn: int) -> ArcPart:
-    """The arc between two points around the projection of the centre onto their bisector."""
+    """The arc between two points around the projection of `center` onto their bisector."""
     chord = math.dist(start, end)
     ux, uy = (end[0] - start[0]) / chord, (end[1] - start[1]) / chord
     height = (center[1] - (start[1] + end[1]) / 2) * ux - (center[0] - (start[0] + end[0]) / 2) * uy
@@ -150,7 +157,7 @@ def _arc_between(start: Point, end: Point, center: Point, turn: int) -> ArcPart:
 
 
 def _arc_around(circle: Circle, sweep: float) -> ArcPart:
-    """The arc around the programmed centre from its start over an angle `sweep` [rad]."""
+    """The arc around the programmed centre, from the start over an angle `sweep` [rad]."""
     arc = circle
     normal = (
         (arc.center[0] - arc.start[0]) / arc.radius,
@@ -176,9 +183,9 @@ def _two_arcs(circle: Circle) -> list[ArcPart]:
     ex = (first.end[0] - arc.center[0]) / arc.radius
     ey = (first.end[1] - arc.center[1]) / arc.radius
     along = (arc.end[0] - arc.center[0]) * ex + (arc.end[1] - arc.center[1]) * ey
-    # The second centre lies on the radius at the first arc's end, at a distance k from the first
-    # centre. Its distances to both ends of the second arc are equal:
-    # r2² - 2 k along + k² = (r1 - k)².
+    # The second centre lies on the radius at the end of the first arc, at the distance k = `shift`
+    # from the first centre. Its distances to both ends of the second arc must be equal:
+    # r2² - 2 k along + k² = (r1 - k)², where r1 and r2 are the radii at start and end.
     shift = (
         (arc.end_radius - arc.radius) * (arc.end_radius + arc.radius) / (2 * (along - arc.radius))
     )
@@ -187,17 +194,17 @@ def _two_arcs(circle: Circle) -> list[ArcPart]:
 
 
 def _check_end(start: Point, piece: ArcPart) -> None:
-    """Check that an arc ends within `MISS` of its end point."""
+    """Check that the end computed from the data of an arc is within `END_TOLERANCE` of its end."""
     turn = piece.curvature * piece.length
     along = math.sin(turn) / piece.curvature
     across = 2 * math.sin(turn / 2) ** 2 / piece.curvature
     x = start[0] + along * piece.tangent[0] + across * piece.normal[0]
     y = start[1] + along * piece.tangent[1] + across * piece.normal[1]
-    # `not <=` refuses NaN too.
-    if not math.dist((x, y), piece.end) <= MISS:
+    # The negated comparison is also true for NaN.
+    if not math.dist((x, y), piece.end) <= END_TOLERANCE:
         raise Fault(
-            f"an arc of radius {1 / piece.curvature:.6g} m, so large that its end cannot be met "
-            "within a nanometre: write it as lines"
+            f"the radius of an arc is too large, {1 / piece.curvature:.6g} m: the end of the arc "
+            "cannot be computed to within a nanometre. Write lines instead"
         )
 
 
@@ -208,18 +215,18 @@ def helix_length(circle: Circle, turns: int, rise: float) -> float:
 
 
 def helix_points(
-    circle: Circle, turns: int, tolerance: float, spend: Callable[[int], None]
+    circle: Circle, turns: int, tolerance: float, count_segments: Callable[[int], None]
 ) -> list[Point]:
-    """Ends of chords that stay within a tolerance of a helix, in its plane [m]."""
-    # The radius changes linearly from start to end. `spend` takes the number of chords before they
-    # are made and may refuse them.
+    """End points, in the plane of the arc [m], of chords within a tolerance [m] of a helix."""
+    # The radius changes linearly from start to end. `count_segments` receives the number of chords
+    # before they are computed, and raises an error if there are too many.
     arc, largest = circle, max(circle.radius, circle.end_radius)
     step = 2 * math.asin(math.sqrt(min(tolerance / (2 * largest), 0.5))) * 2
     # A chord spans at most 90°, even if the tolerance is large.
     step = min(step, math.pi / 2)
     total = arc.sweep + 2 * math.pi * (turns - 1)
     n = max(1, math.ceil(total / step))
-    spend(n)
+    count_segments(n)
     px, py = (
         (arc.start[0] - arc.center[0]) / arc.radius,
         (arc.start[1] - arc.center[1]) / arc.radius,

@@ -1,24 +1,25 @@
-"""G and M codes: their modal groups, and which of them the reader executes, skips or refuses.
+"""G and M codes: modal groups, and the codes that the reader executes, skips or refuses.
 
-G codes are counted in tenths, so that G61.1 is 611. Source of the groups: LinuxCNC manual, "G-code
+G codes are integers in tenths: G61.1 is 611. Source of the groups: LinuxCNC manual, "G-code
 Overview", section "Modal Groups".
 """
 
 from __future__ import annotations
 
-# Advice for programs with flow control.
-PLAIN_MOVES = "let the CAM system post-process it to plain moves (G0 to G3)"
+# Advice in messages about flow control, macros and cycles.
+PLAIN_MOVES = "post-process the program in the CAM system to plain moves (G0 to G3)"
 
 RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, DWELL = 0, 10, 20, 30, 40
 ARCS = (CLOCKWISE, COUNTER_CLOCKWISE)
 XY, ZX, YZ = 170, 180, 190
-# First and second axis of every plane, as seen from the positive end of the third.
+# Indices of the first and second axis of each plane, and of the axis normal to the plane. Seen from
+# the positive end of the normal, the second axis is 90° counter-clockwise from the first.
 PLANES = {XY: (0, 1, 2), ZX: (2, 0, 1), YZ: (1, 2, 0)}
-# Letters of coordinates, and of centres of arcs.
+# Letters of coordinates, and of the offsets from the start of an arc to its centre.
 AXES, OFFSETS = "XYZ", "IJK"
 INCH, MILLIMETRE = 200, 210
 CANCEL_MOTION = 800
-# Drilling: at once, with a dwell, and in pecks.
+# Drilling cycles: in one feed move, with a dwell at the bottom, and in pecks.
 CYCLES = (810, 820, 830)
 DRILL_AND_DWELL, PECK = 820, 830
 ABSOLUTE, RELATIVE, ARC_ABSOLUTE, ARC_RELATIVE = 900, 910, 901, 911
@@ -32,13 +33,13 @@ SET_DATA, MACHINE, SHIFT = 100, 530, 920
 # G92.1, G92.2: cancel the shift of G92.
 NO_SHIFT = frozenset((921, 922))
 RETURN_TO_START, RETURN_TO_R = 980, 990
-# Cutter radius compensation; in G41.1 and G42.1 the word D is the tool's diameter.
+# Cutter radius compensation off and on. In G41.1 and G42.1 the word D is the diameter of the tool.
 NO_COMPENSATION, COMPENSATION = 400, (410, 411, 420, 421)
 ON_THE_RIGHT, BY_DIAMETER = (420, 421), (411, 421)
 MOTION = "motion"
 
 _MEMBERS: dict[str, tuple[int, ...]] = {
-    "what is done once": (DWELL, 100, 280, 281, 300, 301, 520, 530, 920, 921, 922, 923),
+    "non-modal codes": (DWELL, 100, 280, 281, 300, 301, 520, 530, 920, 921, 922, 923),
     MOTION: (
         *(RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, 50, 51, 52, 53, 330, 331),
         *(382, 383, 384, 385, 730, 740, 760, CANCEL_MOTION),
@@ -65,8 +66,8 @@ M_GROUP: dict[float, str] = {
     **dict.fromkeys((48, 49), "overrides"),
 }
 
-# Codes that are executed, or that select the default: feed and speed in the usual units (G94, G97),
-# radius (G8), no scale, rotation or polar coordinates (G15, G69), no modal macro call (G67).
+# Codes that are executed, or that select the only supported mode: feed per minute and spindle speed
+# (G94, G97), radius (G8), no scale, rotation or polar coordinates (G15, G69), no modal macro (G67).
 UNDERSTOOD_G = frozenset(
     (
         *(RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, DWELL, CANCEL_MOTION, XY, ZX, YZ),
@@ -79,64 +80,80 @@ UNDERSTOOD_G = frozenset(
 )
 UNDERSTOOD_M = frozenset((0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 30, 60, 62, 63, 64, 65, 67, 68, 82, 83))
 
-# Codes without motion (if they have no coordinates), skipped with a note and with their words:
-# smoothing (G5, G5.1 and G187 of other controllers), retraction of filament (G11), levelling of a
-# printer's bed (G29), largest spindle speed (G50), constant surface speed (G96).
+# Codes that cause no motion if they have no coordinates. They are skipped with their words and with
+# a note: smoothing (G5, G5.1 and G187 of other controllers), end of filament retraction (G11),
+# levelling of a printer's bed (G29), maximum spindle speed (G50), constant surface speed (G96).
 HARMLESS_G = frozenset((50, 51, 110, 290, 500, 960, 1870))
-# Codes whose letters need no value: G28 X Y, G29 G.
+# Codes after which letters may have no value: G28 X Y, G29 G.
 BARE_WORDS = REFERENCE_MOVES | HARMLESS_G
-# Reasons for refusing codes that would shift or rotate the rest of the program.
+# Meanings of codes that would change the rest of the program, and the advice to the user. The
+# message is "G7 is not supported (meaning): advice".
 REFUSED_G = {
-    70: "diameter mode, in which X is twice the radius: let the post-processor write radii (G8)",
-    **dict.fromkeys((120, 130), "a circular pocket or polar coordinates: write G1, G2 and G3"),
-    **dict.fromkeys((121, 131, 160, 1120), "polar coordinates: write X and Y"),
+    70: ("diameter mode, in which X is twice the radius", "post-process the program with radii"),
+    **dict.fromkeys(
+        (120, 130), ("a circular pocket or polar coordinates", "write G1, G2 and G3 instead")
+    ),
+    **dict.fromkeys((121, 131, 160, 1120), ("polar coordinates", "write X and Y instead")),
     **dict.fromkeys(
         (310, 382, 383, 384, 385),
-        "a probe, whose result only the machine knows: give the program with the heights that "
-        "were measured, as lines and arcs",
+        (
+            "a probe, whose result is unknown to the reader",
+            "write lines and arcs with the measured heights instead",
+        ),
     ),
     **dict.fromkeys(
         (330, 331, 760, 842),
-        "a thread, for which the spindle has to turn with the motion: a robot cannot cut it",
+        (
+            "a thread, which requires a spindle that is synchronized with the motion",
+            "remove the thread from the program",
+        ),
     ),
     **dict.fromkeys(
-        (52, 53, 62, 63), "a spline of LinuxCNC: let the post-processor write lines and arcs"
+        (52, 53, 62, 63),
+        ("a spline of LinuxCNC", "post-process the program to lines and arcs"),
     ),
     **dict.fromkeys(
         (700, 701, 702, 710, 711, 712, 720, 721, 722),
-        "a lathe cycle, or a unit of another dialect (G70, G71): write G0 to G3, or G20 and G21",
+        (
+            "a lathe cycle, or a unit of another dialect (G70, G71)",
+            "write G0 to G3, or G20 and G21, instead",
+        ),
     ),
-    **dict.fromkeys((501, 510, 511), "scaled or mirrored coordinates: write the moves out"),
-    **dict.fromkeys((680, 681, 682), "turned coordinates: write the moves out"),
-    541: "a coordinate system whose offset is in the table of the controller and not in the file",
-    950: "a feed per turn of the spindle: write G94, with F per minute",
-    440: "tool length compensation in the opposite direction: use G43",
     **dict.fromkeys(
-        (281, 301, 520, 923), f"a stored position or offset, which is not read; {PLAIN_MOVES}"
+        (501, 510, 511), ("scaled or mirrored coordinates", "write the resulting moves instead")
     ),
-    **dict.fromkeys((650, 660), f"a call of a macro, which is not read; {PLAIN_MOVES}"),
+    **dict.fromkeys((680, 681, 682), ("rotated coordinates", "write the resulting moves instead")),
+    541: (
+        "a coordinate system whose offset is in the controller and not in the file",
+        "post-process the program with one coordinate system",
+    ),
+    950: ("feed per spindle revolution", "write G94, with F per minute, instead"),
+    440: ("tool length compensation in the opposite direction", "write G43 instead"),
+    **dict.fromkeys((281, 301, 520, 923), ("a stored position or offset", PLAIN_MOVES)),
+    **dict.fromkeys((650, 660), ("a macro call", PLAIN_MOVES)),
     **dict.fromkeys(
         (730, 740, 840, 850, 860, 870, 880, 890),
-        f"a canned cycle, of which only G81, G82 and G83 are read; {PLAIN_MOVES}",
+        ("a canned cycle other than G81, G82 and G83", PLAIN_MOVES),
     ),
 }
 
-# Motions and modes of other dialects, such as units (G70, G71) and planes of other axes: skipping
-# one would displace the rest of the program.
+# Motions and modes of other dialects, such as units (G70, G71) and planes of other axes. They are
+# never skipped, because the rest of the program would be displaced without them.
 NEVER_SKIPPED_G = frozenset(
     (
         *(120, 130, 160, 510, 511, 650, 660, 680, 700, 710, 720, 842, 171, 181, 191),
         *(62, 63, 70, 950),
     )
 )
-# Calls and returns of subprograms.
+# M codes that call subprograms or return from them.
 CALLS = frozenset((97, 98, 99))
-# Restores modes that M70 saved; with the words P, R or S it is a code of printers.
+# M72 restores the modes that M70 saved. With the words P, R or S it is a code of printers.
 RESTORE = 72
-# Codes that use all words of their line except F and S: skipping one skips the motion of the line.
+# Codes that use all words of their line except F and S. If one is skipped, so is the motion of its
+# line.
 OWN_THE_LINE = frozenset((SET_DATA, *REFERENCE_MOVES, 431, 432, MACHINE, SHIFT))
 
 
 def g_name(code: int) -> str:
-    """The text of a G code."""
+    """Name of a G code that is given in tenths: 611 is G61.1."""
     return f"G{code // 10}" + (f".{code % 10}" if code % 10 else "")

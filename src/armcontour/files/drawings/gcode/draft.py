@@ -1,4 +1,4 @@
-"""Drafts of programs: moves and events in the order of the file, converted to a `Program`."""
+"""Drafts of programs: collected moves and events, which are converted to a `Program`."""
 
 from __future__ import annotations
 
@@ -17,33 +17,39 @@ from armcontour.geometry.segments import REPEATED_POINT, Segments
 from armcontour.program import Contour, Dwell, Event, Program, Rapid
 from armcontour.program.moves import Move, Value
 
-NEAR = REPEATED_POINT**2
-# Largest rounding error of a z of zero after relative moves [m].
-FLAT = 1e-12
-# One line can request any number of turns; more segments do not fit into a planner's memory.
+# Largest squared distance of two points that are the same [m²].
+SAME_POINT_SQUARED = REPEATED_POINT**2
+# Largest rounding error of z after relative moves that return to zero [m].
+Z_ROUNDING = 1e-12
+# Maximum number of segments of helices and full turns. One line can request any number of turns;
+# more segments do not fit into the memory of the planner.
 MAX_SEGMENTS = 1_000_000
 
 Point = tuple[float, float, float]
-# Speed [m/s], largest corner error [m] and line of a feed move; NaN where the file gives none.
+# Speed [m/s], maximum permitted corner error [m] and line number of a feed move. Speed and error
+# are NaN if the file does not specify them.
 Feed = tuple[float, float, int]
 
 
 @dataclass(slots=True)
 class FeedChain:
-    """Feed moves without a stop: flat coordinates of their points, and data per move."""
+    """Consecutive feed moves without a stop, which become one contour."""
 
-    points: array[float]
-    line: int
+    points: array[float]  # x, y and z of the start and of the end of each move [m], flattened
+    line: int  # Line number of the first move
     layer: str
+    # Speed [m/s], maximum permitted corner error [m] and line number of each move.
     speeds: array[float] = field(default_factory=lambda: array("d"))
     tolerances: array[float] = field(default_factory=lambda: array("d"))
     lines: array[int] = field(default_factory=lambda: array("l"))
+    # Of each arc: index of its move, tangent at the start, normal, curvature [1/m], length [m].
     arcs: list[tuple[int, Point, Point, float, float]] = field(default_factory=list)
+    # Of each event: index of the move that follows, name, value.
     events: list[tuple[int, str, Value]] = field(default_factory=list)
 
 
 class ProgramDraft:
-    """Moves and events of a program that is being read."""
+    """Moves and events that have been read so far, in the order of the file."""
 
     def __init__(self) -> None:
         self.moves: list[FeedChain | array[float] | Event | Dwell] = []
@@ -51,33 +57,34 @@ class ProgramDraft:
         self.chain: FeedChain | None = None
         self.rapid: array[float] | None = None
         self.begun = False
-        self.across = False
+        self.has_vertical_arc = False
         self.segments = 0
-        self.layer, self.layers, self.typed = "", 0, False
+        self.layer, self.layers, self.has_types = "", 0, False
 
     def set_layer(self, number: str | None, kind: str | None) -> None:
-        """Start a layer or a type by a slicer's comment, and with it another contour."""
-        # Contours are on the layers of their types; in a file without types, of their layers.
+        """Start a new contour at a slicer's comment: a layer (number) or a type of moves (kind)."""
+        # The layer of a contour is the type of its moves; in a file without types, the layer of
+        # the slicer.
         name = self.layer
         if kind is not None:
-            name, self.typed = "".join(filter(str.isprintable, kind)).strip(), True
+            name, self.has_types = "".join(filter(str.isprintable, kind)).strip(), True
         else:
             self.layers += 1
-            if not self.typed:
+            if not self.has_types:
                 name = f"layer {self.layers if number is None else number}"
         if kind is None or name != self.layer:
-            self.rest()
+            self.add_stop()
         self.layer = name
 
-    def feed(self, x: float, y: float, z: float, feed: Feed) -> None:
+    def add_line(self, x: float, y: float, z: float, feed: Feed) -> None:
         """Add a straight feed move; a move without length is ignored."""
         px, py, pz = self.last
-        if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= NEAR:
+        if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= SAME_POINT_SQUARED:
             return
         self._extend(feed, (x, y, z))
 
-    def arc(self, piece: ArcPart, axes: tuple[int, int, int], feed: Feed) -> None:
-        """An arc in the plane of the first two of `axes`."""
+    def add_arc(self, piece: ArcPart, axes: tuple[int, int, int], feed: Feed) -> None:
+        """Add an arc in the plane of the first two of `axes` (axis indices)."""
         a, b, _ = axes
         end, tangent, normal = list(self.last), [0.0] * 3, [0.0] * 3
         end[a], end[b] = piece.end
@@ -87,21 +94,21 @@ class ProgramDraft:
         number = len(chain.speeds) - 1
         arc = (number, _point(tangent), _point(normal), piece.curvature, piece.length)
         chain.arcs.append(arc)
-        self.across = self.across or 2 in (a, b)
+        self.has_vertical_arc = self.has_vertical_arc or 2 in (a, b)
 
-    def room_for(self, segments: int) -> None:
-        """Count segments of helices and of further turns."""
+    def count_segments(self, segments: int) -> None:
+        """Count segments of helices and full turns; raise an error if there are too many."""
         self.segments += segments
         if self.segments > MAX_SEGMENTS:
             raise Fault(
-                f"helices and further turns of more than {MAX_SEGMENTS} segments together: ask "
-                "for fewer turns P, or for a wider chord tolerance"
+                f"the helices and full turns of the program need more than {MAX_SEGMENTS} "
+                "segments in total: reduce the numbers of turns P, or increase the chord tolerance"
             )
 
-    def go(self, x: float, y: float, z: float) -> None:
+    def add_rapid(self, x: float, y: float, z: float) -> None:
         """Add a rapid move. Before the first contour only its end is stored."""
         px, py, pz = self.last
-        if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= NEAR:
+        if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= SAME_POINT_SQUARED:
             return
         self._close()
         if self.begun:
@@ -111,38 +118,38 @@ class ProgramDraft:
         self.last = (x, y, z)
 
     def resume_at(self, point: Sequence[float]) -> None:
-        """Continue at a point; the file does not define the move to it."""
-        self.rest()
+        """Stop, and continue at a point [m]; the move to the point is not part of the program."""
+        self.add_stop()
         self.last = _point(point)
 
-    def event(self, name: str, value: Value) -> None:
-        """Add an event, to the open contour or at the current position."""
+    def add_event(self, name: str, value: Value) -> None:
+        """Add an event to the open contour, or between moves if no contour is open."""
         if self.chain is not None:
             self.chain.events.append((len(self.chain.speeds), name, value))
         else:
             self._flush()
             self.moves.append(Event(name=name, value=value))
 
-    def rest(self) -> None:
-        """End the open contour or rapid: the tool comes to rest."""
+    def add_stop(self) -> None:
+        """End the open contour or rapid move, so that the tool stops."""
         self._close()
         self._flush()
 
-    def dwell(self, duration: float) -> None:
-        """Add a dwell [s]; 0 is a stop only."""
-        self.rest()
+    def add_dwell(self, duration: float) -> None:
+        """Add a dwell [s]; a dwell of 0 s is only a stop."""
+        self.add_stop()
         if duration > 0:
             self.moves.append(Dwell(duration=duration))
 
     def program(self, source: str, notes: tuple[str, ...]) -> Program:
-        """The drafted program."""
-        self.rest()
+        """Convert the draft to a program, in the plane if all its points have z = 0."""
+        self.add_stop()
         if not self.begun:
             raise InvalidInput(
-                f"{source} has no contour to follow: none of its lines moves the tool by G1, G2 or "
-                "G3."
+                f"{source} has no contour to follow, because it has no feed move (G1, G2 or G3) "
+                "with a length."
             )
-        dimension = 3 if self.across or self._leaves_the_plane() else 2
+        dimension = 3 if self.has_vertical_arc or self._leaves_the_plane() else 2
         counts: Counter[int] = Counter()
         moves: list[Move] = []
         for move in self.moves:
@@ -156,7 +163,7 @@ class ProgramDraft:
         return Program(moves=tuple(moves), source=source, notes=notes)
 
     def _extend(self, feed: Feed, end: Point) -> FeedChain:
-        """Extend the open contour, or a new one, to a point."""
+        """Append a move to the open contour, or to a new contour; return the contour."""
         speed, tolerance, line = feed
         chain = self.chain
         if chain is None:
@@ -186,7 +193,7 @@ class ProgramDraft:
         for move in self.moves:
             if isinstance(move, FeedChain | array):
                 points = np.frombuffer(move.points if isinstance(move, FeedChain) else move)
-                if (np.abs(points[2::3]) > FLAT).any():
+                if (np.abs(points[2::3]) > Z_ROUNDING).any():
                     return True
         return False
 
@@ -196,7 +203,7 @@ def _point(values: Sequence[float]) -> Point:
 
 
 def _contour(chain: FeedChain, dimension: int, count: int, source: str) -> Contour:
-    """The contour of feed moves, named after its line, which may have started others before."""
+    """The contour of feed moves; the `count`-th contour of its line has the count in its name."""
     try:
         path = _path(chain.points, dimension, chain)
     except InvalidInput as error:
@@ -210,13 +217,13 @@ def _contour(chain: FeedChain, dimension: int, count: int, source: str) -> Conto
 
 
 def _path(points: array[float], dimension: int, chain: FeedChain | None = None) -> Path:
-    """Straight segments between the points, and the chain's arcs."""
+    """The path of lines through points; with `chain`, with its arcs, speeds and tolerances."""
     vertices = np.frombuffer(points).reshape(-1, 3)[:, :dimension]
     if chain is None:
         return Path(segments=Segments.lines(vertices))
     steps = np.diff(vertices, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
-    # A full circle ends where it starts.
+    # A full circle ends at its start, so the length of its step is 0.
     tangents = steps / np.where(lengths > 0, lengths, 1.0)[:, None]
     normals, curvatures = np.zeros_like(steps), np.zeros(len(steps))
     for i, tangent, normal, curvature, length in chain.arcs:

@@ -1,4 +1,4 @@
-"""Machine state that executes the blocks of a G-code program."""
+"""The machine that executes the lines of a G-code program, and rejects or skips unknown words."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armcontour.files.drawings.gcode.draft import ProgramDraft
 from armcontour.files.drawings.gcode.modes import Extruder, Modes, Offsets, Switches, unit_of
 from armcontour.files.drawings.gcode.motions import Cycles, ProgrammedTool
 from armcontour.files.drawings.gcode.words import (
-    LASER,
+    LASER_CODES,
     MILLIMETRE,
     Block,
     Dialect,
@@ -24,26 +24,26 @@ from armcontour.files.drawings.read_options import ReadOptions
 
 # Rotary axes, and linear axes other than X, Y and Z.
 OTHER_AXES = "ABCUVW"
-# Words that cause no motion: offsets of tools, pockets, values of skipped codes.
-IDLE = "DEHLOT"
-# Positions of such an axis up to this are zero [degrees or units].
-TURNED = 1e-9
-# Words of an unknown M code on a line with a motion.
-OF_M = "DEHLOPQST"
+# Letters of words that cause no motion: tool offsets, pockets, values of skipped codes.
+IDLE_LETTERS = "DEHLOT"
+# Largest position of another axis that counts as zero [degrees or units].
+ZERO_POSITION = 1e-9
+# Letters of words that belong to an unknown M code on a line with a motion.
+M_PARAMETERS = "DEHLOPQST"
 
 
-class Unknown:
-    """Skips codes and words that are not executed, with notes, or refuses them."""
+class UnknownWords:
+    """Removes codes and words that are not executed from a line, with notes, or refuses them."""
 
     def __init__(self, notes: Notes, skip: Collection[str], lenient: bool) -> None:
         self.notes, self.skipped, self.lenient = notes, frozenset(skip), lenient
 
-    def screen(self, block: Block) -> None:
+    def remove_unknown(self, block: Block) -> None:
         """Remove from a line the codes and words that are not executed."""
         words = block.words.keys()
-        if "I" in words and math.isnan(block.words["I"]) and not LASER.isdisjoint(block.m):
+        if "I" in words and math.isnan(block.words["I"]) and not LASER_CODES.isdisjoint(block.m):
             block.drop("I")
-            self.notes.count("I of M3, M4 or M5 (power of a laser that changes with moves)")
+            self.notes.count("I of M3, M4 or M5 (inline laser power)")
         if (
             codes.SHIFT in block.g
             and words.isdisjoint("XYZES")
@@ -56,122 +56,130 @@ class Unknown:
             self._skip_words(block)
         strange_m = [x for x in block.m if x not in codes.UNDERSTOOD_M]
         if strange_m:
-            self._leave_m(block, strange_m)
+            self._skip_m(block, strange_m)
         if codes.SHIFT in block.g and "S" in words and words.isdisjoint("XYZE"):
-            # The largest spindle speed of lathes.
+            # On lathes, G92 S is the maximum spindle speed.
             block.g.remove(codes.SHIFT)
             block.drop("S")
             self.notes.count("G92 S")
         for code in [x for x in block.g if x not in codes.UNDERSTOOD_G]:
-            self._leave_g(block, code)
+            self._skip_g(block, code)
         if not block.words.keys().isdisjoint(OTHER_AXES):
             self._check_axes(block)
 
-    def _leave_m(self, block: Block, strange: list[float]) -> None:
-        """Skip M codes of other machines; RepRap's M201 and M203 have parameters X, Y and Z."""
+    def _skip_m(self, block: Block, strange: list[float]) -> None:
+        """Skip unknown M codes and their parameters, which can be X, Y and Z (RepRap's M201)."""
         for code in strange:
             if code in codes.CALLS:
-                raise Fault(f"M{code:g}: subprograms are not read; {codes.PLAIN_MOVES}")
+                raise Fault(f"M{code:g} (subprograms) is not supported: {codes.PLAIN_MOVES}")
             if code == codes.RESTORE and block.words.keys().isdisjoint("PRS"):
-                raise Fault(f"M72, which restores saved modes, is not read; {codes.PLAIN_MOVES}")
+                raise Fault(f"M72 (restore saved modes) is not supported: {codes.PLAIN_MOVES}")
             block.m.remove(code)
             self.notes.count(f"M{code:g}")
         alone = block.motion is None and not any(x in codes.OWN_THE_LINE for x in block.g)
         parameters = list(block.words)[block.before_m :]
-        block.drop(x for x in parameters if alone or x in OF_M)
+        block.drop(x for x in parameters if alone or x in M_PARAMETERS)
 
-    def _leave_g(self, block: Block, code: int) -> None:
+    def _skip_g(self, block: Block, code: int) -> None:
+        """Skip an unknown G code and its words, or refuse it."""
         name, moves = codes.g_name(code), not block.words.keys().isdisjoint("XYZ")
         if code in codes.REFUSED_G:
-            raise Fault(f"{name}, {codes.REFUSED_G[code]}")
+            meaning, advice = codes.REFUSED_G[code]
+            raise Fault(f"{name} is not supported ({meaning}): {advice}")
         if code in codes.NEVER_SKIPPED_G:
             raise Fault(
-                f"{name}, which this reader does not carry out and does not skip either, because "
-                "the moves after it would be elsewhere: write G0, G1, G2 and G3"
+                f"{name} is not supported, and cannot be skipped because it may displace the "
+                "following moves: write G0, G1, G2 and G3 instead"
             )
         if moves:
             raise Fault(
-                f"{name} with coordinates, which this reader does not know: write G0, G1, G2 and "
-                f"G3, or skip it with its words (unknown: {{skip: [{name}]}}, or --skip "
-                f"{name})"
+                f"{name} with coordinates is not supported: write G0, G1, G2 and G3 instead, or "
+                f"skip the code with its words (unknown: {{skip: [{name}]}}, or --skip {name})"
             )
         if code not in codes.HARMLESS_G and not self.lenient:
             raise Fault(
-                f"{name}, which this reader does not know: remove it, or skip it "
-                f"(unknown: {{skip: [{name}]}}, or --skip {name})"
+                f"the code {name} is unknown: remove it, or skip it (unknown: {{skip: [{name}]}}, "
+                f"or --skip {name})"
             )
         block.g.remove(code)
         if block.motion == code:
             block.motion = None
         self.notes.count(name)
-        block.drop([x for x, y in block.words.items() if x in "IJKR" + OF_M or math.isnan(y)])
+        block.drop(
+            [x for x, y in block.words.items() if x in "IJKR" + M_PARAMETERS or math.isnan(y)]
+        )
 
     def _skip_words(self, block: Block) -> None:
         """Skip the codes and words that the options list, with their parameters."""
         for code in [x for x in block.g if codes.g_name(x) in self.skipped]:
             name = codes.g_name(code)
             if code in codes.NEVER_SKIPPED_G or codes.G_GROUP.get(code) == codes.MOTION:
-                raise Fault(f"{name}, a motion, which cannot be skipped: write it otherwise")
+                raise Fault(
+                    f"{name} cannot be skipped, because it is a motion or displaces the following "
+                    "moves: write G0, G1, G2 and G3 instead"
+                )
             block.g.remove(code)
             self.notes.count(name)
             strange = code not in codes.UNDERSTOOD_G and block.motion is None
             owns_line = strange or code in codes.OWN_THE_LINE
-            block.drop(OTHER_AXES + "XYZIJKR" + OF_M if owns_line else "DHL")
+            block.drop(OTHER_AXES + "XYZIJKR" + M_PARAMETERS if owns_line else "DHL")
         for number in [x for x in block.m if f"M{x:g}" in self.skipped]:
-            self._leave_m(block, [number])
+            self._skip_m(block, [number])
         for letter in [x for x in block.words if x in self.skipped]:
             del block.words[letter]
             self.notes.count(f"the word {letter}")
 
     def _check_axes(self, block: Block) -> None:
-        """Check positions of axes other than X, Y and Z: only zero is skipped."""
+        """Skip positions of zero on axes other than X, Y and Z; refuse other positions."""
         for letter in [x for x in OTHER_AXES if x in block.words]:
             value = block.words.pop(letter)
-            if abs(value) > TURNED:
+            if abs(value) > ZERO_POSITION:
                 raise Fault(
-                    f"{letter}{value:g}, a move of the axis {letter}, which this reader does not "
-                    "have: it reads X, Y and Z (to skip the word: unknown: "
-                    f"{{skip: [{letter}]}}, or --skip {letter})"
+                    f"{letter}{value:g} is a move of the axis {letter}, but only X, Y and Z are "
+                    f"supported: remove the word {letter}, or skip it (unknown: {{skip: "
+                    f"[{letter}]}}, or --skip {letter})"
                 )
             if not math.isnan(value):
-                self.notes.count(f"the word {letter} of zero")
+                self.notes.count(f"the word {letter} with the value 0")
 
-    def leave_idle(self, block: Block) -> None:
-        """Remove the remaining words of a line that cause no motion."""
+    def drop_idle(self, block: Block) -> None:
+        """Remove the remaining words of a line if they cause no motion; refuse other words."""
         for letter in list(block.words):
-            if letter in "PQ" and not self._has_modes(block):
-                with_what = {"P": "G4, G64, G2, G3", "Q": "G64"}[letter]
+            if letter in "PQ" and not self._may_use_p_or_q(block):
+                users = {"P": "G4, G64, G2 and G3", "Q": "G64"}[letter]
                 raise Fault(
-                    f"the word {letter}, which belongs to nothing here: it goes with {with_what}"
+                    f"no code on this line uses the word {letter}, which belongs to {users}: "
+                    "remove the word, or add the code"
                 )
             if letter in "IJKR":
                 raise Fault(
-                    f"the word {letter}, which belongs to nothing here: it goes with G2 and G3"
+                    f"no code on this line uses the word {letter}, which belongs to G2 and G3: "
+                    "remove the word, or add the code"
                 )
-            if letter not in IDLE + "PQ":
-                raise Fault(f"the word {letter}, which belongs to nothing here: remove it")
+            if letter not in IDLE_LETTERS + "PQ":
+                raise Fault(f"no code on this line uses the word {letter}: remove the word")
             del block.words[letter]
             self.notes.count(f"the word {letter}")
 
     @staticmethod
-    def _has_modes(block: Block) -> bool:
-        """True if P and Q may belong to a mode of another controller, such as G8 P1 or M0 P500."""
+    def _may_use_p_or_q(block: Block) -> bool:
+        """True if the line has an M code or G8, to which P and Q can belong (G8 P1, M0 P500)."""
         return bool(block.m) or 80 in block.g
 
 
-# Codes and words of simple motions.
+# G codes and letters of lines that have only a motion.
 SIMPLE_CODES = (codes.RAPID, codes.LINE, *codes.ARCS)
 SIMPLE_WORDS = frozenset("XYZIJKFE")
-# A dwell this long [s] may be meant in milliseconds.
+# Dwells of at least this time [s] get a note, because the program may be in milliseconds.
 LONG_DWELL = 60.0
 
 
 class Machine:
-    """Modal state of a program, and the draft of its moves."""
+    """Executes lines: changes the modal state, and drafts the moves and events."""
 
     def __init__(self, options: ReadOptions, dialect: Dialect) -> None:
-        stated = options.unit is not None
-        self.modes = Modes(unit=options.unit or MILLIMETRE, stated=stated)
+        unit_specified = options.unit is not None
+        self.modes = Modes(unit=options.unit or MILLIMETRE, unit_specified=unit_specified)
         self.draft = ProgramDraft()
         self.offsets = Offsets()
         self.compensation = Compensation(self.draft, options.fit_tolerance)
@@ -180,15 +188,15 @@ class Machine:
         self.tool = ProgrammedTool(
             self.compensation, self.notes, self.modes, self.offsets, options.fit_tolerance
         )
-        self.unknown = Unknown(self.notes, options.words, options.skips)
+        self.unknown = UnknownWords(self.notes, options.words, options.skips)
         self.switches = Switches(self.compensation, dialect)
         self.extruder = Extruder(self.switches)
         self.cycles = Cycles(self.tool, self.modes)
         self.shift = [0.0] * 3
         self.dialect = dialect
 
-    def ready(self) -> bool:
-        """True if a line with only X, Y, Z and F is a straight feed move to that point."""
+    def accepts_plain_line(self) -> bool:
+        """True if `execute_plain_line` can execute the next line; prepares the execution."""
         modes = self.modes
         plain = (
             modes.motion == codes.LINE
@@ -199,17 +207,19 @@ class Machine:
             and self.compensation.inactive
             and not self.tool.away
             and not self.extruder.active
-            and self.offsets.plain
+            and self.offsets.is_shift_known
         )
         if plain:
             self.shift = [x or 0.0 for x in self.offsets.shift]
         return plain
 
-    def feed_to(self, x: str | None, y: str | None, z: str | None, f: str | None) -> None:
-        """Execute a line with only these words; the machine must be `ready`."""
+    def execute_plain_line(
+        self, x: str | None, y: str | None, z: str | None, f: str | None
+    ) -> None:
+        """Execute a line with only X, Y, Z and F, after `accepts_plain_line` returned true."""
         modes, tool = self.modes, self.tool
         if f is not None:
-            modes.feed_per_minute(float(f))
+            modes.set_feed_per_minute(float(f))
         if x is None and y is None and z is None:
             return
         position, unit, shift = tool.position, modes.unit, self.shift
@@ -220,7 +230,7 @@ class Machine:
         if z is not None:
             position[2] = float(z) * unit + shift[2]
         feed = (modes.feed, modes.tolerance, self.notes.line) if modes.feed else tool.feed_of(0.0)
-        self.draft.feed(position[0], position[1], position[2], feed)
+        self.draft.add_line(position[0], position[1], position[2], feed)
 
     def execute(self, block: Block) -> bool:
         """Execute a line; True if it ends the program."""
@@ -231,29 +241,29 @@ class Machine:
                 self.modes.feed = None
             self._move(block)
             if block.words:
-                self.unknown.leave_idle(block)
+                self.unknown.drop_idle(block)
             return False
-        self.unknown.screen(block)
+        self.unknown.remove_unknown(block)
         self._check_single_p(block)
         self.modes.set_feed(block)
         dwell = self._dwell(block) if codes.DWELL in block.g else None
         self.switches.apply(block)
         self.extruder.set_mode(block)
         if dwell is not None:
-            self.compensation.dwell(dwell)
+            self.compensation.add_dwell(dwell)
         if codes.NO_COMPENSATION in block.g:
             self.compensation.stop()
         self._set_modes(block)
         self._compensate_radius(block)
-        if self._move_once(block):
+        if self._execute_non_modal(block):
             self._set_motion(block)
         else:
             self._move(block)
-        self.unknown.leave_idle(block)
+        self.unknown.drop_idle(block)
         return self._stop(block)
 
     def _is_simple(self, block: Block) -> bool:
-        """True if a line has only a motion and its words, as nearly all lines."""
+        """True if a line has only a motion and its words, like nearly all lines of a program."""
         g = block.g
         return (
             (not g or (len(g) == 1 and g[0] in SIMPLE_CODES))
@@ -262,14 +272,16 @@ class Machine:
         )
 
     def _check_single_p(self, block: Block) -> None:
-        """Check that a word P belongs to one code of its line."""
+        """Check that at most one code of the line uses the word P."""
         users = [codes.g_name(x) for x in (codes.DWELL, codes.BLEND) if x in block.g]
-        if self._turns_on(block):
+        if self._draws_arc(block):
             users.append("the arc")
         if "P" in block.words and len(users) > 1:
-            raise Fault(f"the word P, which may belong to {' or '.join(users)}: write two lines")
+            raise Fault(
+                f"the word P can belong to {' or '.join(users)}: write these in separate lines"
+            )
 
-    def _turns_on(self, block: Block) -> bool:
+    def _draws_arc(self, block: Block) -> bool:
         """True if a line draws an arc."""
         explicit = block.motion
         if explicit is not None:
@@ -279,38 +291,39 @@ class Machine:
         return self.modes.motion in codes.ARCS and not block.words.keys().isdisjoint(letters)
 
     def _dwell(self, block: Block) -> float:
-        """The time of G4 in seconds, from P, or from S, X or U of other controllers."""
+        """Time of G4 [s], from the word P, or from S, X or U (other controllers)."""
         words = block.words
         letter = next((x for x in "PSXU" if x in words), None)
         if letter is None:
-            # Marlin: wait until all moves are done.
-            self.notes.count("G4 without a time, a stop of 0 s")
+            # In Marlin, G4 without a time waits until all moves are done.
+            self.notes.count("G4 without a time (a stop of 0 s)")
             return 0.0
         duration = words.pop(letter)
         if duration < 0:
-            raise Fault(f"G4 needs a time of zero or above, but has {letter}{duration:g}")
+            raise Fault(f"the time of G4 must not be negative, but is {letter}{duration:g}")
         if letter == "P" and duration and self.dialect.printer:
-            self.notes.once(
-                "G4 P, first in line {}, is read in milliseconds, because the program is a "
-                "printer's (extrusion, temperatures)."
+            self.notes.add_once(
+                "G4 P, first in line {}, is interpreted in milliseconds, because the program is "
+                "for a 3D printer (extrusion, temperatures)."
             )
             return duration * 1e-3
         if duration >= LONG_DWELL:
-            self.notes.once(
-                f"Dwells of {LONG_DWELL:g} s and above, first in line {{}}, are read in seconds, "
-                "as LinuxCNC and grbl read G4 P; some controllers mean milliseconds."
+            self.notes.add_once(
+                f"Dwells of {LONG_DWELL:g} s and above, first in line {{}}, are interpreted in "
+                "seconds, as in LinuxCNC and grbl. Some controllers use milliseconds."
             )
         return duration
 
     def _set_modes(self, block: Block) -> None:
+        """Set units, plane, distance modes, path control and offsets that a line selects."""
         modes = self.modes
         unit = unit_of(block)
         if unit is not None:
-            modes.unit, modes.stated = unit, True
+            modes.unit, modes.unit_specified = unit, True
         for code in block.g:
             if code in PLANES:
                 if code != modes.plane:
-                    self.compensation.refuse(f"another plane ({codes.g_name(code)})")
+                    self.compensation.refuse(f"a change of the plane to {codes.g_name(code)}")
                 modes.plane = code
             elif code in (codes.ABSOLUTE, codes.RELATIVE):
                 modes.absolute = code == codes.ABSOLUTE
@@ -320,91 +333,100 @@ class Machine:
                 modes.tolerance = 0.0
             elif code == codes.BLEND:
                 block.words.pop("Q", None)
-                modes.tolerance = self._blend(block.words.pop("P", None))
+                modes.tolerance = self._blend_tolerance(block.words.pop("P", None))
             elif code in (codes.RETURN_TO_START, codes.RETURN_TO_R):
                 modes.return_to_r = code == codes.RETURN_TO_R
             elif code in codes.SYSTEMS:
-                self.offsets.system = code
+                self.offsets.active_system = code
             elif code in codes.TOOL_LENGTH:
                 self._compensate_length(block, code)
 
     def _compensate_radius(self, block: Block) -> None:
-        """G41, G42: offset the tool from the contour, starting with the next move."""
+        """G41, G42: start the offset of the tool from the contour with the next move."""
         code = next((x for x in block.g if x in codes.COMPENSATION), None)
         if code is None:
             return
         name = codes.g_name(code)
         if self.modes.plane != codes.XY:
-            raise Fault(f"{name} in the plane {codes.g_name(self.modes.plane)}: it is read in G17")
+            raise Fault(
+                f"{name} needs the plane G17, but the plane is {codes.g_name(self.modes.plane)}"
+            )
         if self.tool.away:
-            raise Fault(f"{name} at a position that the file does not give: go on by G0 before")
+            raise Fault(
+                f"{name} is not possible here, because the file does not define the position of "
+                "the tool: write a G0 with absolute coordinates before"
+            )
         diameter = self._diameter(block, code)
         offset = -diameter / 2 if code in codes.ON_THE_RIGHT else diameter / 2
         self.compensation.start(code, offset)
 
     def _diameter(self, block: Block, code: int) -> float:
-        """The tool's diameter for G41 or G42 of a line [m]; removes its words from the line."""
+        """The tool's diameter for G41 or G42 [m], negative for the other side; removes D and L."""
         in_spindle = self.switches.tool
         name, word = codes.g_name(code), block.words.pop("D", None)
         if code in codes.BY_DIAMETER:
             if block.words.pop("L", 0.0) != 0.0:
-                raise Fault(f"{name} with L, the orientation of a lathe's tool, which is not read")
+                raise Fault(
+                    f"{name} with L (orientation of a lathe tool) is not supported: remove L"
+                )
             if word is None:
-                raise Fault(f"{name} without D, the tool's diameter")
+                raise Fault(f"{name} needs D, the diameter of the tool")
             return word * self.modes.unit
         if not word and not in_spindle and 0 not in self.tools:
             raise Fault(
-                f"{name} without D, while no tool is in the spindle (T, M6): give D, the number of "
-                f"a tool, and {_explain_tool(1)}"
+                f"{name} needs the number of a tool, D, because no tool is in the spindle (T, M6): "
+                f"write D, and specify {_explain_tool(1)}"
             )
-        # D0 is the tool in the spindle, as in LinuxCNC.
-        number = whole_number(word or 0.0, f"{name} with a tool D") or in_spindle
+        # D0 means the tool in the spindle, as in LinuxCNC.
+        number = whole_number(word or 0.0, f"the tool number D of {name}") or in_spindle
         if number not in self.tools:
             raise Fault(
-                f"{name}, cutter radius compensation by the tool {number}, whose diameter is in "
-                f"the table of the controller and not in the file: give {_explain_tool(number)}, "
-                "or let the post-processor write the path of the tool's centre"
+                f"{name} (cutter radius compensation) needs the diameter of tool {number}, which "
+                f"is not in the file: specify {_explain_tool(number)}, or post-process the "
+                "program to the path of the tool's centre"
             )
         return self.tools[number]
 
     def _compensate_length(self, block: Block, code: int) -> None:
-        """G43: the programmed point is the tip of the tool, as for a calibrated tool."""
+        """G43: note that the programmed point is the tip of the tool; removes H from the line."""
         block.words.pop("H", None)
         if code != codes.TOOL_LENGTH[-1]:
-            self.notes.once(
-                "Tool length compensation, first in line {}, is read so that the programmed point "
-                "is the tip of the tool: calibrate the robot's tool to its tip."
+            self.notes.add_once(
+                "With tool length compensation, first in line {}, the programmed point is the tip "
+                "of the tool: calibrate the tool of the robot to its tip."
             )
 
-    def _blend(self, largest: float | None) -> float:
-        if largest == 0:
-            self.notes.once(
-                "G64 P0 in line {} sets no tolerance, as in LinuxCNC; G61 keeps to corners exactly."
+    def _blend_tolerance(self, tolerance: float | None) -> float:
+        """Permitted corner error [m] of G64 for its word P; NaN without P or with P0."""
+        if tolerance == 0:
+            self.notes.add_once(
+                "G64 P0 in line {} sets no tolerance, as in LinuxCNC. G61 allows no corner error."
             )
-        if not largest:
+        if not tolerance:
             return math.nan
-        if largest < 0:
+        if tolerance < 0:
             raise Fault(
-                f"G64 with P{largest:g}, which must not be negative: G61 keeps to corners exactly"
+                f"the tolerance P of G64 must not be negative, but is {tolerance:g}: write G61 to "
+                "allow no corner error"
             )
-        return largest * self.modes.unit
+        return tolerance * self.modes.unit
 
-    def _move_once(self, block: Block) -> bool:
-        """Execute a code that uses the coordinates of its line; returns False if there is none."""
+    def _execute_non_modal(self, block: Block) -> bool:
+        """Execute a non-modal code that uses the words of its line; False if there is none."""
         g = block.g
         for code in codes.OWN_THE_LINE.intersection(g):
             self.compensation.refuse(codes.g_name(code))
         reference = next(iter(codes.REFERENCE_MOVES.intersection(g)), None)
         if reference is not None:
-            self.tool.go_to_reference(block, reference)
+            self.tool.move_to_reference(block, reference)
         elif codes.MACHINE in g:
             motion = self.modes.motion if block.motion is None else block.motion
-            self.tool.go_in_machine(block, motion)
+            self.tool.move_in_machine(block, motion)
         elif 431 in g or 432 in g:
-            # Lengths of tools, which move nothing here.
+            # G43.1 and G43.2: the coordinates are tool lengths, which cause no motion.
             block.drop(AXES)
         elif codes.SET_DATA in g:
-            self._retract(block)
+            self._skip_g10(block)
         elif codes.SHIFT in g:
             self._set_position(block)
         else:
@@ -413,30 +435,31 @@ class Machine:
             return False
         return True
 
-    def _retract(self, block: Block) -> None:
-        """G10 of printers, which retracts filament or sets temperatures."""
+    def _skip_g10(self, block: Block) -> None:
+        """G10 of printers, which retracts filament or sets temperatures; it is skipped."""
         words = block.words
         if not words.keys().isdisjoint("LXYZ"):
             raise Fault(
-                "G10 that sets offsets or tools of the controller is not supported: let the CAM "
-                "system write the program without it, or skip it if it has no effect on this "
-                "program (unknown: {skip: [G10]}, or --skip G10)"
+                "G10 that sets offsets or tools of the controller is not supported: post-process "
+                "the program in the CAM system without G10. If G10 has no effect on this program, "
+                "skip it (unknown: {skip: [G10]}, or --skip G10)"
             )
         block.drop("PRS")
         self.notes.count("G10")
 
     def _set_position(self, block: Block) -> None:
-        """G92: the tool is at these coordinates, and E at this one."""
+        """G92: assign the coordinates of the line to the current position, E to the extruder."""
         words, unit = block.words, self.modes.unit
         fed = words.pop("E", None)
         if fed is not None:
             self.extruder.position = fed
         values = {i: words.pop(x) * unit for i, x in enumerate(AXES) if x in words}
         if not values and fed is None:
-            raise Fault("G92 without coordinates: name the axes that it sets, such as G92 X0 Y0 Z0")
+            raise Fault("G92 needs at least one coordinate, such as G92 X0 Y0 Z0")
         self.tool.set_position(values)
 
     def _set_motion(self, block: Block) -> None:
+        """Set the modal motion; a motion other than a cycle ends the series of cycles."""
         explicit = block.motion
         if explicit is not None:
             self.modes.motion = None if explicit == codes.CANCEL_MOTION else explicit
@@ -444,7 +467,8 @@ class Machine:
                 self.cycles.end()
 
     def _move(self, block: Block) -> None:
-        arc = self._turns_on(block)
+        """Execute the motion of a line, and the extrusion along it."""
+        arc = self._draws_arc(block)
         self._set_motion(block)
         modes = self.modes
         fed = self.extruder.advance(block, self.notes) if modes.motion is not None else 0.0
@@ -452,54 +476,57 @@ class Machine:
         if not arc and block.words.keys().isdisjoint(AXES):
             if fed:
                 speed = modes.feed if modes.feed and not modes.inverse_time else 0.0
-                self.extruder.feed_alone(fed * modes.unit, speed)
+                self.extruder.feed_at_rest(fed * modes.unit, speed)
             return
         if modes.motion is None:
-            raise Fault("coordinates without an active motion: write G0, G1, G2 or G3 before")
+            raise Fault(
+                "the line has coordinates, but no motion is active: write G0, G1, G2 or G3 before"
+            )
         if modes.motion in codes.CYCLES:
             self.compensation.refuse(f"the cycle {codes.g_name(modes.motion)}")
             self.cycles.run(block)
             return
         self.extruder.switch(feeds)
-        self._travel(block, feeds)
+        self._move_tool(block, feeds)
         block.drop(AXES)
 
-    def _travel(self, block: Block, feeds: bool) -> None:
-        """Move the tool; `feeds` is true if the move feeds material."""
+    def _move_tool(self, block: Block, feeds: bool) -> None:
+        """Move the tool to the point of a line; `feeds` is true if the move feeds material."""
         motion, target = self.modes.motion, self.tool.target(block)
         if motion == codes.RAPID:
-            self.tool.go(target)
+            self.tool.move_rapid(target)
         elif motion != codes.LINE:
-            self.tool.arc(block, target)
-        elif not feeds and self.tool.lost and self.dialect.printer:
-            self.tool.pass_by(target)
+            self.tool.move_arc(block, target)
+        elif not feeds and self.tool.undefined_axes and self.dialect.printer:
+            self.tool.skip_move(target)
         elif not feeds and not self.draft.begun and self.dialect.extrudes:
-            # Before the first extrusion the tool only moves to the start of the print.
-            self.notes.once(
-                "Feed moves before the first extrusion, first in line {}, are read as rapids: the "
-                "program begins where material flows."
+            self.notes.add_once(
+                "Feed moves before the first extrusion, first in line {}, are interpreted as "
+                "rapids, so that the program begins with the first extrusion."
             )
-            self.tool.go(target)
+            self.tool.move_rapid(target)
         else:
-            self.tool.feed(target)
+            self.tool.move_line(target)
 
     def _stop(self, block: Block) -> bool:
+        """Record the pauses M0, M1 and M60; True if M2 or M30 ends the program."""
         for code, value in ((0, True), (60, True), (1, "optional")):
             if code in block.m:
-                self.compensation.rest()
-                self.compensation.event("pause", value)
+                self.compensation.add_stop()
+                self.compensation.add_event("pause", value)
         if 2 not in block.m and 30 not in block.m:
             return False
         self.switches.switch_off()
         return True
 
     def finish(self) -> None:
-        """End the program, and with it the compensation."""
+        """End the program, including an active compensation."""
         self.compensation.stop()
 
 
 def _explain_tool(number: int) -> str:
+    """Text for messages on how to specify the diameter of a tool."""
     return (
-        f"its diameter (tools: {{{number}: 3 mm}} under path, or --tool-diameter '{number}: 3 mm', "
-        "with the tool's own diameter)"
+        f"its diameter, for example 3 mm (tools: {{{number}: 3 mm}} under path, or "
+        f"--tool-diameter '{number}: 3 mm')"
     )

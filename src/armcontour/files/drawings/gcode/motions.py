@@ -1,4 +1,4 @@
-"""Motions of G-code: lines, arcs and drilling cycles."""
+"""Motions of G-code: rapids, lines, arcs, moves to reference positions, and drilling cycles."""
 
 from __future__ import annotations
 
@@ -8,32 +8,32 @@ from armcontour.files.drawings.gcode import codes
 from armcontour.files.drawings.gcode.arcs import (
     Circle,
     arc_around,
+    arc_parts,
     arc_with_radius,
     helix_length,
     helix_points,
-    pieces_of,
 )
 from armcontour.files.drawings.gcode.arcs import Point as InPlane
 from armcontour.files.drawings.gcode.codes import AXES, OFFSETS, PLANES
 from armcontour.files.drawings.gcode.cutter_compensation import Compensation
 from armcontour.files.drawings.gcode.draft import Feed
 from armcontour.files.drawings.gcode.modes import Modes, Offsets
-from armcontour.files.drawings.gcode.words import WHOLE, Block, Fault, Notes, whole_number
+from armcontour.files.drawings.gcode.words import WHOLE_TOLERANCE, Block, Fault, Notes, whole_number
 
-# Largest coordinate [m]: beyond it a double does not resolve a nanometre.
+# Largest coordinate [m]. Above this value a double does not resolve a nanometre.
 FARTHEST = 1e6
-# Heights that differ by less are equal [m].
-CLOSE = 1e-9
+# Largest difference of two heights that are equal [m].
+SAME_HEIGHT = 1e-9
 
-UNKNOWN = (
-    "Moves to a reference position that the file does not give are only a stop: {}. The tool stays "
-    "where it is, and goes straight on to the next point that the file gives: make sure that "
-    "nothing stands between them."
+REFERENCE_NOTE = (
+    "Moves to a reference position are replaced by a stop, because the file does not define the "
+    "position: {}. From the stop the tool moves straight to the next point that the file defines. "
+    "Make sure that there is no obstacle between these points."
 )
 
 
 class ProgrammedTool:
-    """Position of the tool in the drawing, and its moves."""
+    """The programmed position of the tool in the drawing [m], and the moves from there."""
 
     def __init__(
         self,
@@ -47,22 +47,22 @@ class ProgrammedTool:
         self.chord_tolerance = chord_tolerance
         self.position = [0.0, 0.0, 0.0]
         # Axes on which the tool moved to a position that the file does not define.
-        self.lost: set[int] = set()
-        # True if the last drafted move does not end at the tool's current position.
+        self.undefined_axes: set[int] = set()
+        # Whether the tool is away from the end of the last drafted move.
         self.away = False
 
     def target(self, block: Block) -> list[float]:
-        """Target of the coordinates of a line, in the drawing [m]."""
+        """The point of the drawing [m] that the coordinates of a line define."""
         words, unit = block.words, self.modes.unit
         coordinates = {i: words[x] * unit for i, x in enumerate(AXES) if x in words}
         for i, value in coordinates.items():
             if not abs(value) <= FARTHEST:
                 raise Fault(
-                    f"{AXES[i]}{value / unit:g} leads to {value:g} m, beyond the {FARTHEST:g} m "
-                    "that are read"
+                    f"coordinates must be within {FARTHEST:g} m, but {AXES[i]}{value / unit:g} is "
+                    f"{value:g} m"
                 )
         if self.modes.absolute:
-            self.lost -= coordinates.keys()
+            self.undefined_axes -= coordinates.keys()
             point = self.offsets.to_drawing(coordinates, self.position)
         else:
             point = [self.position[i] + coordinates.get(i, 0.0) for i in (0, 1, 2)]
@@ -75,48 +75,50 @@ class ProgrammedTool:
         for i, coordinate in enumerate(point):
             if not abs(coordinate) <= FARTHEST:
                 raise Fault(
-                    f"a move to {AXES[i]} = {coordinate:g} m, beyond the {FARTHEST:g} m that are "
-                    "read"
+                    f"coordinates must be within {FARTHEST:g} m, but the move ends at {AXES[i]} = "
+                    f"{coordinate:g} m"
                 )
 
-    def go(self, target: list[float]) -> None:
-        """A rapid move."""
+    def move_rapid(self, target: list[float]) -> None:
+        """Make a rapid move to a point [m]."""
         if not self.away:
             x, y, z = target
-            self.draft.go(x, y, z, self.notes.line)
-        elif not self.lost:
+            self.draft.add_rapid(x, y, z, self.notes.line)
+        elif not self.undefined_axes:
             self.draft.resume_at(target)
             self.away = False
         self.position[:] = target
 
     def set_position(self, values: dict[int, float]) -> None:
-        """G92: the tool is at these coordinates."""
-        for i in self.lost.intersection(values):
+        """G92: assign coordinates [m] to the current position, by axis index."""
+        for i in self.undefined_axes.intersection(values):
             raise Fault(
-                "G92 at a reference position (G28, G30, G53) that the file does not give: go to an "
-                f"absolute {AXES[i]} by G0 before"
+                "G92 is not possible at a reference position (G28, G30, G53), because the file "
+                f"does not define the position: write a G0 with an absolute {AXES[i]} before"
             )
         self.offsets.set_position(values, self.position)
         if not self.draft.begun:
             self.draft.resume_at(self.position)
 
-    def lose(self, name: str, axes: set[int]) -> None:
-        """Move some axes to a position that the file does not define, after a stop."""
-        # The program continues at the next point that the file defines. Before the first contour
-        # the tool is at zero of the program.
-        self.notes.count(name, UNKNOWN)
-        self.draft.rest()
+    def lose_position(self, name: str, axes: set[int]) -> None:
+        """Stop, and mark the position of some axes as undefined; `name` is the code for the note.
+
+        The draft continues at the next defined point. Before the first contour, the axes are set
+        to zero of the program instead.
+        """
+        self.notes.count(name, REFERENCE_NOTE)
+        self.draft.add_stop()
         if self.draft.begun:
-            self.lost |= axes
+            self.undefined_axes |= axes
             self.away = True
             return
         for i in axes:
             self.position[i] = self.offsets.shift[i] or 0.0
         self.draft.resume_at(self.position)
 
-    def go_to_reference(self, block: Block, code: int) -> None:
+    def move_to_reference(self, block: Block, code: int) -> None:
         """G28, G30: move through the point of the line to the reference position."""
-        # Without coordinates all axes move there, otherwise the axes of the line.
+        # The axes of the line move to the reference position; without coordinates, all axes move.
         words = block.words
         words.pop("P", None)
         named = {i for i, x in enumerate(AXES) if x in words} or {0, 1, 2}
@@ -124,86 +126,86 @@ class ProgrammedTool:
             if math.isnan(words.get(letter, 0.0)):
                 del words[letter]
         if not words.keys().isdisjoint(AXES):
-            self.go(self.target(block))
+            self.move_rapid(self.target(block))
             for letter in AXES:
                 words.pop(letter, None)
-        self.lose(codes.g_name(code), named)
+        self.lose_position(codes.g_name(code), named)
 
-    def go_in_machine(self, block: Block, motion: int | None) -> None:
-        """G53: a move to coordinates of the machine."""
+    def move_in_machine(self, block: Block, motion: int | None) -> None:
+        """G53: make a rapid move to machine coordinates; the position is undefined afterwards."""
         if motion != codes.RAPID:
             raise Fault(
-                "a move in coordinates of the machine (G53) that is no rapid: their place is in "
-                "the controller and not in the file; write it in coordinates of the program"
+                "only a rapid move can have machine coordinates (G53), because their offset is in "
+                "the controller and not in the file: write the move in coordinates of the program"
             )
         axes = {i for i, x in enumerate(AXES) if block.words.pop(x, None) is not None}
-        self.lose("G53", axes)
+        self.lose_position("G53", axes)
 
-    def pass_by(self, target: list[float]) -> None:
-        """Make a feed move from an undefined position, which is not drawn."""
+    def skip_move(self, target: list[float]) -> None:
+        """Make a feed move from an undefined position; the move is not part of the program."""
         self.position[:] = target
-        self.notes.count("G1 from there", UNKNOWN)
+        self.notes.count("G1 from such a position", REFERENCE_NOTE)
 
-    def feed(self, target: list[float]) -> None:
-        """A straight feed move."""
+    def move_line(self, target: list[float]) -> None:
+        """Make a straight feed move to a point [m]."""
         self._check_position_known()
-        self.offsets.place()
+        self.offsets.fix_system()
         x, y, z = target
-        self.draft.feed(x, y, z, self.feed_of(math.dist(self.position, target)))
+        self.draft.add_line(x, y, z, self.feed_of(math.dist(self.position, target)))
         self.position[:] = target
 
     def feed_of(self, length: float) -> Feed:
         """Speed, tolerance and line of a feed move of a length [m]; notes a missing feed rate."""
         speed = self.modes.speed_of(length)
         if speed != speed:
-            self.notes.once(
-                "The file gives no feed rate for moves, first in line {}: they have no speed of "
-                "their own, and the job's limits hold."
+            self.notes.add_once(
+                "Feed moves without a feed rate, first in line {}, have no programmed speed; only "
+                "the limits of the job apply."
             )
         return speed, self.modes.tolerance, self.notes.line
 
     def _check_position_known(self) -> None:
         if self.away:
-            names = ", ".join(AXES[i] for i in sorted(self.lost)) or "X, Y and Z"
+            names = ", ".join(AXES[i] for i in sorted(self.undefined_axes)) or "X, Y and Z"
             raise Fault(
-                "a feed move from a reference position (G28, G30, G53) that the file does not "
-                f"give: go back by G0 with absolute {names} before"
+                "a feed move cannot start at a reference position (G28, G30, G53), because the "
+                f"file does not define the position: write a G0 with absolute {names} before"
             )
 
-    def arc(self, block: Block, target: list[float]) -> None:
-        """Add an arc or a helix in the active plane; removes its words from the line."""
+    def move_arc(self, block: Block, target: list[float]) -> None:
+        """Make an arc or helix in the active plane; remove its words from the line."""
         self._check_position_known()
-        self.offsets.place()
+        self.offsets.fix_system()
         modes = self.modes
         a, b, c = axes = PLANES[modes.plane]
-        turns = turns_of(block)
-        last = self.draft.start_of_arc()
+        turns = pop_turns(block)
+        last = self.draft.arc_start()
         circle = self._circle(block, (last[a], last[b]), (target[a], target[b]))
         rise = target[c] - last[c]
-        if abs(rise) > CLOSE and not self.draft.offset:
+        if abs(rise) > SAME_HEIGHT and not self.draft.offset:
             feed = self.feed_of(helix_length(circle, turns, rise))
-            points = helix_points(circle, turns, self.chord_tolerance, self.draft.room_for)
+            points = helix_points(circle, turns, self.chord_tolerance, self.draft.count_segments)
             point = list(last)
             for i, (u, v) in enumerate(points, 1):
                 point[a], point[b], point[c] = u, v, last[c] + i / len(points) * rise
-                self.draft.feed(point[0], point[1], point[2], feed)
+                self.draft.add_line(point[0], point[1], point[2], feed)
         else:
-            self.draft.room_for(turns - 1)
-            pieces = pieces_of(circle, turns)
+            self.draft.count_segments(turns - 1)
+            pieces = arc_parts(circle, turns)
             length = sum(x.length for x in pieces)
             feed = self.feed_of(math.hypot(length, rise))
             for piece in pieces:
-                self.draft.arc(piece, axes, feed, rise=rise * piece.length / length)
+                self.draft.add_arc(piece, axes, feed, rise=rise * piece.length / length)
         self.position[:] = target
 
     def _circle(self, block: Block, start: InPlane, end: InPlane) -> Circle:
         modes = self.modes
         turn = 1 if modes.motion == codes.COUNTER_CLOCKWISE else -1
         dialect = "inch" if modes.inch else "mm"
-        if by_radius(block, modes.plane):
+        if is_arc_by_radius(block, modes.plane):
             radius = self._length("R", block.words.pop("R"))
             return arc_with_radius(start, end, radius, turn)
-        letters = center_letters(block, modes.plane, modes.arc_absolute)
+        letters = find_center_letters(block, modes.plane, modes.arc_absolute)
         a, b, _ = PLANES[modes.plane]
         u, v = (self._length(x, block.words.get(x, 0.0)) for x in letters)
         block.drop(OFFSETS)
@@ -218,61 +220,67 @@ class ProgrammedTool:
         length = value * self.modes.unit
         if not abs(length) <= FARTHEST:
             raise Fault(
-                f"{letter}{value:g} leads to {length:g} m, beyond the {FARTHEST:g} m that are read"
+                f"lengths must be within {FARTHEST:g} m, but {letter}{value:g} is {length:g} m"
             )
         return length
 
 
-def turns_of(block: Block) -> int:
-    """P, the number of turns begun; removes it from the line."""
+def pop_turns(block: Block) -> int:
+    """Number of turns P of an arc, counting a partial turn as 1; removes P from the line."""
     word = block.words.pop("P", 1.0)
     turns = round(word)
-    if abs(word - turns) > WHOLE or turns < 1:
-        raise Fault(f"an arc of P{word:g} turns, which must be a whole number from 1")
+    if abs(word - turns) > WHOLE_TOLERANCE or turns < 1:
+        raise Fault(
+            f"the number of turns P of an arc must be a whole number above zero, but is {word:g}"
+        )
     return turns
 
 
-def by_radius(block: Block, plane: int) -> bool:
-    """True if the arc is given by its radius."""
+def is_arc_by_radius(block: Block, plane: int) -> bool:
+    """True if the arc of a line is defined by its radius."""
     words = block.words
     if "R" not in words:
         return False
     a, b, _ = PLANES[plane]
     centre_words = [x for x in OFFSETS if x in words]
     if centre_words:
-        raise Fault(f"an arc with both R and {centre_words[0]}, of which only one can be meant")
+        raise Fault(
+            f"an arc has both R and {centre_words[0]}: write either the radius or the centre"
+        )
     if AXES[a] not in words and AXES[b] not in words:
-        raise Fault(f"an arc by its radius R with neither {AXES[a]} nor {AXES[b]} to end at")
+        raise Fault(
+            f"an arc with the radius R needs an end point, but has neither {AXES[a]} nor {AXES[b]}"
+        )
     return True
 
 
-def center_letters(block: Block, plane: int, absolute: bool) -> tuple[str, str]:
-    """The letters of the centre's coordinates, in the order of the plane's axes."""
+def find_center_letters(block: Block, plane: int, absolute: bool) -> tuple[str, str]:
+    """The letters of the two coordinates of the centre, in the order of the plane's axes."""
     words = block.words
     a, b, c = PLANES[plane]
     both = f"{OFFSETS[min(a, b)]} and {OFFSETS[max(a, b)]}"
-    # Posts for three axes write all three offsets; a zero normal to the plane is ignored.
+    # Some post-processors write all three offsets. A zero offset normal to the plane is ignored.
     if words.get(OFFSETS[c], 0.0) != 0:
         raise Fault(
-            f"the word {OFFSETS[c]} for an arc in the plane {codes.g_name(plane)}, whose centre is "
-            f"given by {both}"
+            f"the word {OFFSETS[c]} is not valid for an arc in the plane {codes.g_name(plane)}: "
+            f"write the centre as {both}"
         )
     centre_words = [x for x in OFFSETS if x in words and x != OFFSETS[c]]
     if not centre_words:
-        raise Fault(f"an arc without its centre ({both}) or radius (R)")
+        raise Fault(f"an arc needs its centre ({both}) or its radius (R)")
     if absolute and len(centre_words) < 2:
         raise Fault(
-            f"an arc by its absolute centre (G90.1) that gives only {centre_words[0]}: it needs "
-            f"{both}"
+            f"an absolute centre of an arc (G90.1) needs {both}, but the line has only "
+            f"{centre_words[0]}"
         )
     return OFFSETS[a], OFFSETS[b]
 
 
-# Clearance above the last depth at which a rapid of a peck cycle stops [m] (0.010 inch).
+# Height above the previous depth at which the rapid of a peck cycle ends [m] (0.010 inch).
 CLEARANCE = 0.254e-3
-# One line can request any number of holes and pecks; this many contours take half a gigabyte.
+# Maximum number of holes and pecks; this number of contours needs 0.5 GB of memory.
 MAX_PECKS = 100_000
-# Words that stay valid while the same cycle is active.
+# Words that stay valid on the next lines while the same cycle is active.
 STICKY = "RQP"
 
 
@@ -283,63 +291,63 @@ class Cycles:
         self.tool, self.modes = tool, modes
         self.code: int | None = None
         self.sticky: dict[str, float] = {}
-        # Axis and height at which the series began: the initial level of all its lines.
+        # Axis and height [m] of the tool before the first cycle of a series: the initial level.
         self.level: tuple[int, float] | None = None
         self.made = 0
 
     def end(self) -> None:
-        """Another motion or G80 ends the series."""
+        """End the series of cycles, at another motion or G80."""
         self.code = self.level = None
 
     def run(self, block: Block) -> None:
-        """Run the active cycle at the positions of a line; removes its words from the line."""
+        """Run the active cycle at the position of a line; remove its words from the line."""
         code = self.modes.motion
         assert code is not None
         a, b, c = PLANES[self.modes.plane]
         self._take_sticky_words(block, code, AXES[c])
-        repeats = whole_number(block.words.pop("L", 1.0), "a number L of repeats")
+        repeats = whole_number(block.words.pop("L", 1.0), "the number of cycle repeats L")
         if repeats < 1:
-            raise Fault(f"the number L of repeats of a cycle must be at least 1, but is {repeats}")
+            raise Fault(f"the number of cycle repeats L must be at least 1, but is {repeats}")
         if self.level is None or self.level[0] != c:
             self.level = (c, self.tool.position[c])
         level = self.level[1]
         retract, bottom = self._heights(c, level)
         step = self.sticky["Q"] * self.modes.unit if code == codes.PECK else math.inf
         coordinates = {x: block.words.pop(x) for x in (AXES[a], AXES[b]) if x in block.words}
-        if c in self.tool.lost:
+        if c in self.tool.undefined_axes:
             raise Fault(
-                f"a cycle from a height that the file does not give: go to an absolute {AXES[c]} "
-                "by G0 before"
+                "a cycle cannot start here, because the file does not define the height of the "
+                f"tool: write a G0 with an absolute {AXES[c]} before"
             )
         self.made += math.ceil(repeats * max((retract - bottom) / step, 1.0))
         if self.made > MAX_PECKS:
             raise Fault(
-                f"cycles of more than {MAX_PECKS} holes and pecks together: give fewer repeats L, "
-                "or a larger Q"
+                f"the cycles of the program have more than {MAX_PECKS} holes and pecks in total: "
+                "reduce the repeats L, or increase Q"
             )
         if self.tool.position[c] < retract:
-            self._rise(c, retract)
+            self._move_to_height(c, retract)
         clear = retract if self.modes.return_to_r else max(level, retract)
         for _ in range(repeats):
             hole = Block()
             hole.words = dict(coordinates)
             target = self.tool.target(hole)
             target[c] = self.tool.position[c]
-            self.tool.go(target)
-            self._rise(c, retract)
+            self.tool.move_rapid(target)
+            self._move_to_height(c, retract)
             depth = retract - step
             while depth > bottom:
-                self._feed(c, depth)
-                self._rise(c, retract)
-                self._rise(c, depth + CLEARANCE)
+                self._feed_to_height(c, depth)
+                self._move_to_height(c, retract)
+                self._move_to_height(c, depth + CLEARANCE)
                 depth -= step
-            self._feed(c, bottom)
+            self._feed_to_height(c, bottom)
             if code == codes.DRILL_AND_DWELL:
-                self.tool.draft.dwell(self.sticky.get("P", 0.0))
-            self._rise(c, clear)
+                self.tool.draft.add_dwell(self.sticky.get("P", 0.0))
+            self._move_to_height(c, clear)
 
     def _take_sticky_words(self, block: Block, code: int, height: str) -> None:
-        """Take from a line the words that are also valid for the next lines."""
+        """Store and remove the words of a line that stay valid on the next lines."""
         if code != self.code:
             self.code, self.sticky = code, {}
         for letter in (*STICKY, height):
@@ -348,16 +356,22 @@ class Cycles:
         name = codes.g_name(code)
         for letter in ("R", height):
             if letter not in self.sticky:
-                raise Fault(f"the cycle {name} without {letter}: give it on the cycle's first line")
+                raise Fault(f"the cycle {name} needs the word {letter} on its first line")
         if code == codes.PECK and self.sticky.get("Q", 0.0) <= 0:
-            raise Fault(f"the cycle {name} without a depth Q above zero of each peck")
+            raise Fault(f"the cycle {name} needs the depth of each peck, Q, above zero")
         if self.sticky.get("P", 0.0) < 0:
-            raise Fault(f"the cycle {name} with a dwell P below zero")
+            raise Fault(f"the dwell P of the cycle {name} must not be negative")
         if self.modes.inverse_time:
-            raise Fault(f"the cycle {name} under G93, which gives its feed moves no time")
+            raise Fault(
+                f"the cycle {name} is not possible under G93, because F does not define the speed "
+                "of its feed moves: write G94, with F per minute"
+            )
 
     def _heights(self, c: int, level: float) -> tuple[float, float]:
-        """The heights R and Z in the drawing; under G91, R is relative to the initial level."""
+        """The heights R and Z in the drawing [m].
+
+        Under G91, R is relative to the initial level and Z to R.
+        """
         r, z = (self.sticky[x] * self.modes.unit for x in ("R", AXES[c]))
         if self.modes.absolute:
             retract, bottom = (
@@ -367,16 +381,21 @@ class Cycles:
             retract = level + r
             bottom = retract + z
         if retract < bottom:
-            raise Fault(f"a cycle whose R ({{}}) is below its {AXES[c]} ({{}})", retract, bottom)
+            raise Fault(
+                f"the height R of a cycle must not be below its {AXES[c]}, but R is {{}} and "
+                f"{AXES[c]} is {{}}",
+                retract,
+                bottom,
+            )
         return retract, bottom
 
-    def _rise(self, c: int, height: float) -> None:
-        """A rapid move along the axis of the cycle."""
+    def _move_to_height(self, c: int, height: float) -> None:
+        """Make a rapid move to a height along the axis of the cycle."""
         target = list(self.tool.position)
         target[c] = height
-        self.tool.go(target)
+        self.tool.move_rapid(target)
 
-    def _feed(self, c: int, height: float) -> None:
+    def _feed_to_height(self, c: int, height: float) -> None:
         target = list(self.tool.position)
         target[c] = height
-        self.tool.feed(target)
+        self.tool.move_line(target)

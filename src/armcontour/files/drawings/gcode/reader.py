@@ -1,4 +1,4 @@
-"""Reader of G-code: lines, percent signs, and the end of the program."""
+"""The function `read_gcode`, which splits a file into lines and executes them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import re
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.gcode.machine import Machine
-from armcontour.files.drawings.gcode.words import LONGEST_LINE, Fault, dialect_of, parse
+from armcontour.files.drawings.gcode.words import MAX_LINE_LENGTH, Fault, detect_dialect, parse
 from armcontour.files.drawings.read_options import (
     ReadOptions,
     Tell,
@@ -27,15 +27,16 @@ PLAIN = re.compile(
 LINES_BETWEEN_REPORTS = 4096
 LINE_END = re.compile(rb"\r\n|\r|\n")
 WHITE = " \t\r\n"
-# A colon and a number is a program's name on some controllers.
+# Matches a colon and a number, which is a program number on some controllers.
 PROGRAM_NUMBER = re.compile(r":[0-9]+ *(?:\([^()]*\))?")
-# Messages, versions and labels of objects of printers: the rest of the line is text.
+# Matches the printer codes for messages, versions and object labels, which are followed by text.
 MESSAGE = re.compile(r"[ \t]*(?:[nN][0-9]+[ \t]*)?[mM](11[578]|486)(?![0-9])")
-# Macros of Klipper and similar firmware: START_PRINT BED_TEMP=60.
+# Matches macros of Klipper and similar firmware: START_PRINT BED_TEMP=60.
 MACRO = re.compile(r"[ \t]*([A-Za-z]{2,}[0-9]*_\w+|[A-Za-z]{2,}(?=[ \t]+[A-Za-z]{2,}\w*=))")
-# Macros that shift the moves after them.
+# Macros that shift the following moves, and are therefore refused.
 SHIFTING = ("SET_GCODE_OFFSET", "SET_KINEMATIC_POSITION", "RESTORE_GCODE_STATE")
-# Comments of slicers: a layer, with its number or without, and the type of what follows.
+# Matches comments of slicers: the start of a layer, with or without its number, or the type of the
+# following moves.
 SLICER = re.compile(
     r"[ \t]*;[ \t]*(?:(?:LAYER_CHANGE|CHANGE_LAYER|LAYER[: ][ \t]*(-?[0-9]{1,9}))(?![\w.])"
     r"|(?:TYPE|FEATURE):[ \t]*(\S[^\r\n]*))",
@@ -46,15 +47,14 @@ SLICER = re.compile(
 def read_gcode(
     data: bytes, *, source: str, options: ReadOptions, progress: Progress | None = None
 ) -> Program:
-    """The program in G-code: the subset of RS274/NGC that CAM posts and slicers write.
+    """Read a program in G-code: the subset of RS274/NGC that CAM posts and slicers write.
 
     Feed moves without a rapid or a dwell between them are one contour, named after its first
-    line; every segment has the speed F and the tolerance G64 P, or 0 under G61. Rapids keep their
-    points. Spindle, coolant, tool, outputs and extruder are events. See docs/guides/gcode.md for
-    every word.
+    line. Every segment has the speed F and the tolerance G64 P, or 0 under G61. Changes of
+    spindle, coolant, tool, outputs and extruder are events. docs/guides/gcode.md lists all words.
     """
     lines = _lines(data, source)
-    machine = Machine(options, dialect_of(lines))
+    machine = Machine(options, detect_dialect(lines))
     tell = fraction_reporter(progress, source)
     _Runner(lines, source, machine).run(tell)
     program = machine.draft.program(source, tuple(machine.notes.sentences()))
@@ -64,13 +64,13 @@ def read_gcode(
 
 
 def _lines(data: bytes, source: str) -> list[str]:
-    """Lines that end with any of the three ends of line."""
+    """The lines of a file; a line may end with CR, LF or both."""
     position = data.find(b"\0")
     if position >= 0:
         line = 1 + sum(1 for _ in LINE_END.finditer(data, 0, position))
         raise InvalidInput(
-            f"{source}, line {line}: a byte of value 0, so that this is no G-code as text: save it "
-            "as plain text (ASCII, Latin-1 or UTF-8).",
+            f"{source}, line {line}: the file is not plain text, because it contains a byte of "
+            "value 0. Save it as plain text (ASCII, Latin-1 or UTF-8).",
             index=line - 1,
         )
     text = io.TextIOWrapper(io.BytesIO(data), encoding="latin-1", newline=None)
@@ -80,17 +80,17 @@ def _lines(data: bytes, source: str) -> list[str]:
 
 
 class _Runner:
-    """Executes the lines of a program in their order."""
+    """Executes the lines of a program in sequence on a machine."""
 
     def __init__(self, lines: list[str], source: str, machine: Machine) -> None:
         self.lines, self.source, self.machine = lines, source, machine
-        # True if a percent sign opened the program, a word was read, the program has ended.
+        # Whether a percent sign opened the program, a word was read, and the program has ended.
         self.framed = self.has_words = self.ended = False
 
     def run(self, tell: Tell) -> None:
         """Execute all lines up to the end of the program."""
         machine, notes, lines = self.machine, self.machine.notes, self.lines
-        plain = machine.ready()
+        plain = machine.accepts_plain_line()
         try:
             for i, line in enumerate(lines):
                 notes.line = i + 1
@@ -98,14 +98,14 @@ class _Runner:
                     tell(i / len(lines))
                 match = PLAIN.fullmatch(line) if plain else None
                 if match is not None:
-                    machine.feed_to(*match.groups())
+                    machine.execute_plain_line(*match.groups())
                     continue
                 self._run_line(line)
                 if self.ended:
                     if any(x.strip(WHITE + "%") for x in lines[i + 1 :]):
-                        notes.once("Lines after the end of the program, line {}, were not read.")
+                        notes.add_once("Lines after the end of the program, line {}, are ignored.")
                     break
-                plain = machine.ready()
+                plain = machine.accepts_plain_line()
             machine.finish()
         except Fault as fault:
             number = fault.line or max(notes.line, 1)
@@ -115,24 +115,24 @@ class _Runner:
             ) from None
         if self.framed and not self.ended:
             raise InvalidInput(
-                f"{self.source}, line {len(lines)}: the file ends without a second % that its "
-                "first line asks for, and without M2 or M30: it may have been cut off.",
+                f"{self.source}, line {len(lines)}: a program that starts with % must end with a "
+                "second %, M2 or M30. The file ends without a second % and may have been cut off.",
                 index=len(lines) - 1,
             )
 
     def _run_line(self, line: str) -> None:
-        """Execute a line."""
+        """Execute a line, and determine whether the program ends."""
         machine = self.machine
-        if len(line) > LONGEST_LINE:
+        if len(line) > MAX_LINE_LENGTH:
             raise Fault(
-                f"more than {LONGEST_LINE} characters in one line, which G-code does not have: "
-                "check what the file is"
+                f"the line has more than the permitted {MAX_LINE_LENGTH} characters: check that "
+                "the file is G-code"
             )
         text = line.strip(WHITE)
         if text.startswith("%"):
-            # The start or the end of the program; a name may follow the first.
+            # A percent sign starts or ends the program; a name may follow the first one.
             if text != "%" and (self.framed or self.has_words):
-                machine.notes.count("what follows % on its line")
+                machine.notes.count("text after % on its line")
             self.ended, self.framed = self.framed or self.has_words, True
         elif text.startswith("/"):
             machine.notes.count("lines with a slash (block delete)", "Skipped: {}.")
@@ -144,15 +144,15 @@ class _Runner:
             self.ended = machine.execute(block)
 
     def _is_text(self, line: str) -> bool:
-        """Skip a message or a macro of a printer, with a note; returns False for other lines."""
+        """True if a line is a message or macro of a printer, which is skipped with a note."""
         match = MESSAGE.match(line)
         name = match and f"M{match[1]}"
         if match is None and (match := MACRO.match(line)) is not None:
             name = match[1].upper()
             if name in SHIFTING:
                 raise Fault(
-                    f"the macro {name}, which places the moves after it elsewhere: write the moves "
-                    "without it"
+                    f"the macro {name} is not supported, because it shifts the following moves: "
+                    "write the moves without the macro"
                 )
         if name is not None:
             self.machine.notes.count(name)
