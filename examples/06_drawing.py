@@ -12,7 +12,7 @@ place = ac.Frame(position=(0.28, 0.08, 0.0))
 gasket = ac.read_path(drawing, ac.ReadOptions(layers=["CUT"]), frame=place)
 print(f"{gasket.source}: {len(gasket.contours)} contours, {gasket.length * 1e3:.0f} mm")
 
-# Quarter circles in the scrap lead onto every contour and off it.
+# Quarter circles in the waste lead onto every contour and off it.
 lead = Lead(length=4e-3, shape="arc")
 process = ac.Process(
     overlap=1e-3,
